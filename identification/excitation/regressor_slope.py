@@ -25,6 +25,9 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.excitation.slope_loop import slope_loop
+from phantom_dyn._kernels.jit import compiles
+
 Array = np.ndarray
 
 
@@ -116,6 +119,8 @@ def regressor_slope(
     Returns:
         The sum, and its slope.
     """
+    if compiles():
+        return _compiled_slope(model, np.stack([q, v, a], axis=2), S)
     n, nt = q.shape
     # Components first, samples last: see `identification.excitation.regressor_slope`.
     weights = np.ascontiguousarray(S.transpose(2, 1, 0))
@@ -129,6 +134,28 @@ def regressor_slope(
     return total, Slope(*(np.ascontiguousarray(part.T) for part in slope))
 
 
+def _compiled_slope(model: pin.Model, motion: Float[Array, "N nt 3"], S: Float[Array, "N nt p"]) -> tuple[float, Slope]:
+    count, samples = model.njoints, len(motion)
+    parents = np.array(model.parents, dtype=np.int64)
+    joints, counts = np.zeros((count, count), dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for b in range(1, count):
+        before = counts[parents[b]]
+        joints[b, :before], joints[b, before], counts[b] = joints[parents[b], :before], b - 1, before + 1
+    rotations = np.array([place.rotation for place in model.jointPlacements])
+    translations = np.array([place.translation for place in model.jointPlacements])
+    twists = np.array([np.zeros(6), *(_twist(model, b) for b in range(1, count))])
+    slope = np.zeros((samples, 3, count - 1))
+    weights = np.ascontiguousarray(S).reshape(samples, count - 1, count - 1, 10)
+    tree = (parents, rotations, translations, twists, counts)
+    total = slope_loop(tree, joints, model.gravity.vector, motion, weights, slope)
+    return total, Slope(*np.ascontiguousarray(slope.transpose(1, 0, 2)))
+
+
+def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
+    """Velocity of a body per velocity of its joint, in its own frame."""
+    return np.asarray(model.joints[b].createData().S, dtype=float).reshape(6)
+
+
 def _base(model: pin.Model, n: int) -> _Body:
     none = np.zeros((6, 0, n))
     gravity = np.broadcast_to(-model.gravity.vector[:, None], (6, n))
@@ -138,7 +165,7 @@ def _base(model: pin.Model, n: int) -> _Body:
 def _next(model: pin.Model, b: int, parent: _Body, q: Array, v: Array, a: Array) -> _Body:
     """Body b behind its parent; `model.joints[b].idx_v` is ``b - 1``, as every joint has one velocity."""
     n = len(q)
-    twist = np.asarray(model.joints[b].createData().S, dtype=float).reshape(6)
+    twist = _twist(model, b)
     place = model.jointPlacements[b]
     R = np.einsum("ij,jkn->ikn", place.rotation, _turned(twist[3:], q))
     p = place.translation[:, None] + (place.rotation @ twist[:3])[:, None] * q
