@@ -1,24 +1,30 @@
-"""How often poses of a UR10 blame a robot that is right, and find what is wrong: zeros, places, elasticity.
+"""How often poses of a UR10 or a closed chain blame a robot that is right, and find what is wrong with another.
 
     python -m benchmarks.measured_poses --seeds 3000:3100
     python -m benchmarks.measured_poses --seeds 3100:3200 --told    # in the robot's root frame, base and target, too
+    python -m benchmarks.measured_poses --seeds 5300:5340 --chains  # PHANToM 1.5, CEA branch, four-bar, five-bar
 
 Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
-without orientations. The generator (``tests/common``) has forward kinematics of its own.
+without orientations. Errors are zeros, places and elasticity; of closed chains zeros and lengths of links, and half of
+the seeds are told in the root frame. The generator (``tests/common``) has forward kinematics and closes loops of its
+own.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from identification.data.recording import Recording
 from identification.geometry.diagnose_poses import diagnose_poses
+from identification.geometry.result import GeometryResult
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot_files import find_robot
 from tests.common.measured_poses import TrueRobot, measured, moved_joint, pose, quaternions, rotation
+from tests.common.tracked_chains import Linkage, TrueChain, linkages, tracked_chain
 
 NOISE = 1e-4  # [m], and three times that in radian
 Key = tuple[str, str | None, str]
@@ -71,13 +77,114 @@ def told_poses(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, float]:
     return both, ("tool_pose", "tool0", parameter) if of_tool else ("base_pose", None, parameter), size
 
 
+@dataclass
+class Score:
+    """Counts over the seeds, and the errors of what was named, by effect."""
+
+    robots: int = 0
+    blamed: int = 0
+    named: int = 0
+    listed: int = 0
+    not_shown: int = 0
+    missed: int = 0
+    extra: int = 0
+    errors: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(self, right: GeometryResult | None, said: GeometryResult | None, key: Key, size: float) -> None:
+        """Count a robot that is right and one with a single error."""
+        assert right is not None
+        assert said is not None
+        self.robots += 1
+        self.blamed += bool(right.findings or right.verdict != "no_gap")
+        self.extra += len(said.findings) > 1
+        sizes, rivals = named_and_rivals(said)
+        below = {(one.effect, one.joint, one.parameter): one.below for one in said.bounds}
+        unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}
+        if key in sizes:
+            self.named += 1
+            self.errors.setdefault(key[0], []).append(abs(sizes[key] - size))
+        elif key in rivals:
+            self.listed += 1
+        elif not said.findings and (key in unseen or below.get(key, 0.0) > abs(size)):
+            self.not_shown += 1
+        else:
+            self.missed += 1
+
+    def words(self) -> str:
+        """All counts in a line."""
+        errors = ", ".join(
+            f"{effect}: median error {np.median(values):.2g}, largest {max(values):.2g}"
+            for effect, values in self.errors.items()
+        )
+        return (
+            f"{self.robots} robots, right ones blamed {self.blamed}; single errors named {self.named}, listed as a "
+            f"rival {self.listed}, said to be too small for these poses {self.not_shown}, missed {self.missed}, with "
+            f"more findings {self.extra}; {errors}"
+        )
+
+
+def named_and_rivals(said: GeometryResult) -> tuple[dict[Key, float], set[Key]]:
+    """Numbers that are named, with their sizes, and those that are rivals of them."""
+    sizes = {(f.effect, f.joint, name): x.value for f in said.findings for name, x in f.parameters.items()}
+    places = [place for f in said.findings for rival in f.rivals for place in rival.places]
+    return sizes, {(place.effect, place.joint, name) for place in places for name in place.parameters}
+
+
+LENGTHS = {
+    "phantom": (("elbow", "elbow", 2), ("crank", "crank", 1), ("forearm_to_pin_f", "forearm_to_parallel_link", 1),
+                ("parallel_link_to_pin_p", "parallel_link_to_forearm", 2)),
+    "cea": (("q3", "q3", 0), ("q6", "q6", 0), ("q8", "pin3", 0), ("q7", "pin6", 0)),
+    "fourbar": (("rocker", "rocker", 0), ("coupler", "coupler", 0), ("coupler_to_pin", "coupler_pin", 0),
+                ("rocker_to_pin", "rocker_pin", 2)),
+    "fivebar": (("right", "right", 0), ("left_elbow", "left_elbow", 2), ("right_elbow", "right_elbow", 2),
+                ("left_to_pin", "left_pin", 2), ("right_to_pin", "right_pin", 2)),
+}  # fmt: skip
+"""Joints of the URDF, what findings call them, and the axis along which their place is the length of a link."""
+
+
+def wrong_chain(seed: int, name: str, linkage: Linkage) -> tuple[TrueChain, Key, float]:
+    """A closed chain with one error, what it is called, and its size."""
+    rng = np.random.default_rng([seed, 3, *name.encode()])
+    size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 5e-3))
+    if rng.integers(2):
+        joint = str(rng.choice(linkage.robot.joint_names))
+        return TrueChain(linkage, linkage.text, {joint: size}), ("encoder_offset", joint, "offset"), size
+    moved, joint, axis = LENGTHS[name][int(rng.integers(len(LENGTHS[name])))]
+    text = moved_joint(linkage.text, moved, (size * np.eye(3)[axis]).tolist())
+    return TrueChain(linkage, text), ("link_geometry", joint, "xyz"[axis]), size
+
+
+def chains(seeds: range) -> None:
+    """Print the score of each linkage."""
+    for name, linkage in linkages().items():
+        scores = {True: Score(), False: Score()}
+        for seed in seeds:
+            poses, turned, in_root = (20, 40, 60, 100)[seed % 4], bool(seed // 4 % 2), bool(seed // 2 % 2)
+            at_root = (np.eye(4), np.eye(4)) if in_root else None
+            true, key, size = wrong_chain(seed, name, linkage)
+            right, said = (
+                diagnose_poses(
+                    linkage.robot,
+                    (tracked_chain(one, number, poses=poses, turned=turned, told=at_root),),
+                )
+                for one, number in ((TrueChain(linkage, linkage.text), seed), (true, seed + 100_000))
+            )
+            scores[in_root].add(right, said, key, size)
+        print(f"{name}, told in the root frame: {scores[True].words()}")
+        print(f"{name}, tracker and target anywhere: {scores[False].words()}")
+
+
 def main() -> None:
     """Print false claims, truths in the set, extras and the largest errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="0:100")
     parser.add_argument("--told", action="store_true")
+    parser.add_argument("--chains", action="store_true")
     given = parser.parse_args()
     first, last = map(int, given.seeds.split(":"))
+    if given.chains:
+        chains(range(first, last))
+        return
     at_root = (np.eye(4), np.eye(4)) if given.told else None
     robot, text = load_robot("example:ur10"), Path(find_robot("example:ur10")).read_text()
     false = found = tested = extra = 0
@@ -93,14 +200,7 @@ def main() -> None:
             told, key, size = told_poses(seed)
         said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, told),))
         assert said is not None
-        sizes = {(f.effect, f.joint, name): x.value for f in said.findings for name, x in f.parameters.items()}
-        rivals = {
-            (place.effect, place.joint, name)
-            for f in said.findings
-            for rival in f.rivals
-            for place in rival.places
-            for name in place.parameters
-        }
+        sizes, rivals = named_and_rivals(said)
         unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}
         tested += not (key in unseen and not said.findings)
         found += key in sizes or key in rivals

@@ -19,7 +19,7 @@ from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.law.find_law import with_law
-from identification.diagnosis.model.known_geometry import as_known, of_torques, with_known_places
+from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
@@ -66,7 +66,7 @@ def diagnose(
     every = (*recordings, *hold_out)
     require_right(every)
     robot = with_known_places(robot, known)
-    tracked, known = as_known(robot, every, known), of_torques(known)
+    places, tracked, known = places_of_loops(robot, known), as_known(robot, every, known), of_torques(known)
     if changes and any(one.poses_alone for one in every):
         raise LogError(
             "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."
@@ -74,7 +74,7 @@ def diagnose(
     recordings, hold_out = (tuple(one for one in some if not one.poses_alone) for some in (recordings, hold_out))
     if not recordings:
         progress("fitting poses")
-        return diagnosis_of_poses(robot, tracked)
+        return diagnosis_of_poses(robot, tracked, places)
     progress("filtering")
     # What changed is known of whole recordings.
     seen, unseen = (recordings, hold_out) if changes else (_stretches(recordings), _stretches(hold_out))
@@ -101,7 +101,7 @@ def diagnose(
     judgement = replace(judgement, notes=(*long, *soft, *judgement.notes))
     files = tuple(recording.file for recording in every)
     seconds = time.perf_counter() - started
-    return with_poses(_result(session, files, judgement, rollout, proposal, seconds), robot, tracked)
+    return with_poses(_result(session, files, judgement, rollout, proposal, seconds), robot, tracked, places)
 
 
 def diagnose_logs(

@@ -12,7 +12,14 @@ import numpy as np
 from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
-from identification.export.corrected.corrected_files import MJCF, URDF, ModelFile, model_files, rollout_note
+from identification.export.corrected.corrected_files import (
+    MJCF,
+    URDF,
+    ModelFile,
+    model_files,
+    problem_of_loops,
+    rollout_note,
+)
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.corrected.found_effects import (
     effect_of,
@@ -20,7 +27,13 @@ from identification.export.corrected.found_effects import (
     possible_within_tolerance,
     within_tolerance,
 )
-from identification.export.corrected.moved_joints import joint_moves, moved_mjcf, moved_urdf, not_in_files
+from identification.export.corrected.moved_joints import (
+    joint_moves,
+    moved_mjcf,
+    moved_urdf,
+    moves_of_files,
+    not_in_files,
+)
 from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
@@ -99,7 +112,7 @@ def export_texts(
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
-    texts, told = _with_moved_joints(texts, diagnosis, known)
+    texts, told = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
@@ -123,16 +136,21 @@ def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
 
 
 def _with_moved_joints(
-    texts: dict[str, str], diagnosis: Diagnosis, known: tuple[KnownEffect, ...]
+    texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], list[str]]:
     """Model files with their joints where measured poses put them, and what is not in them."""
-    moves = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
-    notes = list(not_in_files(diagnosis.geometry, known))
+    moves = moves_of_files(robot, joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
+    notes = [*not_in_files(diagnosis.geometry, known), *moves.notes]
     out = dict(texts)
-    if moves and URDF in out:
-        out[URDF] = moved_urdf(out[URDF], moves)
-    if moves and MJCF in out:
-        out[MJCF], left = moved_mjcf(out[MJCF], moves)
+    if moves.urdf and URDF in out:
+        moved, left = moved_urdf(out[URDF], moves.urdf)
+        notes += [f"{URDF} has no place for what was found of the place of {', '.join(left)}."] if left else []
+        if problem := problem_of_loops(moved, robot, config):
+            notes.append(f"{URDF} has no place for what poses showed: with its joints moved, {problem}")
+        else:
+            out[URDF] = moved
+    if moves.mjcf and MJCF in out:
+        out[MJCF], left = moved_mjcf(out[MJCF], moves.mjcf)
         if left:
             notes.append(f"{MJCF}: what was found of the place of {', '.join(left)} in the given file is not in it.")
     return out, notes
@@ -154,7 +172,8 @@ def _of_poses(
         return {}, replace(diagnosis, notes=tuple(notes))
     for file in files:
         notes += [] if file.text else file.notes
-    texts, told = _with_moved_joints({file.name: file.text for file in files if file.text}, diagnosis, known)
+    made = {file.name: file.text for file in files if file.text}
+    texts, told = _with_moved_joints(made, diagnosis, robot, config, known)
     return texts, replace(diagnosis, notes=(*notes, *told))
 
 

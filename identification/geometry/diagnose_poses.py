@@ -6,6 +6,8 @@ Only positions of joints and poses of frames are used; torques are of no account
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
@@ -16,6 +18,7 @@ from identification.geometry.held_out import blocks_of, draws, left_of_each
 from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
+from identification.geometry.pins import KnownPlaces, loops_of
 from identification.geometry.result import (
     Fitted,
     FrameGap,
@@ -39,18 +42,22 @@ FEWEST = 20
 """Poses of a frame: fewer do not hold the poses of base and target and a noise."""
 
 
-def diagnose_poses(robot: Robot, recordings: tuple[Recording, ...]) -> GeometryResult | None:
-    """What explains the measured poses; None where there are none, or the robot is a closed chain.
+def diagnose_poses(
+    robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
+) -> GeometryResult | None:
+    """What explains the measured poses; None where there are none.
 
     Args:
         robot: The given model.
         recordings: Those that hold poses are used, all together: zeros, places and elasticities are the robot's; poses
             of base and target and delays are of each recording.
+        known: Places of a closed chain that earlier poses have shown.
 
     Raises:
         LogError: If a frame has fewer than 20 poses, or no joint moves it.
+        ChainError: If the loops of a closed chain cannot be closed at a pose.
     """
-    if not has_poses(recordings) or robot.chain is not None:
+    if not has_poses(recordings):
         return None
     sets, paths = measured_poses(robot, recordings)
     for one in sets:
@@ -59,7 +66,10 @@ def diagnose_poses(robot: Robot, recordings: tuple[Recording, ...]) -> GeometryR
                 f"{one.file} has {len(one.t)} poses of {one.frame} outside of what is left out, wanted at least "
                 f"{FEWEST}: measure more, or leave the columns p.{one.frame} out."
             )
-    problem = problem_of(robot, sets, paths)
+    loops = loops_of(robot, known)
+    if loops is not None:
+        sets = tuple(replace(one, index=loops.targets.get(one.frame, one.index)) for one in sets)
+    problem = problem_of(robot, sets, paths, loops)
     if not problem.terms:
         names = ", ".join(dict.fromkeys(one.frame for one in sets))
         raise LogError(f"No joint of {robot.name} moves {names}: name a frame behind a joint, or leave p. out.")

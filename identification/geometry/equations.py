@@ -3,7 +3,8 @@
 
 A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are told in the root frame,
 the first and the last are the unit and what a ``base_pose`` and a ``tool_pose`` add. What is left of a pose and all
-columns are twists of the target in its own axes, so that noise that is alike in all directions is so here.
+columns are twists of the target in its own axes, so that noise that is alike in all directions is so here. In a closed
+chain what is wrong moves the frame itself, and by the passive joints that keep the loops closed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
+from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
+from identification.geometry.pins import Loops, is_carried, move_frame
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, subspace
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
@@ -94,6 +97,7 @@ class Problem:
         terms: What may be wrong.
         in_root: True if poses are told in the robot's root frame, so that no pose of the base is fitted.
         on_frame: Frames that the targets are told to sit on, so that no pose of theirs is fitted.
+        loops: Of a closed chain, else None.
     """
 
     robot: Robot
@@ -102,6 +106,12 @@ class Problem:
     terms: tuple[Term, ...]
     in_root: bool = False
     on_frame: tuple[str, ...] = ()
+    loops: Loops | None = None
+
+    @property
+    def model(self) -> pin.Model:
+        """The tree, with the frames of its pins and what is known of its places."""
+        return self.robot.model if self.loops is None else self.loops.model
 
     @property
     def recordings(self) -> int:
@@ -120,7 +130,7 @@ def nuisances_of(problem: Problem) -> tuple[Nuisance, ...]:
 
 
 def changed_model(model: pin.Model, terms: Sequence[Term], values: Float[Array, " p"]) -> pin.Model:
-    """The model with its joints where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
+    """The model with its joints and pins where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
 
     Args:
         model: As it was given; it is not changed.
@@ -128,13 +138,16 @@ def changed_model(model: pin.Model, terms: Sequence[Term], values: Float[Array, 
         values: One for each.
     """
     out = model.copy()
-    twists: dict[int, Array] = {}
+    twists: dict[tuple[int, int], Array] = {}
     for term, value in zip(terms, values, strict=True):
         if term.effect == LINK and value != 0.0:
-            index = _joint_index(model, term.row)
-            twists.setdefault(index, np.zeros(6))[term.part] = value
-    for index, twist in twists.items():
-        out.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
+            twists.setdefault((term.row, term.frame), np.zeros(6))[term.part] = value
+    for (row, frame), twist in twists.items():
+        if frame < 0:
+            index = _joint_index(model, row)
+            out.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
+        else:
+            move_frame(out, frame, pin.exp6(twist))
     return out
 
 
@@ -157,7 +170,7 @@ def equations(problem: Problem, estimate: Estimate) -> Equations:
         estimate: Where the slopes are taken.
     """
     kinds = nuisances_of(problem)
-    model = changed_model(problem.robot.model, problem.terms, estimate.values)
+    model = changed_model(problem.model, problem.terms, estimate.values)
     parts, first = [], 0
     for number, one in enumerate(problem.sets):
         parts.append(_of_set(problem, model, kinds, number, estimate, first))
@@ -180,8 +193,16 @@ def _of_set(
     told = {effect: _told(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))}
     base = pin.SE3(estimate.base[one.recording]) * placed(told[BASE_POSE])
     tool = pin.SE3(estimate.tool[number]) * placed(told[TOOL_POSE])
-    left, twists, regressor, pose = _each(model, one, q, base, tool)
+    x = tree_positions(problem, model, one, q)
+    left, twists, regressor, pose = _each(model, one, x, base, tool)
     motions = _joint_columns(model, regressor)  # twist of the target per unit of each joint, (n, 6, nv)
+    by_pin: dict[int, Array] = {}
+    if problem.loops is not None:
+        follow = followed(replace(problem.loops, model=model), x)
+        regressor = rounded(regressor + motions @ follow.by_place)
+        for frame, moves in follow.by_pin.items():
+            by_pin[frame] = rounded(_with_pin(model, one, frame, tool) + motions @ moves)
+        motions = motions @ follow.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, kind in enumerate(kinds):
         if kind.kind == BASE and kind.of == one.recording:
@@ -195,7 +216,10 @@ def _of_set(
     columns = np.zeros((len(one.t), 6, len(problem.terms)))
     for k, term in enumerate(problem.terms):
         if term.effect not in slopes:
-            columns[:, :, k] = _column(model, term, regressor, motions, one.load)
+            own = by_pin.get(term.frame)
+            columns[:, :, k] = (
+                _column(model, term, regressor, motions, one.load) if own is None else own[:, :, term.part]
+            )
         elif term.joint in (None, one.frame):
             columns[:, :, k] = slopes[term.effect][:, :, term.part]
     kept = 3 if one.turn is None else 6
@@ -208,6 +232,28 @@ def _of_set(
         np.repeat(first + pose, kept),
         np.tile(2 * number + (np.arange(kept) >= 3), len(one.t)),
     )
+
+
+def tree_positions(problem: Problem, model: pin.Model, one: Measured, q: Float[Array, "n nv"]) -> Float[Array, "n nt"]:
+    """Positions of all joints of the tree; of an open chain those that are given.
+
+    Args:
+        problem: Gives the loops.
+        model: The tree as it is thought to be.
+        one: Poses, near whose positions the loops are closed.
+        q: Positions of the robot's joints.
+    """
+    if problem.loops is None:
+        return q
+    return closed_positions(replace(problem.loops, model=model), q, problem.robot.solutions.at(one.q).x)
+
+
+def _with_pin(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
+    """Twist of the target per twist of a pin that it is fixed to, in the axes of the pin."""
+    if not is_carried(model, one.index, frame):
+        return np.zeros((6, 6))
+    apart = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
+    return apart.toActionMatrixInverse()
 
 
 def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
@@ -231,10 +277,10 @@ def _told(problem: Problem, estimate: Estimate, effect: str, of: str | None) -> 
     return out
 
 
-def _each(model: pin.Model, one: Measured, q: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:
+def _each(model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:
     """Of each pose what is left, slopes by the base, and by the places of all joints; and its number."""
-    data, configuration = model.createData(), configurations(model, q)
-    n = len(q)
+    data, configuration = model.createData(), configurations(model, x)
+    n = len(x)
     left, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
     regressor = np.empty((n, 6, 6 * (model.njoints - 1)))
     to_target = tool.toActionMatrixInverse()

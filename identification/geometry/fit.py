@@ -10,9 +10,18 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from identification.geometry.equations import BASE, TOOL, Equations, Estimate, Nuisance, Problem, equations
+from identification.geometry.equations import (
+    BASE,
+    TOOL,
+    Equations,
+    Estimate,
+    Nuisance,
+    Problem,
+    equations,
+    tree_positions,
+)
 from identification.geometry.measured import Measured
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import configurations
 
 Array = np.ndarray
 
@@ -31,7 +40,7 @@ def start_of(problem: Problem) -> Estimate:
     first: dict[int, Array] = {}
     tools = []
     for one in problem.sets:
-        frames = frame_poses(problem.robot, one)
+        frames = frame_poses(problem, one)
         if one.recording not in first:
             first[one.recording] = np.eye(4) if problem.in_root else _aligned(frames[:, :3, 3], one.position)
         told = one.frame in problem.on_frame
@@ -40,16 +49,16 @@ def start_of(problem: Problem) -> Estimate:
     return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
 
 
-def frame_poses(robot: Robot, one: Measured) -> Float[Array, "n 4 4"]:
+def frame_poses(problem: Problem, one: Measured) -> Float[Array, "n 4 4"]:
     """Poses of a frame in the root by the given model.
 
     Args:
-        robot: The model.
+        problem: Gives the model.
         one: Gives frame and joint positions.
     """
-    model, data = robot.model, robot.model.createData()
+    model, data = problem.model, problem.model.createData()
     out = np.empty((len(one.t), 4, 4))
-    for k, q in enumerate(robot.configuration(one.q)):
+    for k, q in enumerate(configurations(model, tree_positions(problem, model, one, one.q))):
         pin.framesForwardKinematics(model, data, q)
         out[k] = data.oMf[one.index].homogeneous
     return out

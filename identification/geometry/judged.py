@@ -15,7 +15,7 @@ from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks, draws, wins
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
-from identification.geometry.terms import ELASTIC, ZERO, Term
+from identification.geometry.terms import ELASTIC, LINK, ZERO, Term
 from identification.geometry.whitened import orthonormal, without
 from phantom_dyn.random_streams import random_stream
 
@@ -29,6 +29,7 @@ _ORDERS = 120
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
 _LEAST_GAP = 1e-3
 _ROUNDING = 1e-9
+TAKEN_UP = "passive joints of its loop take it up, so that it moves no measured frame"
 
 Group = tuple[int, ...]
 
@@ -192,7 +193,10 @@ def _why(explained: ExplainedPoses, k: int) -> str:
     column = found.columns[:, [k]] * scale
     size = float(np.linalg.norm(column))
     if size == 0.0 or (term.effect == ELASTIC and not _bears(explained, term)):
-        return "its load is zero in all poses" if term.effect == ELASTIC else "it moves no measured frame"
+        if term.effect == ELASTIC:
+            return "its load is zero in all poses"
+        taken_up = explained.problem.loops is not None and term.effect == LINK
+        return TAKEN_UP if taken_up else "it moves no measured frame"
     for kinds, words in (
         ((BASE,), "it is the same as another pose of the robot in the axes of what measured"),
         ((TOOL,), "it is the same as another pose of the target on its frame"),

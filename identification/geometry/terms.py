@@ -1,7 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """What may be wrong with the geometry of a robot: one number each, with the joint that it belongs to.
 
-Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``), the
+Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``; of a
+closed chain also those by which a frame sits elsewhere that a loop keeps at another one), the
 deflection of a joint under its load (``joint_elasticity``), and, where poses are told in the robot's root frame, the
 six numbers by which the base stands elsewhere (``base_pose``) and a target sits elsewhere on its frame (``tool_pose``).
 """
@@ -9,12 +10,13 @@ six numbers by which the base stands elsewhere (``base_pose``) and a target sits
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.geometry.pins import Loops, around
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -33,13 +35,16 @@ class Term:
 
     Attributes:
         effect: ``encoder_offset``, ``link_geometry``, ``joint_elasticity``, ``base_pose`` or ``tool_pose``.
-        joint: The joint; the frame of a ``tool_pose``, None for a ``base_pose``.
-        row: Of the joint among the velocities; -1 without a joint.
+        joint: The joint; the frame of a ``tool_pose`` or of the ``link_geometry`` of a loop's pin, None for a
+            ``base_pose``.
+        row: Of a zero or an elasticity the place among the robot's joints, of a ``link_geometry`` that among the
+            velocities of the tree, which are the same but for closed chains; -1 without a joint.
         parameter: Name of the number.
         unit: Of the number.
         part: Of a pose, which of its six numbers; else -1.
         largest: Beyond this the number is not plausible, in its unit: a place that is off by a decimetre or an angle by
             half a radian is seen by eye, and a joint that gives way by a tenth of a radian at one newton metre as well.
+        frame: Pinocchio's index of a loop's pin; -1 for all others.
     """
 
     effect: str
@@ -49,6 +54,7 @@ class Term:
     unit: str
     part: int = -1
     largest: float = np.inf
+    frame: int = -1
 
     @property
     def place(self) -> tuple[str, str | None]:
@@ -66,28 +72,64 @@ def _pose_term(effect: str, joint: str | None, row: int, part: int) -> Term:
     return Term(effect, joint, row, PARTS[part], "m" if linear else "rad", part, 0.1 if linear else 0.5)
 
 
-def terms_of(robot: Robot, frames: Sequence[str]) -> tuple[Term, ...]:
-    """All terms of the joints that carry one of the frames, from the root on.
+def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) -> tuple[Term, ...]:
+    """All terms of the joints that carry one of the frames, or that loops carry it by, from the root on.
 
     The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. A
-    joint whose encoder sits on its link shows the elasticity of its transmission itself, so that there is none.
+    joint whose encoder sits on its link shows the elasticity of its transmission itself, so that there is none. Passive
+    joints have places alone; that along or about its own axis is the constant of the formula of one, and of one that
+    closes a loop it is none.
 
     Args:
         robot: A tree with one velocity a joint.
         frames: Names.
+        loops: Of a closed chain.
     """
     model, out = robot.model, []
     carrying = {int(k) for frame in frames for k in model.supports[_parent(robot, frame)]} - {0}
+    placed, pins = carrying, ()
+    if loops is not None:
+        placed, pins = _of_loops(loops, carrying)
+        carrying = placed | _followed(loops, placed)
+    active = {row: place for place, row in enumerate(robot.tree_rows)}
     for index in sorted(carrying):
-        row = model.joints[index].idx_v
-        joint, unit, torque = robot.joint_names[row], robot.position_units[row], robot.torque_units[row]
-        far = 0.1 if robot.prismatic[row] else 0.5
-        out.append(Term(ZERO, joint, row, "offset", unit, largest=far))
-        own = moved_part(robot, index)
-        out += [_pose_term(LINK, joint, row, part) for part in range(len(PARTS)) if part != own]
-        if robot.actuators[row].encoder_side == "motor":
-            out.append(Term(ELASTIC, joint, row, "compliance", f"{unit}/({torque})", largest=0.1))
-    return tuple(out)
+        row, joint = model.joints[index].idx_v, model.names[index]
+        place = active.get(row)
+        if place is not None:
+            unit = robot.position_units[place]
+            out.append(Term(ZERO, joint, place, "offset", unit, largest=0.1 if robot.prismatic[place] else 0.5))
+        free = place is not None or (loops is not None and row in loops.chain.unknowns)
+        own = moved_part(robot, index) if free else -1
+        if index in placed:
+            out += [_pose_term(LINK, joint, row, part) for part in range(len(PARTS)) if part != own]
+        if place is not None and robot.actuators[place].encoder_side == "motor":
+            compliance = f"{robot.position_units[place]}/({robot.torque_units[place]})"
+            out.append(Term(ELASTIC, joint, place, "compliance", compliance, largest=0.1))
+    return (*out, *pins)
+
+
+def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[Term, ...]]:
+    """Joints that carry frames themselves or by loops, and the terms of the pins of these loops."""
+    found, used = set(carrying), []
+    for _ in loops.chain.anchors:
+        for one in loops.chain.anchors:
+            if one not in used and around(loops.model, one) & found:
+                found |= around(loops.model, one)
+                used.append(one)
+    kept = [(frame, one) for one in used for frame in (one.frame_a, one.frame_b)]
+    parts = {frame: max(6 if one.kind == "frame" else 3 for same, one in kept if same == frame) for frame, _ in kept}
+    named = dict(zip(loops.pins, loops.names, strict=True))
+    pins = (replace(_pose_term(LINK, named[frame], -1, k), frame=frame) for frame in parts for k in range(parts[frame]))
+    return found, tuple(pins)
+
+
+def _followed(loops: Loops, placed: set[int]) -> set[int]:
+    """Active joints that formulas of some joints follow, by Pinocchio's index."""
+    model, chain = loops.model, loops.chain
+    rows = [model.joints[index].idx_v for index in placed]
+    columns = np.flatnonzero(np.any(chain.linear_map[rows][:, : chain.nv] != 0, axis=0))
+    wanted = {chain.active[column] for column in columns}
+    return {index for index in range(1, model.njoints) if model.joints[index].idx_v in wanted}
 
 
 def moved_part(robot: Robot, index: int) -> int:

@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Whether poses are told in the robot's root frame and on its own frames, as their columns say, or in others.
 
 A log says ``p.<frame>``: the position of a frame of the robot in its root frame. A laser tracker writes its own axes
@@ -11,10 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from identification.geometry.equations import Equations, Problem
 from identification.geometry.fit import fitted, frame_poses, start_of
 from identification.geometry.measured import Measured, Path
+from identification.geometry.pins import Loops
 from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, Term, pose_terms, terms_of
 from phantom_dyn.model.robot import Robot
 
@@ -24,17 +27,20 @@ _CHANCE = 1e-4
 """Chance at which poses of one base for all recordings, near the root, fit worse than any poses of bases."""
 
 
-def problem_of(robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path]) -> Problem:
+def problem_of(
+    robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path], loops: Loops | None = None
+) -> Problem:
     """Measured poses with all that may be wrong, poses of base and tool among it where these are told.
 
     Args:
         robot: The given model.
         sets: Measured poses.
         paths: Of joints of motions.
+        loops: Of a closed chain.
     """
-    joints = terms_of(robot, [one.frame for one in sets])
-    free = Problem(robot, sets, paths, joints)
-    if not joints or any(_is_far(robot, one) for one in sets):
+    joints = terms_of(robot, [one.frame for one in sets], loops)
+    free = Problem(robot, sets, paths, joints, loops=loops)
+    if not joints or any(_is_far(free, one) for one in sets):
         return free
     parts: dict[str, int] = {}
     for one in sets:
@@ -55,7 +61,7 @@ def problem_of(robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Pat
 
 
 def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]) -> tuple[Term, ...]:
-    """Terms without the place of a first joint that carries all frames: it is the place of the base.
+    """Terms without the place of a first joint that carries all frames and joints: it is the place of the base.
 
     Args:
         robot: The given model.
@@ -63,15 +69,24 @@ def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]
         sets: Measured poses.
     """
     model = robot.model
-    carrying = [set(model.supports[model.frames[one.index].parentJoint]) for one in sets]
-    first = {index for index in set.intersection(*carrying) if index and model.parents[index] == 0}
+    carrying = [set(model.supports[model.frames[model.getFrameId(one.frame)].parentJoint]) for one in sets]
+    placed = [index for index in range(1, model.njoints) if any(_is_place(model, one, index) for one in joints)]
+    first = {
+        index
+        for index in set.intersection(*carrying)
+        if index and model.parents[index] == 0 and all(index in model.supports[other] for other in placed)
+    }
     rows = {model.joints[index].idx_v for index in first}
     return tuple(term for term in joints if term.effect != LINK or term.row not in rows)
 
 
-def _is_far(robot: Robot, one: Measured) -> bool:
+def _is_place(model: pin.Model, term: Term, index: int) -> bool:
+    return term.effect == LINK and term.row == model.joints[index].idx_v
+
+
+def _is_far(problem: Problem, one: Measured) -> bool:
     """True if no plausible poses of base and tool bring the frame to where it was measured."""
-    reached = frame_poses(robot, one)[:, :3, 3]
+    reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
     reach = float(np.linalg.norm(reached, axis=1).max())
     # Three numbers of a shift at their limit, of base and of tool, and three of a turn.

@@ -12,31 +12,33 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, Unexplained
 from identification.geometry.measured import has_poses
+from identification.geometry.pins import KnownPlaces
 from identification.geometry.result import GeometryResult
 from identification.geometry.terms import ZERO
 from phantom_dyn import __version__
-from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 _AGREE = 3.0  # standard deviations within which two estimates of a zero are the same
 
 
-def with_poses(diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
+def with_poses(
+    diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
+) -> Diagnosis:
     """A diagnosis of torques with what measured poses say; the same where there are none.
 
     Args:
         diagnosis: Of the torques.
         robot: The given model.
         recordings: All of them.
+        known: Places of a closed chain that earlier poses have shown.
     """
     if not has_poses(recordings):
         return diagnosis
     from identification.geometry.diagnose_poses import diagnose_poses
 
     started = time.perf_counter()
-    found = diagnose_poses(robot, recordings)
-    if found is None:
-        return replace(diagnosis, data_warnings=(*diagnosis.data_warnings, _of_loops(robot)))
+    found = diagnose_poses(robot, recordings, known)
+    assert found is not None
     notes = tuple(zero_words(diagnosis.findings, found))
     found = replace(found, torque_verdict=diagnosis.verdict, notes=notes)
     return replace(
@@ -48,22 +50,19 @@ def with_poses(diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, 
     )
 
 
-def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
+def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None) -> Diagnosis:
     """What poses alone say.
 
     Args:
         robot: The given model.
         recordings: With poses and without torque.
-
-    Raises:
-        LogError: If the robot is a closed chain.
+        known: Places of a closed chain that earlier poses have shown.
     """
     from identification.geometry.diagnose_poses import diagnose_poses
 
     started = time.perf_counter()
-    found = diagnose_poses(robot, recordings)
-    if found is None:
-        raise LogError(f"{recordings[0].file} holds poses without torque. {_of_loops(robot)}")
+    found = diagnose_poses(robot, recordings, known)
+    assert found is not None
     none = np.zeros((0, robot.nv))
     return Diagnosis(
         verdict=found.verdict,
@@ -122,10 +121,3 @@ def zero_words(findings: Sequence[Finding], poses: GeometryResult) -> list[str]:
         end = "they agree" if apart < _AGREE else "they differ, so that one of the two has another cause"
         out.append(f"The zero of {finding.joint} is off by {sizes}: {end}.")
     return out
-
-
-def _of_loops(robot: Robot) -> str:
-    return (
-        f"{robot.name} is a closed chain, of which measured poses are not judged: leave the columns p. and o. out, or "
-        "give the chain opened."
-    )

@@ -73,7 +73,7 @@ def measured(
         tracker: Pose of the root in the tracker's axes; None: the same.
         target: Pose of the target on the frame; None: the same.
     """
-    joints, masses = _joints(robot.text), _masses(robot.text)
+    joints, masses = _joints(robot.text), masses_of(robot.text)
     n = len(next(iter(readings.values())))
     out = np.empty((n, 4, 4))
     for k in range(n):
@@ -156,7 +156,8 @@ def _joints(text: str) -> list:
     return out
 
 
-def _masses(text: str) -> list:
+def masses_of(text: str) -> list:
+    """Links with mass of a URDF: name, mass [kg], centre of mass [m]."""
     out = []
     for link in ElementTree.fromstring(text).findall("link"):
         inertial = link.find("inertial")

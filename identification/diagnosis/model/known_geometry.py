@@ -12,6 +12,7 @@ from jaxtyping import Float
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.geometry.measured import load_of
+from identification.geometry.pins import KnownPlaces
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO
 from phantom_dyn.model.robot import Robot
 
@@ -41,7 +42,13 @@ def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Arr
 
 
 def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
-    """The robot with its joints and targets where earlier poses put them; the same robot without such a finding."""
+    """The robot with its joints and targets where earlier poses put them; the same robot without such a finding.
+
+    A closed chain stays as it is: its torques are those of loops that close as its files say, and what poses have shown
+    is taken into account where poses are judged (`places_of_loops`).
+    """
+    if robot.chain is not None:
+        return robot
     twists, targets = known_twists(known), [one for one in known if one.effect == TOOL_POSE]
     if not twists and not targets:
         return robot
@@ -55,6 +62,18 @@ def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
         index = model.getJointId(joint)
         model.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
     return replace(robot, model=model)
+
+
+def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces | None:
+    """Places of a closed chain that earlier poses have shown; None for an open chain, which has them already."""
+    if robot.chain is None:
+        return None
+    targets: dict[str, pin.SE3] = {}
+    for one in known:
+        if one.effect == TOOL_POSE:
+            frame = str(one.joint)
+            targets[frame] = targets.get(frame, pin.SE3.Identity()) * placed(np.array(one.theta))
+    return KnownPlaces(known_twists(known), targets)
 
 
 def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:

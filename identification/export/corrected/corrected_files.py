@@ -25,8 +25,10 @@ from identification.export.model_files.reload import TOLERANCE, some_motion, urd
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
-from phantom_dyn.model.loading import CONFIG_NAME
+from phantom_dyn.model.loading import CONFIG_NAME, load_robot
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
+from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
@@ -65,9 +67,7 @@ def model_files(
 
     """
     file = find_robot(corrected.given.source)
-    beside = file.with_name(CONFIG_NAME)
-    stated = config if config is not None else beside if beside.is_file() else None
-    few = some_motion(motion)
+    stated, few = _stated(corrected.given, config), some_motion(motion)
 
     def urdf() -> tuple[str, float]:
         text = corrected_urdf(corrected, file, folder)
@@ -77,6 +77,30 @@ def model_files(
         _checked_file(URDF, urdf, versions().get("urdf", ""), urdf_left_out(corrected, file)),
         _mjcf_file(corrected, few, file, folder),
     )
+
+
+def _stated(given: Robot, config: Path | None) -> Path | None:
+    """The ``robot.yaml`` of a robot, given or beside its file."""
+    beside = find_robot(given.source).with_name(CONFIG_NAME)
+    return config if config is not None else beside if beside.is_file() else None
+
+
+def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
+    """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty where they do.
+
+    Args:
+        text: Of the URDF.
+        robot: As it was given.
+        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+    """
+    if robot.chain is None or not robot.chain.anchors:
+        return ""
+    with unnamed_file(text.encode(), suffix=".urdf") as path:
+        try:
+            load_robot(path, config=_stated(robot, config))
+        except PhantomDynError as error:
+            return str(error)
+    return ""
 
 
 def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> ModelFile:

@@ -11,7 +11,8 @@ from typing import Any
 from identification.diagnosis.model.known_geometry import OF_POSES
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
-from identification.geometry.terms import BASE_POSE, PARTS, PLACES, TOOL_POSE, ZERO
+from identification.geometry.pins import loops_of
+from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names, shortened
@@ -256,8 +257,6 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
 def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
     """A joint's compliance, or the pose of a joint, the base or a target; what is not named of it is as given."""
-    if robot.chain is not None:
-        raise ParameterError(f"{file}: effect {entry.effect} is of measured poses, which closed chains have none of.")
     _require_carrier(entry, robot, file)
     wanted = PARTS if entry.effect in PLACES else ("compliance",)
     given = set(entry.parameters)
@@ -288,6 +287,8 @@ def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
     what, names = "joint", robot.joint_names
     if entry.effect == TOOL_POSE:
         what, names = "frame", tuple(frame.name for frame in robot.model.frames)
+    elif entry.effect == LINK and (loops := loops_of(robot)) is not None:
+        names = (*names, *robot.passive_names, *loops.names)
     if entry.joint not in names:
         raise ParameterError(
             f"{file}: effect {entry.effect} is on {what} '{shortened(entry.joint or '')}', which this robot does not "

@@ -15,8 +15,10 @@ from identification.diagnosis.model.known_geometry import known_twists, moved_on
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
+from identification.geometry.pins import around, loops_of
 from identification.geometry.result import GeometryResult
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 Array = np.ndarray
@@ -56,6 +58,53 @@ def joint_moves(
     return out
 
 
+@dataclass(frozen=True)
+class FileMoves:
+    """What model files can hold of moves, and sentences on what they cannot."""
+
+    urdf: Mapping[str, JointMove]
+    mjcf: Mapping[str, JointMove]
+    notes: tuple[str, ...] = ()
+
+
+def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
+    """Moves as model files hold them: all of an open chain, of a closed one those that leave its loops as stated.
+
+    A joint that follows by a formula is turned back with the zeros of those that it follows, so that the formula holds
+    for readings. Links of a parallelogram that are moved no longer follow a formula. MuJoCo derives where a loop closes
+    from how the file is drawn.
+
+    Args:
+        robot: As it was given.
+        moves: By joint, or pin of a loop.
+    """
+    loops = loops_of(robot)
+    if loops is None or robot.chain is None or not moves:
+        return FileMoves(moves, moves)
+    bound: set[str] = set()
+    for anchor in loops.chain.anchors[len(robot.chain.anchors) :]:
+        bound |= {loops.model.names[index] for index in around(loops.model, anchor)}
+        bound |= {loops.model.frames[frame].name for frame in (anchor.frame_a, anchor.frame_b)}
+    held = {name: JointMove(np.zeros(6), own.zero) if name in bound else own for name, own in moves.items()}
+    zeros = np.array([moves[name].zero if name in moves else 0.0 for name in robot.joint_names])
+    for row, name in zip(robot.chain.passive, robot.passive_names, strict=True):
+        zero = float(robot.chain.linear_map[row, : robot.nv] @ zeros)
+        if zero and row not in robot.chain.unknowns:
+            held[name] = JointMove(held[name].twist if name in held else np.zeros(6), zero)
+    notes = []
+    lost = [name for name, own in moves.items() if name in bound and np.any(own.twist)]
+    if lost:
+        notes.append(
+            f"corrected.urdf and corrected.xml have no place for where {', '.join(lost)} sits: with links of other "
+            "lengths passive joints follow no formula, as they do in them; corrected.yaml has it, for --with."
+        )
+    if robot.chain.anchors:
+        notes.append(
+            "corrected.xml has no place for what poses showed: where its loops close is taken from how it is drawn."
+        )
+    return FileMoves(held, {} if robot.chain.anchors else held, tuple(notes))
+
+
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[str, ...]:
     """Sentences on elasticity and on poses of base and target that were found, which these files do not hold.
 
@@ -74,18 +123,26 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
     return tuple(f"corrected.urdf and corrected.xml have no place for {one}." for one in out)
 
 
-def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> str:
-    """The text of a URDF with its joints moved.
+def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
+    """The text of a URDF with its joints moved, and the names that are not in it.
 
     Args:
         text: Of the file.
-        moves: By joint.
+        moves: By joint, or link on a fixed joint that a loop keeps at another one.
     """
+    left = set(moves)
 
     def move(root: Element) -> None:
         for joint in root.findall("joint"):
-            if (own := moves.get(str(joint.get("name")))) is None:
+            child = joint.find("child")
+            names = [str(joint.get("name"))]
+            if joint.get("type") == "fixed" and child is not None:
+                names.append(str(child.get("link")))
+            name = next((name for name in names if name in moves), None)
+            if name is None:
                 continue
+            own = moves[name]
+            left.discard(name)
             origin = joint.find("origin")
             if origin is None:
                 origin = ElementTree.SubElement(joint, "origin")
@@ -96,7 +153,7 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> str:
             if own.zero:
                 move_zero(joint, own.zero)
 
-    return _edited(text, move)
+    return _edited(text, move), tuple(name for name in moves if name in left)
 
 
 def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
