@@ -98,6 +98,7 @@ class Problem:
         in_root: True if poses are told in the robot's root frame, so that no pose of the base is fitted.
         on_frame: Frames that the targets are told to sit on, so that no pose of theirs is fitted.
         loops: Of a closed chain, else None.
+        taken_up: Places in its loops that move no measured frame, as passive joints take them up.
     """
 
     robot: Robot
@@ -107,6 +108,7 @@ class Problem:
     in_root: bool = False
     on_frame: tuple[str, ...] = ()
     loops: Loops | None = None
+    taken_up: tuple[Term, ...] = ()
 
     @property
     def model(self) -> pin.Model:

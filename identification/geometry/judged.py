@@ -15,7 +15,7 @@ from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks, draws, wins
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
-from identification.geometry.terms import ELASTIC, LINK, ZERO, Term
+from identification.geometry.terms import ELASTIC, ZERO, Term
 from identification.geometry.whitened import orthonormal, without
 from phantom_dyn.random_streams import random_stream
 
@@ -166,7 +166,7 @@ def bounds_of(explained: ExplainedPoses) -> tuple[tuple[PoseBound, ...], tuple[U
     columns, terms = explained.equations.columns, explained.problem.terms
     own = without(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
     wanted = np.sqrt(explained.price) + _POWER
-    bounds, unseen = [], []
+    bounds, unseen = [], [_unseen(term, TAKEN_UP) for term in explained.problem.taken_up]
     for k, term in enumerate(terms):
         if k in explained.chosen:
             continue
@@ -195,8 +195,7 @@ def _why(explained: ExplainedPoses, k: int) -> str:
     if size == 0.0 or (term.effect == ELASTIC and not _bears(explained, term)):
         if term.effect == ELASTIC:
             return "its load is zero in all poses"
-        taken_up = explained.problem.loops is not None and term.effect == LINK
-        return TAKEN_UP if taken_up else "it moves no measured frame"
+        return "it moves no measured frame"
     for kinds, words in (
         ((BASE,), "it is the same as another pose of the robot in the axes of what measured"),
         ((TOOL,), "it is the same as another pose of the target on its frame"),

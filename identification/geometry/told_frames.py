@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from identification.geometry.equations import Equations, Problem
+from identification.geometry.equations import Equations, Problem, equations
 from identification.geometry.fit import fitted, frame_poses, start_of
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops
@@ -23,6 +23,8 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+_LITTLE = 1e-3
+"""Share of the largest motion of a frame per unit of a place, below which another place moves it not at all."""
 _CHANCE = 1e-4
 """Chance at which poses of one base for all recordings, near the root, fit worse than any poses of bases."""
 
@@ -38,8 +40,10 @@ def problem_of(
         paths: Of joints of motions.
         loops: Of a closed chain.
     """
-    joints = terms_of(robot, [one.frame for one in sets], loops)
-    free = Problem(robot, sets, paths, joints, loops=loops)
+    free = _without_taken_up(
+        Problem(robot, sets, paths, terms_of(robot, [one.frame for one in sets], loops), loops=loops)
+    )
+    joints = free.terms
     if not joints or any(_is_far(free, one) for one in sets):
         return free
     parts: dict[str, int] = {}
@@ -58,6 +62,21 @@ def problem_of(
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
     kept = tuple(term for term in told if term.effect == BASE_POSE or term.joint in frames)
     return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
+
+
+def _without_taken_up(problem: Problem) -> Problem:
+    """Without places that passive joints take up: beside other errors they would move frames, by next to nothing."""
+    if problem.loops is None or not problem.terms:
+        return problem
+    size = np.abs(equations(problem, start_of(problem)).columns).max(axis=0)
+    places = np.array([term.effect == LINK for term in problem.terms])
+    linear = np.array([term.unit == "m" for term in problem.terms])
+    least = np.zeros(len(size))
+    for same in (places & linear, places & ~linear):
+        least[same] = _LITTLE * size[same].max(initial=0.0)
+    moves = ~places | (size > least)
+    kept, lost = (tuple(np.array(problem.terms, dtype=object)[rows]) for rows in (moves, ~moves))
+    return replace(problem, terms=kept, taken_up=lost)
 
 
 def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]) -> tuple[Term, ...]:

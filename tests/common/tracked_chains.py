@@ -137,7 +137,7 @@ class TrueChain:
         linkage, names = self.linkage, list(self.linkage.passive)
         follow = {joint: _sum(one, q) for joint, one in linkage.formulas.items()}
         leads = any(joint for one in linkage.passive.values() for joint in one)
-        steps = 1 if leads else 1 + int(np.ceil(max(map(abs, q.values())) / 0.2))
+        steps = 1 if leads else 1 + int(np.ceil(max(map(abs, q.values())) / 0.4))
         z = np.array([_sum(linkage.passive[name], q) for name in names])
         for part in np.linspace(0, 1, steps)[-max(steps - 1, 1) :]:
             there = dict(q) if leads else {joint: part * angle for joint, angle in q.items()}
@@ -146,7 +146,7 @@ class TrueChain:
                 places = link_poses(self.text, there | follow | dict(zip(names, z, strict=True)))
                 return (places[linkage.pins[0]] - places[linkage.pins[1]])[:3, 3]
 
-            z = least_squares(apart, z, xtol=1e-13, ftol=1e-13, gtol=1e-13).x
+            z = least_squares(apart, z, method="lm", xtol=1e-13, ftol=1e-13, gtol=1e-13).x
         return link_poses(self.text, dict(q) | follow | dict(zip(names, z, strict=True)))
 
 
