@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops, is_carried, move_frame
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, subspace
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, placed, subspace
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
 
@@ -256,11 +256,6 @@ def _with_pin(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Flo
         return np.zeros((6, 6))
     apart = model.frames[frame].placement.actInv(model.frames[one.index].placement * tool)
     return apart.toActionMatrixInverse()
-
-
-def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
-    """The pose of a ``base_pose`` or ``tool_pose``: shift ``x y z`` and rotation vector ``rx ry rz``."""
-    return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])
 
 
 def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:

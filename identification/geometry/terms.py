@@ -153,3 +153,8 @@ def subspace(model: pin.Model, index: int) -> Float[Array, " 6"]:
 
 def _parent(robot: Robot, frame: str) -> int:
     return robot.model.frames[robot.model.getFrameId(frame)].parentJoint
+
+
+def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
+    """The pose of a ``base_pose`` or ``tool_pose``: shift ``x y z`` and rotation vector ``rx ry rz``."""
+    return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])

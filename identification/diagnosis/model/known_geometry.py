@@ -13,7 +13,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.geometry.measured import load_of
 from identification.geometry.pins import KnownPlaces
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, placed
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -52,8 +52,6 @@ def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
     twists, targets = known_twists(known), [one for one in known if one.effect == TOOL_POSE]
     if not twists and not targets:
         return robot
-    from identification.geometry.equations import placed
-
     model = robot.model.copy()
     for one in targets:
         frame = model.frames[model.getFrameId(str(one.joint))]
@@ -105,8 +103,6 @@ def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) 
     """Recordings with their poses in the root frame, where earlier ones showed that the base stands elsewhere."""
     if not any(one.effect == BASE_POSE for one in known):
         return recordings
-    from identification.geometry.equations import placed
-
     bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
     for base in bases:
         recordings = tuple(_seen_from(recording, base) for recording in recordings)
