@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import cho_factor, cho_solve
 
 from identification.data.log import Log
 from identification.diagnosis.model.blocks import Block
@@ -168,6 +167,8 @@ def _by_samples(
 
 def _with_ridge(a: Float[Array, "m m"], ridge: float, b: Float[Array, " m"]) -> Float[Array, " m"]:
     """Solution of ``(a + ridge) x = b`` for products ``a``."""
+    from scipy.linalg import cho_factor, cho_solve
+
     ridged = a.copy()
     ridged[np.diag_indices_from(ridged)] += ridge
     # Its transpose is itself, in the order that needs no copy.
