@@ -22,6 +22,9 @@ _PANEL = 8  # columns that are eliminated together before the others follow as o
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """One thread in the linear algebra: sums come in one order, and at 50 columns threads cost more than they save."""
+    # It has a linear algebra of its own, which is limited only if it is loaded by now.
+    import scipy.linalg  # noqa: F401
+
     with ThreadpoolController().limit(limits=1, user_api="blas"):
         yield
 

@@ -90,6 +90,8 @@ def ridge_predictions(
     fits = np.zeros((int(folds.max(initial=-1)) + 2, len(size), 1 + len(first), len(ridges)))
     for k, count in enumerate((*first, len(size))):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
+        if not len(kept):  # nothing moves, so that nothing is predicted
+            continue
         solved = _by_samples if len(seen.y) < len(kept) else _by_features
         fits[which[:, None], kept, k] = solved(seen, kept, ridges, which)
     predicted = [np.zeros((len(v), fits[0, 0].size)) for v in y]
@@ -109,16 +111,17 @@ def ridge_predictions(
 
 @dataclass(frozen=True)
 class _Seen:
-    """Features and values of all samples that fits may see, and the fold of each."""
+    """Features and values of all samples that fits may see, the fold of each, and how many folds there are."""
 
     x: Float[Array, "n k"]
     y: Float[Array, " n"]
     fold: Int[Array, " n"]
+    folds: int
 
     @cached_property
     def products(self) -> tuple[Float[Array, "F k k"], Float[Array, "F k"]]:
         """Features times features and times values, of each fold."""
-        parts = [(self.x[own], self.y[own]) for own in (self.fold == fold for fold in range(int(self.fold.max()) + 1))]
+        parts = [(self.x[own], self.y[own]) for own in (self.fold == fold for fold in range(self.folds))]
         return np.stack([x.T @ x for x, _ in parts]), np.stack([x.T @ y for x, y in parts])
 
 
@@ -133,7 +136,8 @@ def _seen(
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         fold_of[block.log][block.start : block.stop] = fold
     counts = [m & (fold >= 0) for m, fold in zip(use, fold_of, strict=True)]
-    return _Seen(*(np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of)))
+    features, values, fold = (np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of))
+    return _Seen(features, values, fold, int(folds.max(initial=-1)) + 1)
 
 
 def _by_features(

@@ -114,3 +114,21 @@ def test_each_fold_is_predicted_by_the_ridge_fit_of_the_others(features_more, rn
             wanted[fold_of == fold] = scaled[fold_of == fold, :k] @ np.linalg.solve(a, scaled[train, :k].T @ y[train])
         np.testing.assert_allclose(predicted[0], wanted, rtol=1e-6, atol=1e-7)
         assert error == pytest.approx(np.mean((y - wanted)[judged] ** 2), rel=1e-6)
+
+
+def test_without_samples_nothing_is_predicted(quiet):
+    x, none = features(quiet), [np.zeros(len(quiet.logs[0].samples), dtype=bool)]
+    for predicted, error in ridge_predictions(x, [np.ones(len(x[0]))], none, quiet.blocks, quiet.folds):
+        assert error == 0.0
+        assert not predicted[0].any()
+
+
+def test_a_last_fold_without_samples_is_predicted_by_the_fit_on_all_others(quiet, rng):
+    # Oracle: the same blocks outside all folds.
+    x, use, y = features(quiet), everything(quiet), [rng.normal(size=len(quiet.logs[0].samples))]
+    last = quiet.folds == quiet.folds.max()
+    for without, block in zip(last, quiet.blocks, strict=True):
+        use[0][block.start : block.stop] = not without
+    predicted, _ = best(x, y, use, quiet.blocks, quiet.folds)
+    outside, _ = best(x, y, use, quiet.blocks, np.where(last, -1, quiet.folds))
+    np.testing.assert_allclose(predicted[0], outside[0], rtol=1e-9, atol=1e-12)
