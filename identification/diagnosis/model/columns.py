@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Band
-from identification.diagnosis.model.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of
+from identification.diagnosis.model.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
 from identification.diagnosis.model.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.model.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.model.session import Series, Session
@@ -204,8 +204,8 @@ def _assembled(
     """All columns, row by row."""
     robot, moves = session.robot, given.moves
     rows = []
-    for j in range(robot.nv):
-        mine = [k for k, move in enumerate(moves) if move.touches(robot, j)]
+    for j, touched in enumerate(touching(robot, moves)):
+        mine = [*touched]
         mine += [len(moves) + k for k in _parameters_on(robot, j)]
         for block in local:
             if j in block.rows:

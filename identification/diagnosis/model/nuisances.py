@@ -55,18 +55,26 @@ class Move:
     place: int | str | None
     direction: Float[Array, " 10"] | None = None
 
-    def touches(self, robot: Robot, row: int) -> bool:
-        """True if the move may change the torque of that joint; a passive joint's may change all."""
-        if isinstance(self.place, int):
-            return self.place in bodies_on(robot, row)
-        return self.place not in robot.joint_names or self.place == robot.joint_names[row]
-
 
 def bodies_on(robot: Robot, row: int) -> tuple[int, ...]:
     """Bodies that the drive of a joint moves, in Pinocchio's order: those behind it, or in closed chains all."""
     if robot.chain is not None:
         return tuple(range(1, robot.model.njoints))
     return tuple(sorted(robot.model.subtrees[robot.model.getJointId(robot.joint_names[row])]))
+
+
+def touching(robot: Robot, moves: tuple[Move, ...]) -> tuple[tuple[int, ...], ...]:
+    """Indices of the moves that may change the torque of each joint; those of a passive joint may change all.
+
+    The bodies behind a joint are read from Pinocchio once a row and not once a move: that takes most of the time.
+    """
+    # What has a place of its own: a body by its index, or an active joint by its name.
+    placed = [isinstance(move.place, int) or move.place in robot.joint_names for move in moves]
+    out = []
+    for row, own in enumerate(robot.joint_names):
+        here = {*bodies_on(robot, row), own}
+        out.append(tuple(k for k, move in enumerate(moves) if move.place in here or not placed[k]))
+    return tuple(out)
 
 
 def moves_of(robot: Robot) -> tuple[Move, ...]:
@@ -120,7 +128,8 @@ def move_columns(
     """
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
     rows: list[list[Array]] = [[] for _ in range(robot.nv)]
-    for move in moves:
+    touched = touching(robot, moves)
+    for index, move in enumerate(moves):
         if isinstance(move.place, int):
             change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
         elif move.place is None:
@@ -136,7 +145,7 @@ def move_columns(
                 column = band(signature.columns[:, k, 0])
                 change[row] = value * (narrow(column) if effect.uses_acceleration else column)
         for j in range(robot.nv):
-            if move.touches(robot, j):
+            if index in touched[j]:
                 rows[j].append(change[j])
     return rows
 

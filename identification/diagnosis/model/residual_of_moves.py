@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Log
-from identification.diagnosis.model.nuisances import Move
+from identification.diagnosis.model.nuisances import Move, touching
 from identification.diagnosis.numerics.bounded import solve
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
@@ -26,20 +26,20 @@ def residual_of_moves(
     Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
     """
     rows = range(residual[0].shape[1])
-    touching = [[k for k, move in enumerate(moves) if move.touches(robot, j)] for j in rows]
+    touched = [list(mine) for mine in touching(robot, moves)]
     a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
     b = np.zeros(len(moves))
     for j in rows:
         x = np.concatenate(
-            [np.column_stack(log[j][: len(touching[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
+            [np.column_stack(log[j][: len(touched[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
         )
         y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
         weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
-        a[np.ix_(touching[j], touching[j])] += weight * x.T @ x
-        b[touching[j]] += weight * x.T @ y
+        a[np.ix_(touched[j], touched[j])] += weight * x.T @ x
+        b[touched[j]] += weight * x.T @ y
     move = solve(a, b)
     return tuple(
-        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touching[j])]) @ move[touching[j]] for j in rows])
+        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touched[j])]) @ move[touched[j]] for j in rows])
         for log, r in zip(columns, residual, strict=True)
     )
 
