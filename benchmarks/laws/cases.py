@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, sosfiltfilt
 
-from benchmarks.laws.equations import LAWS, Law, State
+from benchmarks.laws.equations import DYNAMIC, LAWS, Law, State
 
 Array = np.ndarray
 
@@ -138,8 +138,14 @@ def _kind(name: str) -> str:
     return "rotor" if name[0] == "r" else "friction" if name[0] in "df" else "inertia"
 
 
-def _beyond(robot: Robot, given: dict[str, float], motion: tuple[Array, ...], torque: Array) -> Array:
-    """What is left of a torque when the model moves within two tolerances as well as it can."""
+def _beyond(
+    robot: Robot, given: dict[str, float], motion: tuple[Array, ...], torque: Array, *, dynamic: bool = False
+) -> Array:
+    """What is left of a torque when the model moves within two tolerances as well as it can.
+
+    Of a dynamic law what any offset, spring, damping, friction and inertia of a joint explains is taken off too: they
+    are effects of the catalogue, and what memory adds to them is what the law is about.
+    """
     base = _drive(robot, given, *motion)[0]
     names = [name for name in given if name[0] != "l"]
     moves = []
@@ -147,7 +153,13 @@ def _beyond(robot: Robot, given: dict[str, float], motion: tuple[Array, ...], to
         size = TOLERANCE[_kind(name)]
         moved = _drive(robot, {**given, name: given[name] * (1 + size)}, *motion)[0] - base
         moves.append(_low(moved).ravel())
-    found = lsq_linear(np.column_stack(moves), _low(torque).ravel(), (-2.0, 2.0))
+    bound = np.full(len(moves), 2.0)
+    if dynamic:
+        q, v, a = motion
+        for x in (np.ones_like(q), q, v, a, np.sign(v)):
+            moves += [_low(np.where(np.arange(q.shape[1]) == k, x, 0.0)).ravel() for k in range(q.shape[1])]
+        bound = np.concatenate([bound, np.full(len(moves) - len(bound), np.inf)])
+    found = lsq_linear(np.column_stack(moves), _low(torque).ravel(), (-bound, bound))
     return (_low(torque).ravel() - np.column_stack(moves) @ found.x).reshape(torque.shape)
 
 
@@ -155,15 +167,17 @@ def _low(x: Array) -> Array:
     return sosfiltfilt(butter(4, BAND_HZ, fs=RATE, output="sos"), x, axis=0)
 
 
-def make(seed: int, folder: Path, *, null: bool = False) -> Case:
+def make(seed: int, folder: Path, *, null: bool = False, dynamic: bool = False) -> Case:
     """Write the files of a case.
 
     Args:
         seed: The law takes turns with it, all else is drawn.
         folder: Where to.
         null: True for a recording without a law.
+        dynamic: True for a law whose answer changes with the frequency.
     """
-    rng = np.random.default_rng([seed, 7 if null else 5])
+    rng = np.random.default_rng([seed, 7 if null else 9 if dynamic else 5])
+    laws = DYNAMIC if dynamic else LAWS
     robot = ROBOTS[int(rng.integers(len(ROBOTS)))]
     nv = len(robot.joints)
     given = robot.draw(rng)
@@ -181,17 +195,17 @@ def make(seed: int, folder: Path, *, null: bool = False) -> Case:
     need, link = _drive(robot, true, q, v, a)
     noise = scale * rng.uniform(0.01, 0.02) * (rng.normal(size=q.shape) + 2.0 * _low(rng.normal(size=q.shape)))
     floor = np.sqrt(np.mean(_low(noise) ** 2, axis=0))
-    name = "null" if null else tuple(LAWS)[seed % len(LAWS)]
+    name = "null" if null else tuple(laws)[seed % len(laws)]
     j, law, gap, torque = int(rng.integers(nv)), None, 0.0, np.zeros_like(q)
     if not null:
-        law = LAWS[name](State(t, q, v, need, link, j, robot.joints), rng)
+        law = laws[name](State(t, q, v, need, link, j, robot.joints), rng)
         unit = np.zeros_like(q)
         unit[:, j] = law.parts.sum(axis=1)
         gap = float(np.exp(rng.uniform(np.log(2.5), np.log(25.0))))
-        size = gap * floor[j] / np.sqrt(np.mean(_beyond(robot, given, (q, v, a), unit)[:, j] ** 2))
+        size = gap * floor[j] / np.sqrt(np.mean(_beyond(robot, given, (q, v, a), unit, dynamic=dynamic)[:, j] ** 2))
         law = Law(size * law.parts, law.required, law.allowed, law.temperature)
         torque[:, j] = law.parts.sum(axis=1)
-        gap = float(np.sqrt(np.mean(_beyond(robot, given, (q, v, a), torque)[:, j] ** 2)) / floor[j])
+        gap = float(np.sqrt(np.mean(_beyond(robot, given, (q, v, a), torque, dynamic=dynamic)[:, j] ** 2)) / floor[j])
     step = 2 * np.pi / 2**17 * (0.3 if robot.linear else 1.0)
     reading = np.round(q / step) * step
     columns = {"t": t}

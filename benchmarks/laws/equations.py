@@ -40,7 +40,11 @@ class State:
         return float(self.t[1] - self.t[0])
 
     def name(self, kind: str) -> str:
-        return kind if kind == "t" else f"{kind}.{self.names[self.j]}"
+        """Of an input of the joint; ``freq(v)`` is that its answer to ``v`` changes with the frequency."""
+        own = self.names[self.j]
+        if kind.startswith("freq("):
+            return f"{kind[:-1]}.{own})"
+        return kind if kind == "t" else f"{kind}.{own}"
 
 
 @dataclass(frozen=True)
@@ -209,6 +213,68 @@ def friction_by_direction_and_position(state: State, rng: np.random.Generator) -
     return _law(state, [forwards, backwards], "q v|dx", "dx v")
 
 
+def _first_order(x: Array, dt: float, corner_hz: float) -> Array:
+    """``y' = 2 pi f (x - y)`` with the input linear over each step, at rest at the start."""
+    y, wt = np.full(len(x), x[0]), 2.0 * np.pi * corner_hz * dt
+    keep = np.exp(-wt)
+    before, now = (1.0 - keep) / wt - keep, 1.0 - (1.0 - keep) / wt
+    for k in range(1, len(x)):
+        y[k] = keep * y[k - 1] + before * x[k - 1] + now * x[k]
+    return y
+
+
+def _second_order(x: Array, dt: float, hz: float, damping: float) -> Array:
+    """``y'' + 2 d w y' + w^2 y = w^2 x``, integrated in steps of a tenth of the samples (semi-implicit Euler)."""
+    w, fine = 2.0 * np.pi * hz, 10
+    y, rate, out = x[0], 0.0, np.full(len(x), x[0])
+    for k in range(1, len(x)):
+        for part in range(fine):
+            now = x[k - 1] + (x[k] - x[k - 1]) * (part + 1) / fine
+            rate += dt / fine * (w * w * (now - y) - 2.0 * damping * w * rate)
+            y += dt / fine * rate
+        out[k] = y
+    return out
+
+
+def _dynamic(state: State, part: Array, *, of_torque: bool) -> Law:
+    """A law that answers the motion or the torque, with the inputs that say the same.
+
+    The answer to a position is one to its velocity, with another gain and phase; ``tl`` and ``tau`` differ by friction,
+    whose steps come late with the torque and depend on ``v`` or ``dx``. On a linear axis all torque but friction is
+    acceleration and weight, so that motion and torque say the same.
+    """
+    motion, load = "freq(q)|freq(v)|freq(a)", "freq(tl)|freq(tau)"
+    a = np.gradient(state.v[:, state.j], state.dt)
+    same = abs(np.corrcoef(a, state.link[:, state.j])[0, 1]) > 0.99
+    required = f"{motion}|{load}" if same else load if of_torque else motion
+    return _law(state, [part], required, "v dx" if of_torque else "")
+
+
+def viscoelastic_hose(state: State, rng: np.random.Generator) -> Law:
+    """A hose that creeps: a spring and a damper in series (Maxwell), stiff when it is moved fast, soft when slowly."""
+    pull = _first_order(state.v[:, state.j], state.dt, np.exp(rng.uniform(np.log(0.15), np.log(1.5))))
+    return _dynamic(state, pull, of_torque=False)
+
+
+def elastic_appendage(state: State, rng: np.random.Generator) -> Law:
+    """A tool, a load or a liquid on a spring, with a resonance: its reaction to the acceleration of the joint."""
+    a = np.gradient(state.v[:, state.j], state.dt)
+    return _dynamic(state, _second_order(a, state.dt, rng.uniform(0.7, 2.5), rng.uniform(0.05, 0.3)), of_torque=False)
+
+
+def filtered_torque(state: State, rng: np.random.Generator) -> Law:
+    """A torque that was filtered in the drive or the sensor with a low corner: what the filter takes off."""
+    need = state.need[:, state.j]
+    return _dynamic(state, _first_order(need, state.dt, rng.uniform(1.0, 4.0)) - need, of_torque=True)
+
+
+def late_torque(state: State, rng: np.random.Generator) -> Law:
+    """A torque that comes late, by a bus or a buffer that no time stamp shows."""
+    need = state.need[:, state.j]
+    late = np.interp(state.t - rng.uniform(0.02, 0.1), state.t, need)
+    return _dynamic(state, late - need, of_torque=True)
+
+
 LAWS: dict[str, Callable[[State, np.random.Generator], Law]] = {
     law.__name__: law
     for law in (
@@ -226,4 +292,10 @@ LAWS: dict[str, Callable[[State, np.random.Generator], Law]] = {
         maxwell_slip,
         friction_by_direction_and_position,
     )
+}
+
+# Linear, but dynamic: gain and phase change with the frequency. They have turns of their own, so that the seeds of the
+# others keep their cases.
+DYNAMIC: dict[str, Callable[[State, np.random.Generator], Law]] = {
+    law.__name__: law for law in (viscoelastic_hose, elastic_appendage, filtered_torque, late_torque)
 }

@@ -157,13 +157,15 @@ def _seeds(text: str) -> range:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=_seeds, default=range(0), help="seeds, as 0:20")
+    parser.add_argument("--dynamic", type=_seeds, default=range(0), help="seeds of laws that change with the frequency")
     parser.add_argument("--nulls", type=_seeds, default=range(0), help="seeds, as 0:20")
     chosen = parser.parse_args()
     answers: list[Answer] = []
-    for null, seeds in ((False, chosen.laws), (True, chosen.nulls)):
+    for kind, seeds in (("", chosen.laws), ("dynamic", chosen.dynamic), ("null", chosen.nulls)):
         for seed in seeds:
             with tempfile.TemporaryDirectory() as folder:
-                answers.append(answer_of(make(seed, Path(folder), null=null)))
+                case = make(seed, Path(folder), null=kind == "null", dynamic=kind == "dynamic")
+                answers.append(answer_of(case))
             print(_line(seed, answers[-1]), flush=True)
     print("\n".join(_summary(answers)))
 

@@ -7,6 +7,21 @@ from dataclasses import dataclass, field
 Pair = tuple[float, float]
 
 
+def frequency_of(name: str) -> str:
+    """Name of the frequency as an input: the answer to an input has a gain and a phase that change with it."""
+    return f"freq({name})"
+
+
+def is_frequency(name: str) -> bool:
+    """True for the name of a frequency."""
+    return name.startswith("freq(") and name.endswith(")")
+
+
+def base_of(name: str) -> str:
+    """The input whose frequency a name says; any other name as it is."""
+    return name[len("freq(") : -1] if is_frequency(name) else name
+
+
 @dataclass(frozen=True)
 class Law:
     """The shortest formula that predicts what is left on one joint: the contract's ``unexplained.law``.
@@ -66,6 +81,31 @@ class InputCurve:
 
 
 @dataclass(frozen=True)
+class FrequencyAnswer:
+    """Torque on the joint that answers an input with a gain and a phase that change with the frequency.
+
+    Each with a 95 % band from block bootstrap, where the input has power.
+
+    Attributes:
+        input: Name of the frequency, as ``freq(v.j2)``.
+        unit: Of the gain; of a torque over a torque empty.
+        hz: Frequencies.
+        gain, gain_low, gain_high: Amplitude of the torque over that of the input.
+        phase, phase_low, phase_high: By which the torque is ahead of the input [deg].
+    """
+
+    input: str
+    unit: str
+    hz: tuple[float, ...]
+    gain: tuple[float, ...]
+    gain_low: tuple[float, ...]
+    gain_high: tuple[float, ...]
+    phase: tuple[float, ...]
+    phase_low: tuple[float, ...]
+    phase_high: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class LawTerm:
     """One term of a formula.
 
@@ -111,6 +151,7 @@ class ResidualModel:
         rest_closed: Share of the rest's squares that it foresees on held-out blocks.
         lawful: True if the law is in it; False for a sum of terms that fits without being one.
         slow: Speed below which the direction of motion is rounded off.
+        bands: Lowest and highest frequency at which each answer with memory is known [Hz].
     """
 
     joint: str
@@ -121,6 +162,7 @@ class ResidualModel:
     rest_closed: float
     lawful: bool
     slow: float
+    bands: dict[str, Pair] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -132,6 +174,7 @@ class Dependence:
         inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
         gains: Of inputs and pairs, the largest first.
         curves: Of the named inputs.
+        answers: Of the frequencies among the named inputs.
         terms: Of the law, empty without one.
         same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
         rest_closed: Share of the rest's squares that the choice foresees on held-out blocks, the model moved within its
@@ -149,4 +192,5 @@ class Dependence:
     same_terms: float = 0.0
     rest_closed: float = 0.0
     blocks: int = 0
+    answers: tuple[FrequencyAnswer, ...] = ()
     model: ResidualModel | None = field(default=None, compare=False)

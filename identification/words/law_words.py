@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.diagnosis.rest_law import Dependence, Law
+from identification.diagnosis.rest_law import Dependence, Law, base_of, is_frequency
 from identification.diagnosis.result import Unexplained
 from identification.words.diagnosis_words import joined, place, share_words
 from identification.words.numbers_and_names import number, percent
@@ -19,7 +19,9 @@ _KINDS = {
 
 
 def input_words(name: str, joint: str) -> str:
-    """``the velocity``, of another joint ``the velocity of j2``."""
+    """``the velocity``, of another joint ``the velocity of j2``; ``the frequency of the velocity``."""
+    if is_frequency(name):
+        return f"the frequency of {input_words(base_of(name), joint)}"
     kind, _, of = name.partition(".")
     if kind == "t":
         return "time"
@@ -51,6 +53,12 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
             f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
         ]
     out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
+    answered = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
+    if answered:
+        out.append(
+            f"To {joined(answered)} it answers with a gain and a phase that change with the frequency: no function of "
+            "the present value makes that."
+        )
     if law is None:
         out.append(
             "No short formula is shown: where stretches of the recording are drawn again and again, the terms that fit "
@@ -65,7 +73,10 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
     out.append(f"Of draws of these stretches, {percent(found.same_terms)} give a formula with terms of the same kinds.")
     if law.like:
         out.append(f"It looks most like {law.like}.")
-    ranges = [f"{name} from {number(low)} to {number(high)}" for name, (low, high) in law.valid.items()]
+    ranges = [
+        f"{name} from {number(low)} to {number(high)}" + (" Hz" if is_frequency(name) else "")
+        for name, (low, high) in law.valid.items()
+    ]
     if ranges:
         out.append(f"It is known to hold only where there was data: {joined(ranges)}.")
     return out

@@ -26,7 +26,7 @@ from identification.diagnosis.law.formula_search import (
 from identification.diagnosis.law.literature import looks_like
 from identification.diagnosis.law.model_to_use import model_of
 from identification.diagnosis.law.rest import Rest, rest_of
-from identification.diagnosis.law.smooth import input_curves, input_gains
+from identification.diagnosis.law.smooth import frequency_answers, input_curves, input_gains
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
 from identification.diagnosis.result import JointGap, Judgement
 from phantom_dyn.random_streams import random_stream
@@ -62,25 +62,33 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
         rest: What is left on one joint.
         joints: Gap of every joint of the robot.
     """
-    columns = columns_of(rest)
+    bare = rest
+    columns = columns_of(rest, memory=False)
     before = without_law(rest, columns)
     rest, columns = settled(rest, columns)
-    choice = search_formula(rest, columns, before)
     gains = input_gains(rest)
+    if gains.frequency is not None:
+        # Answers with memory mimic much that has none, so that they come in only where nothing else does it.
+        rest, columns = settled(bare, columns_of(bare))
+    choice = search_formula(rest, columns, before)
     judged = _judged(rest)
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
-    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _LEAST
+    # A formula that only mimics an answer with memory is none.
+    mimics = gains.clearly_less(choice.held_out)
+    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _LEAST and not mimics
     terms, law = (), None
     if stable:
         terms = _terms(rest, columns, choice)
         law = _law(rest, choice, terms, joints)
-    inputs = law.inputs if law is not None else _voted(rest, choice, gains)
+    inputs = law.inputs if law is not None else (gains.frequency,) if mimics and gains.frequency else ()
+    inputs = inputs or _voted(rest, choice, gains.told)
     dependence = Dependence(
         joint=rest.joint,
         unit=rest.unit,
         inputs=inputs,
-        gains=gains,
+        gains=gains.told,
         curves=input_curves(rest, inputs),
+        answers=frequency_answers(rest, inputs),
         terms=terms,
         same_terms=choice.same if stable else 0.0,
         rest_closed=closed if stable else 0.0,
@@ -98,7 +106,7 @@ def _judged(rest: Rest) -> Array:
 
 def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
     """Inputs that most replicates choose; where nothing is beyond chance, those of the best smooth function that is."""
-    voted = tuple(name for name in rest.inputs if choice.input_votes.get(name, 0.0) > _MOSTLY)
+    voted = rest.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
         return voted
     best = next((one for one in gains if one.gain > one.chance and one.interval[0] > 0.0), None)
@@ -143,7 +151,7 @@ def _fitted(columns: Columns, counts: Float[Array, " B"], at: list[int]) -> Floa
 def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
     library = choice.columns.library
     named = frozenset().union(*(library[k].inputs for k in choice.chosen))
-    inputs = tuple(name for name in rest.inputs if name in named)
+    inputs = rest.named(named)
     first = {library[k].texts[0]: library[k].kind for k in choice.chosen}
     told = {first[term.term]: term.coefficient for term in terms if term.term in first}
     closed, interval = _share_of_gap(rest, choice, joints)

@@ -82,9 +82,9 @@ class Choice:
     input_votes: dict[str, float]
 
 
-def columns_of(rest: Rest) -> Columns:
-    """The library's columns on a rest and their products."""
-    terms = library(rest)
+def columns_of(rest: Rest, *, memory: bool = True) -> Columns:
+    """The library's columns on a rest and their products, with or without linear answers that have memory."""
+    terms = library(rest, memory=memory)
     parts = []
     for log in rest.logs:
         series = [column for term in terms for column in term.columns]

@@ -9,6 +9,12 @@ _LIKE: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
     ("voltage sag", "voltage sag under load"),
     ("ripple that grows with torque", "torque ripple that grows with torque"),
+    ("resonance", "a part on a spring that the model takes for rigid: a tool, a load or a liquid, with its resonance"),
+    (
+        "first-order answer to the velocity",
+        "a hose, cable or belt that creeps: a spring in series with a damper (Maxwell)",
+    ),
+    ("late answer to the torque", "a torque that was filtered or comes late"),
     ("friction with memory", "friction with memory (Dahl, LuGre, generalised Maxwell slip)"),
     ("friction that changes with time", "friction that changes with time, as it does while a drive warms up"),
     ("damping that changes with time", "friction that changes with time, as it does while a drive warms up"),

@@ -15,7 +15,7 @@ from identification.diagnosis.law.formula_search import Choice, Columns, best_si
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.law.selection import Free, extended
 from identification.diagnosis.law.terms import supply_loads
-from identification.diagnosis.rest_law import ModelTerm, ResidualModel
+from identification.diagnosis.rest_law import ModelTerm, ResidualModel, is_frequency
 
 Array = np.ndarray
 
@@ -53,12 +53,15 @@ def model_of(rest: Rest, columns: Columns, choice: Choice, *, lawful: bool) -> R
         term = plain.library[k]
         texts |= dict(zip((int(plain.terms.first[k]), int(plain.terms.second[k])), term.texts, strict=False))
     inputs = frozenset().union(*(plain.library[k].inputs for k in path[size]))
-    needed = tuple(name for name in rest.inputs if name in inputs)
     terms, states = residual_terms(rest, list(zip((texts[column] for column in at), theta.tolist(), strict=True)))
     speed = f"v.{rest.joint}"
     fast = float(np.percentile(np.abs(rest.series(speed)), 90)) if speed in rest.inputs else 1.0
-    ranges = rest.ranges(tuple(_measured(rest, name) for name in needed))
-    return ResidualModel(rest.joint, rest.unit, terms, states, ranges, closed, lawful, _SLOW * fast)
+    needed = [_measured(rest, name) for name in rest.named(inputs) if not is_frequency(name)]
+    # What a filter takes in is in its expression.
+    needed += [name for name in rest.inputs if name not in needed and any(repr(name) in state for state in states)]
+    bands = rest.ranges(tuple(name for name in rest.named(inputs) if is_frequency(name)))
+    ranges = rest.ranges(tuple(needed))
+    return ResidualModel(rest.joint, rest.unit, terms, states, ranges, closed, lawful, _SLOW * fast, bands)
 
 
 def residual_terms(rest: Rest, terms: list[tuple[str, float]]) -> tuple[tuple[ModelTerm, ...], tuple[str, ...]]:
@@ -90,6 +93,13 @@ def _code(rest: Rest, text: str, states: list[str]) -> str:
         for found in re.findall(rf"{name}\(dx/({_NUMBER})\)", text):
             state = f"{factory}({f'q.{rest.joint}'!r}, {found})"
             text = text.replace(f"{name}(dx/{found})", _state(states, state))
+    filters = (("low", "Low", "Hz"), ("late", "Late", "s"), ("resonator", "Resonator", "Hz"),
+               ("resonator_rate", "ResonatorRate", "Hz"))  # fmt: skip
+    for name, factory, unit in filters:
+        for found in re.findall(rf"\b{name}\(([a-z]+, {_NUMBER} {unit}(?:, {_NUMBER})?)\)", text):
+            of, *numbers = found.replace(f" {unit}", "").split(", ")
+            state = f"{factory}({f'{of}.{rest.joint}'!r}, {', '.join(numbers)})"
+            text = text.replace(f"{name}({found})", _state(states, state))
     for lag, mean in re.findall(rf"load\(({_NUMBER}) s, ({_NUMBER})\)", text):
         state = f"Load({supply_loads(rest.inputs, rest.joint)!r}, {lag}, {mean})"
         text = text.replace(f"load({lag} s, {mean})", _state(states, state))

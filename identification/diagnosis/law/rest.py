@@ -15,6 +15,7 @@ from identification.diagnosis.fit.gap import held_out_torque, residual_after, sa
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.diagnosis.model.blocks import Block
+from identification.diagnosis.rest_law import base_of, frequency_of, is_frequency
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
@@ -24,6 +25,7 @@ Array = np.ndarray
 _PER_PERIOD = 5.0  # samples a period of the judged band's edge: more say the same again
 _MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and say little more
 _OTHERS = 5  # other joints of the branch that are looked at, the nearest
+_MOST_POWER = 0.98  # of an input, in the frequencies at which its answer is known
 _TWINS = 0.99  # correlation from which the drive's torque says no more than what it passes on
 
 
@@ -108,15 +110,39 @@ class Rest:
         return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
 
     def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of some inputs where samples count."""
+        """Smallest and largest value of some inputs where samples count; of a frequency where the input has power."""
         used = self.weight > 0
-        series = {name: self.series(name)[used] for name in names}
-        return {name: (float(values.min()), float(values.max())) for name, values in series.items()}
+        out = {}
+        for name in names:
+            values = self.frequencies(base_of(name)) if is_frequency(name) else self.series(name)[used]
+            out[name] = (float(values.min()), float(values.max()))
+        return out
+
+    def frequencies(self, name: str) -> Float[Array, " 2"]:
+        """Lowest and highest frequency at which an input has power, in the longest recording [Hz]."""
+        log = max(self.logs, key=lambda one: len(one.t))
+        power = np.abs(np.fft.rfft(log.inputs[name] - log.inputs[name].mean())) ** 2
+        hz = np.fft.rfftfreq(len(log.t), float(log.t[1] - log.t[0]))
+        power[hz > log.cutoff_hz] = 0.0
+        share = np.cumsum(power) / max(power.sum(), 1e-300)
+        ends = np.searchsorted(share, [0.5 - 0.5 * _MOST_POWER, 0.5 + 0.5 * _MOST_POWER])
+        return hz[np.minimum(ends, len(hz) - 1)]
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of all inputs."""
         return tuple(self.logs[0].inputs)
+
+    @property
+    def answered(self) -> tuple[str, ...]:
+        """Inputs whose answer may change with the frequency: of the joint's motion the velocity stands for all."""
+        own = [f"{kind}.{self.joint}" for kind in ("v", "tl", "tau")]
+        return tuple(name for name in own if name in self.inputs)
+
+    def named(self, names: frozenset[str] | set[str]) -> tuple[str, ...]:
+        """Some inputs and frequencies in the order of the inputs, each frequency behind its input."""
+        both = (one for name in self.inputs for one in (name, frequency_of(name)))
+        return tuple(name for name in both if name in names)
 
 
 def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:

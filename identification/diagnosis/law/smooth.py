@@ -2,7 +2,8 @@
 
 A function is a table with linear interpolation between its places (hat functions, for two inputs their products),
 fitted by ridge regression beside what may move. Chance is measured with the blocks of the rest in another order, so
-that each keeps its own colour, and time, which foresees every slow drift, has no better chance than it deserves.
+that each keeps its own colour, and time, which foresees every slow drift, has no better chance than it deserves. A
+frequency is an input whose function is an answer with memory (`frequency`).
 """
 
 from __future__ import annotations
@@ -14,9 +15,18 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis.law.frequency import answer_columns, complex_gains, linear_columns
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.numerics.bounded import solve
-from identification.diagnosis.rest_law import InputCurve, InputGain
+from identification.diagnosis.rest_law import (
+    FrequencyAnswer,
+    InputCurve,
+    InputGain,
+    Pair,
+    base_of,
+    frequency_of,
+    is_frequency,
+)
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
@@ -28,6 +38,7 @@ _CHANCE = 0.95  # quantile over them of the largest gain
 _REPLICATES = 200
 _PAIRS = 6  # that are told
 _CURVE = 25  # places of a curve
+_CLEARLY = 0.03  # of the squares of the rest that an answer with memory has to foresee beyond everything without
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
 
 
@@ -52,8 +63,30 @@ class _Samples:
     prior: Float[Array, "F D"]
 
 
-def input_gains(rest: Rest) -> tuple[InputGain, ...]:
-    """Held-out gain of every input and of the best pairs, the largest first."""
+@dataclass(frozen=True)
+class Gains:
+    """Held-out gains of inputs and pairs.
+
+    Attributes:
+        told: What is said of them, the largest first.
+        frequency: Name of the frequency that foresees the rest clearly better than every function without memory, None
+            where there is none.
+        left: Squares that its answer leaves of each block, ``(B,)``; without one, nothing is known and it is infinite.
+        judged: Blocks that count.
+    """
+
+    told: tuple[InputGain, ...]
+    frequency: str | None
+    left: Float[Array, " B"]
+    judged: Array
+
+    def clearly_less(self, other: Float[Array, " B"]) -> bool:
+        """True if the answer leaves clearly less than another fit leaves of each block."""
+        return self.frequency is not None and _clearly(other - self.left, self.judged, other.sum())
+
+
+def input_gains(rest: Rest) -> Gains:
+    """Held-out gain of every input, of the best pairs and of the frequency of motion and torque."""
     used = rest.weight > 0
     samples = _samples(rest, used)
     tables = {name: _table(rest, name)[used] * samples.root[:, None] for name in rest.inputs}
@@ -66,23 +99,48 @@ def input_gains(rest: Rest) -> tuple[InputGain, ...]:
             x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
         return plain - _losses(samples, x, rest)
 
+    def answered(x: Array) -> Array:
+        x = x[used] * samples.root[:, None]
+        return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), rest)
+
     single = {(name,): gains((name,)) for name in rest.inputs}
     pairs = {names: gains(names) for names in combinations(rest.inputs, 2)}
+    dynamic = {(frequency_of(name),): answered(answer_columns(rest, name)) for name in rest.answered}
+    every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
-    by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in (*single.values(), *pairs.values())], axis=0)
+    by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
-    rng = random_stream("blocks of the gain of an input")
     judged = np.flatnonzero(rest.folds < 0) if (rest.folds < 0).any() else np.arange(len(rest.folds))
+    told = []
+    for names, gain in (*single.items(), *((names, pairs[names]) for names in best), *dynamic.items()):
+        share, interval = _shares(gain[:, 0], plain[:, 0], judged)
+        told.append(InputGain(names, share, interval, chance))
+    told.sort(key=lambda one: -one.gain)
+    first = next((one for one in told if one.inputs in dynamic), None)
+    frequency, left = None, np.full(len(rest.folds), np.inf)
+    if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
+        own = dynamic[first.inputs][:, 0]
+        still = [*single.values(), *pairs.values(), answered(linear_columns(rest))]
+        best_still = max((gain[:, 0] for gain in still), key=lambda gain: gain[judged].sum())
+        if _clearly(own - best_still, judged, plain[judged, 0].sum()):
+            frequency, left = first.inputs[0], plain[:, 0] - own
+    return Gains(tuple(told), frequency, left, judged)
+
+
+def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
+    """True if what each block gains is a good part of the whole, and surely so."""
+    share, interval = _shares(more, np.full(len(more), whole / len(judged)), judged)
+    return share > _CLEARLY and interval[0] > 0.0
+
+
+def _shares(own: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
+    """Share of the whole over some blocks, with its interval by block bootstrap."""
+    rng = random_stream("blocks of the gain of an input")
     draws = rng.choice(judged, (_REPLICATES, len(judged)))
-    out = []
-    for names, gain in (*single.items(), *((names, pairs[names]) for names in best)):
-        own, whole = gain[:, 0], plain[:, 0]
-        shares = own[draws].sum(axis=1) / np.maximum(whole[draws].sum(axis=1), 1e-300)
-        low, high = np.quantile(shares, [0.025, 0.975])
-        share = own[judged].sum() / max(whole[judged].sum(), 1e-300)
-        out.append(InputGain(names, float(share), (float(low), float(high)), chance))
-    return tuple(sorted(out, key=lambda one: -one.gain))
+    shares = own[draws].sum(axis=1) / np.maximum(whole[draws].sum(axis=1), 1e-300)
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return float(own[judged].sum() / max(whole[judged].sum(), 1e-300)), (float(low), float(high))
 
 
 def _samples(rest: Rest, used: Array) -> _Samples:
@@ -164,13 +222,37 @@ def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
     both_ways = bool(own & set(inputs)) and f"v.{rest.joint}" in rest.inputs
     out: list[InputCurve] = []
     for name in inputs:
-        out += _curves_over(rest, name, by_direction=both_ways and name not in own)
+        if not is_frequency(name):
+            out += _curves_over(rest, name, by_direction=both_ways and name not in own)
     return tuple(out)
 
 
+def frequency_answers(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyAnswer, ...]:
+    """Gain and phase over the frequency for each frequency among some inputs, the model moved beside it."""
+    return tuple(_answer(rest, base_of(name)) for name in inputs if is_frequency(name))
+
+
+def _answer(rest: Rest, name: str) -> FrequencyAnswer:
+    columns = answer_columns(rest, name)
+    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
+    theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _PLACES)
+    low, high = rest.frequencies(name)
+    hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
+    # What acts on the joint is the opposite of what the drive has to give.
+    drawn = -(theta / size) @ complex_gains(rest, name, hz).T
+    gains = np.abs(drawn)
+    middle = np.degrees(np.unwrap(np.angle(drawn[0])))
+    # A turn more or less is the same phase: draws are counted from the fit.
+    away = np.degrees(np.angle(drawn[1:] / np.where(gains[0] > 0.0, drawn[0], 1.0)))
+    parts = (gains[0], *np.quantile(gains[1:], [0.025, 0.975], axis=0), middle,
+             *(middle + np.quantile(away, [0.025, 0.975], axis=0)))  # fmt: skip
+    per = _unit(rest, name)
+    unit = "" if per == rest.unit else f"{rest.unit}/({per})" if "/" in per else f"{rest.unit}/{per}"
+    return FrequencyAnswer(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
+
+
 def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurve]:
-    places, used = places_of(rest, name), rest.weight > 0
-    root = np.sqrt(rest.weight[used])
+    places = places_of(rest, name)
     parts = []
     for log in rest.logs:
         table = hats(log.inputs[name], places)
@@ -178,19 +260,7 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
             v = log.inputs[f"v.{rest.joint}"]
             table = np.column_stack([table * (v > 0)[:, None], table * (v <= 0)[:, None]])
         parts.append(np.column_stack([log.in_band(table), log.free]))
-    x, y, blocks = np.concatenate(parts)[used] * root[:, None], rest.y[used] * root, rest.blocks[used]
-    count = x.shape[1] - len(rest.right)
-    prior = np.zeros((x.shape[1], x.shape[1]))
-    prior[count:, count:] = rest.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(root @ root) / len(places)
-    pull = np.concatenate([np.zeros(count), rest.right])
-    seen = np.flatnonzero(rest.folds >= 0)
-    grams = np.array([x[blocks == b].T @ x[blocks == b] for b in seen])
-    rights = np.array([x[blocks == b].T @ y[blocks == b] for b in seen])
-    rng = random_stream("blocks of a curve")
-    draws = [np.ones(len(seen)), *(np.bincount(rng.choice(len(seen), len(seen)), minlength=len(seen))
-             for _ in range(_REPLICATES))]  # fmt: skip
-    theta = np.array([np.linalg.solve(np.tensordot(n, grams, 1) + prior, n @ rights + pull)[:count] for n in draws])
+    theta = _drawn(rest, np.concatenate(parts), len(places))
     at = np.sort(np.concatenate([np.linspace(places[0], places[-1], _CURVE), places]))
     weights = hats(at, places)
     unit = _unit(rest, name)
@@ -201,6 +271,31 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
         low, high = np.quantile(lines[1:], [0.025, 0.975], axis=0)
         out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
     return out
+
+
+def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array, "D k"]:
+    """Coefficients of columns before those that may move: of all blocks, then of draws of blocks by the bootstrap.
+
+    Args:
+        rest: What is left on the joint.
+        columns: At the kept samples, those that may move last.
+        places: Of how many the samples are shared, for the ridge.
+    """
+    used = rest.weight > 0
+    root = np.sqrt(rest.weight[used])
+    x, y, blocks = columns[used] * root[:, None], rest.y[used] * root, rest.blocks[used]
+    count = x.shape[1] - len(rest.right)
+    prior = np.zeros((x.shape[1], x.shape[1]))
+    prior[count:, count:] = rest.precision
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(root @ root) / places
+    pull = np.concatenate([np.zeros(count), rest.right])
+    seen = np.flatnonzero(rest.folds >= 0)
+    grams = np.array([x[blocks == b].T @ x[blocks == b] for b in seen])
+    rights = np.array([x[blocks == b].T @ y[blocks == b] for b in seen])
+    rng = random_stream("blocks of a curve")
+    draws = [np.ones(len(seen)), *(np.bincount(rng.choice(len(seen), len(seen)), minlength=len(seen))
+             for _ in range(_REPLICATES))]  # fmt: skip
+    return np.array([np.linalg.solve(np.tensordot(n, grams, 1) + prior, n @ rights + pull)[:count] for n in draws])
 
 
 def _unit(rest: Rest, name: str) -> str:

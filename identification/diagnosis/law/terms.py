@@ -13,7 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.law.histories import bristle, slip
+from identification.diagnosis.law.responses import delayed, resonator
 from identification.diagnosis.law.rest import Rest, RestLog
+from identification.diagnosis.rest_law import base_of, frequency_of
 from phantom_dyn.signals.recursive import lagging
 
 Array = np.ndarray
@@ -25,6 +27,12 @@ _TURNS = (*np.arange(0.5, 4.01, 0.25), *np.arange(4.5, 20.01, 0.5))  # periods w
 _FEW_TURNS = tuple(np.arange(0.5, 3.01, 0.25))
 _REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the travel
 _TIMES = (0.15, 0.35)  # of the recording's length
+_CORNERS = 8  # of a first-order answer, even in the logarithm
+_PEAKS = 8  # of a second-order one
+_DAMPINGS = (0.1, 0.3)
+_SLOWEST = 2.0  # periods of the lowest frequency within the recording
+_FASTEST = 0.6  # of the judged band
+_LATE = (0.1, 0.14, 0.2, 0.28, 0.4, 0.56, 0.8, 1.1)  # of the period of the judged band's edge
 _LAGS = (0.0, 0.03, 0.1, 0.3)  # s, of a supply
 
 
@@ -89,12 +97,14 @@ class _Joint:
         return Term(kind, self.names(*inputs.split()), (text,), per, (column,))
 
 
-def library(rest: Rest) -> tuple[Term, ...]:
-    """All terms that the recordings allow."""
+def library(rest: Rest, *, memory: bool = True) -> tuple[Term, ...]:
+    """All terms that the recordings allow, with or without linear answers that have memory."""
     at = _Joint(rest, rest.joint)
     out = [Term("offset", frozenset(), ("1",), "", (lambda log: np.ones(len(log.t)),))]
     if at.has("v") and at.has("q"):
         out += [*_friction(at), *_place(at), *_memory(at), *_drift(at)]
+        out += _dynamic_motion(at) if memory else ()
+    out += _dynamic_torque(at) if memory else ()
     if at.has("tl"):
         out += _load(at)
     if at.has("temp"):
@@ -102,7 +112,7 @@ def library(rest: Rest) -> tuple[Term, ...]:
     out += _supply(at)
     for other in rest.others:
         out += _other(at, _Joint(rest, other))
-    return tuple(term for term in out if all(name in rest.logs[0].inputs for name in term.inputs))
+    return tuple(term for term in out if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
 
 
 def _friction(at: _Joint) -> Iterator[Term]:
@@ -226,6 +236,60 @@ def _drift(at: _Joint) -> Iterator[Term]:
         yield Term("drift", at.names("t"), (f"sin({w:g}*t)", f"cos({w:g}*t)"), "", columns)
 
 
+def _frequencies(at: _Joint, count: int) -> list[float]:
+    """Between the lowest that the recordings hold and the edge of the judged band [Hz]."""
+    slowest = _SLOWEST / max(float(log.t[-1]) for log in at.rest.logs)
+    return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * at.rest.logs[0].cutoff_hz, count)]
+
+
+def _dynamic_motion(at: _Joint) -> Iterator[Term]:
+    """Answers to the motion that change with the frequency: a spring behind a damper, and a mass on a spring.
+
+    With the spring and the damping that need no memory these are the answers of first and second order to position and
+    acceleration too: what the acceleration makes a resonator do is what the velocity makes its rate do.
+    """
+    v = at.get("v")
+    for hz in _frequencies(at, _CORNERS):
+        yield Term(
+            "first-order answer to the velocity", frozenset({frequency_of(f"v.{at.joint}")}), (f"low(v, {hz:g} Hz)",),
+            at.speed, (lambda log, hz=hz: _behind(v(log), _step(log), 0.5 / (np.pi * hz)),),
+        )  # fmt: skip
+    for hz in _frequencies(at, _PEAKS):
+        for damping in _DAMPINGS:
+            inner = f"(v, {hz:g} Hz, {damping:g})"
+            texts = (f"resonator{inner}", f"resonator_rate{inner}")
+            yield Term(
+                "resonance", frozenset({frequency_of(f"v.{at.joint}")}), texts, at.speed,
+                tuple(
+                    lambda log, k=k, hz=hz, d=damping: resonator(v(log), _step(log), hz, d)[:, k] for k in range(2)
+                ),
+            )  # fmt: skip
+
+
+def _dynamic_torque(at: _Joint) -> Iterator[Term]:
+    """Torque behind a filter, or late: what these take off."""
+    kind = next((kind for kind in ("tl", "tau") if at.has(kind)), None)
+    if kind is None:
+        return
+    tl, unit = at.get(kind), at.rest.unit
+    named = frozenset({frequency_of(f"{kind}.{at.joint}")})
+    for hz in _frequencies(at, _CORNERS):
+        yield Term(
+            "late answer to the torque", named, (f"(low({kind}, {hz:g} Hz) - {kind})",), unit,
+            (lambda log, hz=hz: _behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
+        )  # fmt: skip
+    for share in _LATE:
+        late = rounded(share / at.rest.logs[0].cutoff_hz)
+        yield Term(
+            "late answer to the torque", named, (f"(late({kind}, {late:g} s) - {kind})",), unit,
+            (lambda log, late=late: delayed(tl(log), log.t, late) - tl(log),),
+        )  # fmt: skip
+
+
+def _step(log: RestLog) -> float:
+    return float(log.t[1] - log.t[0])
+
+
 def _load(at: _Joint) -> Iterator[Term]:
     tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
@@ -270,7 +334,7 @@ def _supply(at: _Joint) -> Iterator[Term]:
 
         def sag(log: RestLog, lag: float = lag) -> Array:
             total = np.sum([np.abs(log.inputs[name]) for name in loads], axis=0) / mean
-            return log.inputs[own] * (_behind(total, float(log.t[1] - log.t[0]), lag) - 1.0)
+            return log.inputs[own] * (_behind(total, _step(log), lag) - 1.0)
 
         text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
         yield Term("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from identification.csv_cells import text_cell
-from identification.diagnosis.rest_law import ResidualModel
+from identification.diagnosis.rest_law import ResidualModel, base_of
 from identification.diagnosis.result import Diagnosis
 from identification.words.numbers_and_names import number, percent
 from phantom_dyn import __version__
@@ -51,11 +51,17 @@ def _docstring(model: ResidualModel) -> str:
         if model.lawful
         else "It is a sum of terms with the smallest error on held-out data, no law: trust it within its data only."
     )
+    bands = "".join(
+        f"\nIts answer to {base_of(name)!a} has memory, from rest at the first call; it is known from "
+        f"{number(low)} to {number(high)} Hz."
+        for name, (low, high) in model.bands.items()
+    )
     ranges = "\n".join(f"    {name!a}: {number(low)} to {number(high)}" for name, (low, high) in model.valid.items())
     return f"""Torque on one joint that the corrected model lacks. Written by phantom-dyn {__version__}.
 
 {kind}
-It foresees {percent(model.rest_closed)} of the squares of what the corrected model leaves there, on held-out data.
+It foresees {percent(model.rest_closed)} of the squares of what the corrected model leaves there, on held-out data.\
+{bands}
 
     residual = Residual()
     torque = residual.torque({{"t": t, "q.<joint>": q, "v.<joint>": v, ...}})    # once a step
@@ -78,7 +84,8 @@ def loaded(code: str) -> dict[str, Any]:
 def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
     """The text of ``residual.csv``: the torque over one or two inputs, the others in the middle of their ranges.
 
-    Histories are at their ends, where a long motion in the direction of the velocity brings them; a load is the usual.
+    Histories are at their ends, where a long motion in the direction of the velocity brings them; a load is the usual,
+    and an answer with memory is what inputs that stay leave of it: the table has no frequency.
 
     Args:
         model: What is written.
@@ -100,7 +107,15 @@ def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
 
 def _ends(law: Mapping[str, Any], at: Mapping[str, float], speed: str) -> list[float]:
     direction = law["side"](at.get(speed, 0.0))
-    return [1.0 if isinstance(state, law["Load"]) else direction for state in law["states"]()]
+    ends: list[float] = []
+    for state in law["states"]():
+        if isinstance(state, law["ResonatorRate"]):
+            ends.append(0.0)
+        elif isinstance(state, law["Low"] | law["Late"] | law["Resonator"]):
+            ends.append(at[state.name])
+        else:
+            ends.append(1.0 if isinstance(state, law["Load"]) else direction)
+    return ends
 
 
 def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
@@ -125,7 +140,10 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 def residual_note(model: ResidualModel) -> str:
     """A sentence on the two files."""
     what = "the law, and what its absence has bent" if model.lawful else "a sum of terms that is no law"
-    return (
+    note = (
         f"residual.py holds the torque on joint {model.joint} that the corrected model lacks ({what}): it foresees "
         f"{percent(model.rest_closed)} of the squares of what is left there on held-out data."
     )
+    if model.bands:
+        note += " It answers with memory; residual.csv leaves the memory out and holds what inputs that stay lead to."
+    return note

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law
+from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, base_of
 from identification.diagnosis.result import Unexplained
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve, Ribbon
@@ -29,7 +29,7 @@ class LawView:
         terms: Text, coefficient, interval and unit of each term, and how often it is chosen.
         gains: Inputs, gain, interval and whether it is beyond chance.
         chance: What chance foresees.
-        figures: Curves over each named input.
+        figures: Curves over each named input; of a frequency its gain and phase.
     """
 
     joint: str
@@ -53,7 +53,10 @@ def law_view(left: Unexplained) -> LawView | None:
         terms=_terms(found, left.law),
         gains=[_gain(gain, found.joint) for gain in found.gains[:_ROWS]],
         chance=percent(max((gain.chance for gain in found.gains), default=0.0)),
-        figures=[Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)],
+        figures=[
+            *(Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)),
+            *(Markup(_answer_figure(found, answer)) for answer in found.answers),
+        ],
     )
 
 
@@ -93,6 +96,25 @@ def _figure(found: Dependence, name: str) -> str:
     words = input_words(name, found.joint)
     panel = Panel(label, tuple(lines), zero=True, ribbons=tuple(ribbons))
     return chart((panel,), f"{words} [{_unit(curves)}]", (5.7, 3.0), f"Torque on {found.joint} over {words}")
+
+
+def _answer_figure(found: Dependence, answer: FrequencyAnswer) -> str:
+    x = np.array(answer.hz)
+    gain = f"gain [{answer.unit}]" if answer.unit else "gain"
+    panels = [
+        Panel(
+            label,
+            (Curve(x, np.array(middle), BEFORE, 1.8, ""),),
+            ribbons=(Ribbon(x, np.array(low), np.array(high), BEFORE),),
+        )
+        for label, middle, low, high in (
+            (gain, answer.gain, answer.gain_low, answer.gain_high),
+            ("phase [deg]", answer.phase, answer.phase_low, answer.phase_high),
+        )
+    ]
+    words = input_words(base_of(answer.input), found.joint)
+    title = f"Answer of the torque on {found.joint} to {words} over the frequency"
+    return chart(tuple(panels), f"frequency of {words} [Hz]", (5.7, 4.6), title)
 
 
 def _unit(curves: list[InputCurve]) -> str:

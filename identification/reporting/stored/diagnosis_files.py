@@ -129,9 +129,8 @@ def _unexplained(unexplained: Unexplained) -> Json:
 
 def _dependence(found: Dependence) -> Json:
     """What a rest depends on, without the model that has a file of its own."""
-    out = {
-        name: _plain(value) for name, value in vars(found).items() if name not in ("gains", "curves", "terms", "model")
-    }
+    apart = ("gains", "curves", "answers", "terms", "model")
+    out = {name: _plain(value) for name, value in vars(found).items() if name not in apart}
     curves = [
         {"torque" if name == "middle" else name: _plain(part) for name, part in asdict(curve).items()}
         for curve in found.curves
@@ -139,6 +138,7 @@ def _dependence(found: Dependence) -> Json:
     return out | {
         "gains": [_plain(asdict(gain)) for gain in found.gains],
         "curves": curves,
+        "answers": [_plain(asdict(answer)) for answer in found.answers],
         "terms": [_plain(asdict(term)) for term in found.terms],
     }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law, LawTerm
+from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
@@ -171,6 +171,11 @@ def _dependence(found: Mapping[str, Any] | None) -> Dependence | None:
         )
         for one in found["curves"]
     ]
+    series = ("hz", "gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high")
+    answers = [
+        FrequencyAnswer(one["input"], one["unit"], *(tuple(_number(value) for value in one[name]) for name in series))
+        for one in found.get("answers", [])
+    ]
     terms = [
         LawTerm(one["term"], one["unit"], _number(one["coefficient"]), _pair(one["interval"]), _number(one["chosen"]))
         for one in found["terms"]
@@ -181,6 +186,7 @@ def _dependence(found: Mapping[str, Any] | None) -> Dependence | None:
         inputs=tuple(found["inputs"]),
         gains=tuple(gains),
         curves=tuple(curves),
+        answers=tuple(answers),
         terms=tuple(terms),
         same_terms=_number(found["same_terms"]),
         rest_closed=_number(found["rest_closed"]),

@@ -199,6 +199,20 @@ class InputCurvePart(_Part, frozen=True):
     high: list[Number | None]
 
 
+class FrequencyAnswerPart(_Part, frozen=True):
+    """Gain and phase of the torque over the frequency of an input."""
+
+    input: str
+    unit: str
+    hz: list[Number]
+    gain: list[Number | None]
+    gain_low: list[Number | None]
+    gain_high: list[Number | None]
+    phase: list[Number | None]
+    phase_low: list[Number | None]
+    phase_high: list[Number | None]
+
+
 class LawTermPart(_Part, frozen=True):
     """A term of a law."""
 
@@ -221,6 +235,7 @@ class DependencePart(_Part, frozen=True):
     gains: list[InputGainPart]
     curves: list[InputCurvePart]
     terms: list[LawTermPart]
+    answers: list[FrequencyAnswerPart] = []
 
 
 class UnexplainedPart(_Part, frozen=True):

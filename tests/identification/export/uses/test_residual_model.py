@@ -18,7 +18,8 @@ from identification.diagnosis.law.model_to_use import residual_terms
 from identification.diagnosis.law.terms import library
 from identification.diagnosis.rest_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained
-from identification.export.uses.residual_model import loaded, residual_code, residual_table
+from identification.export.uses.residual_model import loaded, residual_code, residual_note, residual_table
+from phantom_dyn.signals.recursive import lagging
 from rests import made_up_rest
 
 SPRING = ResidualModel(
@@ -74,6 +75,30 @@ def test_the_table_holds_the_torque_of_the_file(made_up):
     for row in rows[:: len(rows) // 20]:
         q, v = float(row["q.j1"]), float(row["v.j1"])
         assert float(row["torque"]) == pytest.approx(-2.0 * q - 0.5 * np.tanh(v / 0.01))
+
+
+def test_an_answer_with_memory_is_in_the_model_and_its_frequencies_in_the_text():
+    rest = made_up_rest(lambda x: 3.0 * lagging(x["v.j1"], 0.02, 0.4))
+    _, found = law_of(rest, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
+    code = residual_code(found.model)
+    log = rest.logs[0]
+    assert "Low('v.j1', " in code
+    assert "Its answer to 'v.j1' has memory" in code
+    along = loaded(code)["Residual"]().along(log.inputs)
+    np.testing.assert_allclose(along[50:], -3.0 * lagging(log.inputs["v.j1"], 0.02, 0.4)[50:], atol=0.4)
+
+
+def test_the_table_says_that_it_has_no_memory(made_up):
+    model = replace(
+        SPRING, terms=(ModelTerm("low(v, 1 Hz)", "s[0]", -2.0),), states=("Low('v.j1', 1.0)",),
+        valid={"v.j1": (-2.0, 2.0)}, bands={"freq(v.j1)": (0.1, 1.0)},
+    )  # fmt: skip
+    found = Dependence("j1", "N m", ("freq(v.j1)",), (), (), model=model)
+    diagnosis = replace(made_up(), unexplained=Unexplained(0.4, True, "j1", None, dependence=found))
+    for row in csv.DictReader(io.StringIO(residual_table(model, diagnosis))):
+        assert float(row["torque"]) == pytest.approx(-2.0 * float(row["v.j1"]))
+    assert "residual.csv leaves the memory out" in residual_note(model)
+    assert "memory" not in residual_note(SPRING)
 
 
 def test_the_law_is_in_the_model_to_use():

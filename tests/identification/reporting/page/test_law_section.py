@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law, LawTerm
+from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import Unexplained
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
@@ -83,3 +83,51 @@ def test_what_was_written_is_read_back(lawful, tmp_path):
 
 def test_without_a_look_there_is_no_dependence_in_the_file(made_up):
     assert "dependence" not in json.loads(json_text(made_up()))["unexplained"]
+
+
+ANSWER = FrequencyAnswer(
+    "freq(v.j2)",
+    "N m/(rad/s)",
+    (0.1, 1.0),
+    (3.0, 1.0),
+    (2.5, 0.5),
+    (3.5, 1.5),
+    (0.0, -60.0),
+    (-5.0, -70.0),
+    (5.0, -50.0),
+)
+
+
+@pytest.fixture
+def dynamic(lawful):
+    law = dataclasses.replace(
+        LAW, inputs=("freq(v.j2)",), formula="-3*low(v, 0.4 Hz)", valid={"freq(v.j2)": (0.1, 1.0)}
+    )
+    found = dataclasses.replace(FOUND, inputs=("freq(v.j2)",), curves=(), answers=(ANSWER,))
+    return dataclasses.replace(lawful, unexplained=dataclasses.replace(lawful.unexplained, law=law, dependence=found))
+
+
+def test_a_frequency_is_said_in_words(dynamic):
+    text = " ".join(summary(dynamic).split())
+    assert "What is left on joint j2 depends on the frequency of the velocity: -3*low(v, 0.4 Hz)" in text
+
+
+def test_the_report_says_what_a_frequency_means_and_where_it_is_known(dynamic):
+    page = " ".join(report_html(dynamic).split())
+    assert "To the velocity it answers with a gain and a phase that change with the frequency" in page
+    assert "freq(v.j2) from 0.1 to 1 Hz" in page
+
+
+def test_gain_and_phase_have_a_panel_each_with_a_band(dynamic):
+    page = report_html(dynamic)
+    without = report_html(dataclasses.replace(dynamic, unexplained=dataclasses.replace(
+        dynamic.unexplained, dependence=dataclasses.replace(dynamic.unexplained.dependence, answers=()))))  # fmt: skip
+    assert page.count("<polygon") == without.count("<polygon") + 2
+    assert "gain [N m/(rad/s)]" in page
+    assert "phase [deg]" in page
+
+
+def test_gain_and_phase_are_read_back(dynamic, tmp_path):
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json_text(dynamic), encoding="utf-8")
+    assert read_diagnosis(path).unexplained == dynamic.unexplained

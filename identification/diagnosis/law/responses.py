@@ -1,0 +1,62 @@
+"""Linear answers with memory along a recorded motion: second order, late, and a basis for any that fades.
+
+The basis is Laguerre's: a low pass, then the same all-pass again and again. Source: Wahlberg, IEEE Transactions on
+Automatic Control 36 (1991) 551-562.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.signals.recursive import recursive
+
+Array = np.ndarray
+
+
+def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Float[Array, "N 2"]:
+    """State of ``y'' + 2 d w y' + w^2 y = w^2 x`` with held inputs, at rest at the start: ``y`` and ``y'/w``.
+
+    Args:
+        x: Samples.
+        dt: Time between two [s].
+        hz: Frequency ``w / 2 pi``.
+        damping: Ratio ``d``, below 1.
+    """
+    w = 2 * np.pi * hz
+    root = np.sqrt(1.0 - damping**2)
+    fades, turned = np.exp(-damping * w * dt), w * root * dt
+    near, across = fades * np.cos(turned), fades * np.sin(turned) / root
+    a = (1.0, -2 * near, fades**2)
+    y = recursive((1.0 - near - damping * across, fades**2 + damping * across - near), a, x[:, None])
+    rate = recursive((across, -across), a, x[:, None]) - x[0]
+    return np.column_stack([y, rate])
+
+
+def delayed(x: Float[Array, " N"], t: Float[Array, " N"], late: float) -> Float[Array, " N"]:
+    """Samples some time before; before the start the first."""
+    return np.interp(t - late, t, x)
+
+
+def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[Array, "N order"]:
+    """A low pass of first order, and the same behind one to ``order - 1`` all-passes of the same corner.
+
+    Args:
+        x: Samples.
+        dt: Time between two [s].
+        hz: Corner.
+        order: How many series.
+    """
+    keep = float(np.exp(-2 * np.pi * hz * dt))
+    out = [recursive((1.0 - keep,), (1.0, -keep), x[:, None])]
+    for _ in range(order - 1):
+        out.append(recursive((-keep, 1.0), (1.0, -keep), out[-1]))
+    return np.column_stack(out)
+
+
+def laguerre_answer(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) -> Complex[Array, "F order"]:
+    """Complex gains of the series of `laguerre` at some frequencies."""
+    keep = float(np.exp(-2 * np.pi * hz * dt))
+    back = np.exp(-2j * np.pi * at_hz * dt)
+    low, all_pass = (1.0 - keep) / (1.0 - keep * back), (back - keep) / (1.0 - keep * back)
+    return low[:, None] * all_pass[:, None] ** np.arange(order)
