@@ -81,7 +81,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     gap = gap_of(explained, blocks)
     frames, evidence = _frames(explained, gap)
     found = findings_of(explained, gap)
-    bounds, unseen = bounds_of(explained)
+    bounds, unseen = bounds_of(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
     once, drawn = np.ones((1, len(gap.after))), draws(len(gap.after), "bootstrap of the gap in poses")

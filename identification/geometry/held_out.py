@@ -1,4 +1,4 @@
-"""Errors of poses that no fit has seen, by blocks, and how often a set of terms wins when blocks are drawn again."""
+"""Errors of poses that no fit has seen, by blocks, and how probable sets of terms are when blocks are drawn again."""
 
 from __future__ import annotations
 
@@ -78,13 +78,13 @@ def draws(count: int, use: str) -> Float[Array, "R B"]:
 
 
 def wins(losses: Float[Array, "A B"]) -> Float[Array, " A"]:
-    """Share of the replicates that each alternative wins; equals share their wins.
+    """Share of the replicates that each alternative wins; those that fit almost alike share each by likelihood.
 
     Args:
-        losses: Of alternatives, by block.
+        losses: Of alternatives, by block, in units of noise.
     """
+    from scipy.special import softmax
+
     drawn = draws(losses.shape[1], "bootstrap of rivals in poses") @ losses.T
-    # Exact twins differ by rounding only.
-    best = drawn.min(axis=1, keepdims=True)
-    first = drawn <= best + 1e-6 * np.maximum(best, 1.0)
-    return (first / first.sum(axis=1, keepdims=True)).mean(axis=0)
+    # Won by the lowest alone, a difference that lasts over the blocks would be certain though chance makes larger ones.
+    return softmax(-0.5 * drawn, axis=1).mean(axis=0)

@@ -23,7 +23,7 @@ Array = np.ndarray
 
 LISTED = 0.05
 """Probability from which on a rival is told."""
-_NEAR = 15.0  # squares: what fits worse than that wins no bootstrap
+_NEAR = 15.0  # squares: what fits worse than that weighs less than a thousandth
 _EXACT = 5  # findings: of more, their orders are sampled
 _ORDERS = 120
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
@@ -161,8 +161,17 @@ def _places(terms: Sequence[Term]) -> tuple[Place, ...]:
     return tuple(Place(effect, joint, tuple(names)) for (effect, joint), names in places.items())
 
 
-def bounds_of(explained: ExplainedPoses) -> tuple[tuple[PoseBound, ...], tuple[Unseen, ...]]:
-    """Smallest sizes that would have been seen beside what was found, and terms that these poses cannot show."""
+def bounds_of(
+    explained: ExplainedPoses, findings: Sequence[PoseFinding]
+) -> tuple[tuple[PoseBound, ...], tuple[Unseen, ...]]:
+    """Smallest sizes that would have been seen beside what was found, and terms that these poses cannot show.
+
+    Args:
+        explained: The fit.
+        findings: Their rivals may be there in any size, in place of what was found.
+    """
+    places = [place for finding in findings for rival in finding.rivals for place in rival.places]
+    rivals = {(place.effect, place.joint, name) for place in places for name in place.parameters}
     columns, terms = explained.equations.columns, explained.problem.terms
     own = without(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
     wanted = np.sqrt(explained.price) + _POWER
@@ -175,6 +184,8 @@ def bounds_of(explained: ExplainedPoses) -> tuple[tuple[PoseBound, ...], tuple[U
             unseen.append(_unseen(term, _why(explained, k)))
         elif size < 1e-4 * whole:
             unseen.append(_unseen(term, "on these poses it is the same as what was found"))
+        elif (term.effect, term.joint, term.parameter) in rivals:
+            unseen.append(_unseen(term, "these poses do not tell it from what was found"))
         elif wanted / size > term.largest:
             unseen.append(_unseen(term, f"less than {wanted / size:.2g} {term.unit} would not show in these poses"))
         else:

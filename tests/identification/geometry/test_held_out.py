@@ -66,5 +66,21 @@ def test_noise_that_lasts_counts_for_as_many_poses_fewer(equations, rng):
 
 
 def test_twins_share_their_wins():
-    losses = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [5.0, 5.0, 5.0]])
-    np.testing.assert_allclose(wins(losses), [0.5, 0.5, 0.0])
+    losses = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [50.0, 50.0, 50.0]])
+    np.testing.assert_allclose(wins(losses), [0.5, 0.5, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("apart", [0.1, 2.0, 20.0])
+def test_a_difference_that_lasts_counts_as_much_as_likelihood_says(apart):
+    # Oracle: the normal density of noise. Every block has a tenth of the difference, so that the draws do not matter.
+    losses = np.outer([5.0, 5.0 + apart / 10], np.ones(10))
+    likely = 1.0 / (1.0 + np.exp(-apart / 2))
+    np.testing.assert_allclose(wins(losses), [likely, 1.0 - likely])
+
+
+def test_what_is_better_in_some_blocks_only_is_uncertain():
+    # One block decides, and more than a third of the draws are without it: the rest is even.
+    losses = np.full((2, 10), 50.0)
+    losses[1, 0] += 40.0
+    absent = (1 - 1 / 10) ** 10
+    np.testing.assert_allclose(wins(losses), [1 - absent / 2, absent / 2], atol=0.03)
