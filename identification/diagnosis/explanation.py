@@ -138,7 +138,8 @@ def _settled_noise(last: Explanation, columns: Columns) -> tuple[Series, float]:
     noise, ratio = smaller_noise(last.search, last.chosen, last.noise)
     if ratio >= rules.LOWER_NOISE:
         return noise, ratio
-    few, chosen = columns_for(columns, last.chosen)
+    few, there = columns_for(columns, last.chosen)
+    chosen = frozenset(there.values())
     for _ in range(_WEIGHED_AGAIN):
         noise, lower = smaller_noise(_set_up(last.search.problem.session, few, noise), chosen, noise)
         if lower >= rules.LOWER_NOISE:

@@ -12,6 +12,7 @@ from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
@@ -76,18 +77,20 @@ def narrow_search(search: Search, noise: Series) -> Search:
     Whitened fits tell effects apart best. Once the effects are chosen, the plain fit is the one that closes the gap,
     and its parameters suffer less where a real effect is not quite its law.
     """
-    return search_below(search, noise, np.full(len(search.problem.columns.rows), search.problem.session.cutoff_hz))
+    columns = search.problem.columns
+    return search_below(search, columns, noise, np.full(len(columns.rows), search.problem.session.cutoff_hz))
 
 
-def search_below(search: Search, noise: Series, edges: Float[Array, " nv"]) -> Search:
+def search_below(search: Search, columns: Columns, noise: Series, edges: Float[Array, " nv"]) -> Search:
     """The same search with plain fits by what lies below a frequency of each joint.
 
     Args:
         search: Rivals.
+        columns: Its columns, or the fewer of those rivals that are asked for: their products take most memory.
         noise: Of each log's torque.
         edges: Frequencies [Hz].
     """
-    session, columns = search.problem.session, search.problem.columns
+    session = search.problem.session
 
     def below(x: Float[Array, "n ..."], log: int, row: int) -> Float[Array, "n ..."]:
         band = session.logs[log].band

@@ -8,6 +8,8 @@ the torque of the motion is many times what is left, there is no room for that.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
@@ -15,6 +17,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed
@@ -36,13 +39,13 @@ def shown_by_motion(search: Search, chosen: frozenset[Term], noise: Series) -> f
     """
     if not any(_accelerates(term) for term in chosen):
         return chosen
-    loud = loud_search(search, chosen, noise)
+    loud, there = loud_search(search, chosen, chosen, noise)
     while True:
         motion = [term for term in ordered(chosen) if _accelerates(term)]
-        doubtful = [term for term in motion if not _there(loud, chosen, chosen - {term})]
+        doubtful = [term for term in motion if not _shows(loud, _of(there, chosen), _of(there, chosen - {term}))]
         if not doubtful:
             return chosen
-        chosen = chosen - {min(doubtful, key=lambda term: loud.score(chosen - {term}))}
+        chosen = chosen - {min(doubtful, key=lambda term: loud.score(_of(there, chosen - {term})))}
 
 
 def _accelerates(term: Term) -> bool:
@@ -68,18 +71,28 @@ def foreseen_noise(
     above = [row for row in range(len(left)) if left[row] > judge.highest[row]]
     if not above:
         return out
-    loud = loud_search(search, kept, noise)
-    for row in above:
-        alike: dict[tuple[str, str | None], Term] = {}
-        for term in search.terms:
-            if term.named and term.effect.goes_with_motion and term.joint == joints[row]:
-                alike.setdefault(term.place, term)
-        every = kept | frozenset(alike.values())
-        if not _there(loud, every, kept):
+    with_motion = {row: kept | _going_with_motion(search, joints[row]) for row in above}
+    loud, there = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
+    for row, every in with_motion.items():
+        if not _shows(loud, _of(there, every), _of(there, kept)):
             squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
     # What foresees most of it leaves a floor that is far too low; several times the floor is a gap all the same.
     return np.minimum(out, ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0))
+
+
+def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
+    """One effect of each kind that goes with the motion of a joint."""
+    alike: dict[tuple[str, str | None], Term] = {}
+    for term in search.terms:
+        if term.named and term.effect.goes_with_motion and term.joint == joint:
+            alike.setdefault(term.place, term)
+    return frozenset(alike.values())
+
+
+def _of(there: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
+    """The same effects among fewer columns."""
+    return frozenset(there[term] for term in chosen)
 
 
 def least_above_noise(judge: Judge, search: Search, chosen: frozenset[Term]) -> Term | None:
@@ -104,7 +117,7 @@ def least_above_noise(judge: Judge, search: Search, chosen: frozenset[Term]) -> 
     return min(helps, key=lambda term: helps[term], default=None)
 
 
-def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+def _shows(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if effects lower the held-out loss by more than their price and than its scatter from block to block.
 
     What acts in few blocks scatters; it is there if the rules of the search would claim it.
@@ -120,13 +133,21 @@ def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> b
     return held_out > rules.SIGNIFICANT_ERRORS * scatter and min(held_out, in_sample) > price
 
 
-def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Search:
-    """The same search by what lies below the frequency up to which the torque of each joint is far above the noise.
+def loud_search(
+    search: Search, chosen: frozenset[Term], asked: frozenset[Term], noise: Series
+) -> tuple[Search, dict[Term, Term]]:
+    """A search by what lies below the frequency up to which the torque of each joint is far above the noise.
+
+    It holds the columns of few effects: with those of all rivals it would take as much memory as the search itself.
 
     Args:
         search: Plain fits in the judged band.
         chosen: What explains the recordings; what it leaves is noise here.
+        asked: Effects that are to be judged by it.
         noise: Of each log's torque.
+
+    Returns:
+        The search, and each of these effects with its place there.
     """
     problem, session = search.problem, search.problem.session
     columns = problem.columns
@@ -141,7 +162,8 @@ def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Searc
             for row in range(len(columns.rows))
         ]
     )
-    return search_below(search, noise, np.minimum(edges, session.cutoff_hz))
+    few, there = columns_for(columns, asked)
+    return search_below(search, few, noise, np.minimum(edges, session.cutoff_hz)), there
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:

@@ -11,8 +11,8 @@ from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.terms import Term
 
 
-def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, frozenset[Term]]:
-    """The moves, the rigid bodies and the columns of some effects, and these effects with their places among them.
+def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, dict[Term, Term]]:
+    """The moves, the rigid bodies and the columns of some effects, and for each of these the same with its place there.
 
     Args:
         columns: Of all effects.
@@ -39,4 +39,4 @@ def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, fr
         ),
         local=tuple(replace(b, first=place[b.first]) for b in columns.local if b.first in place),
     )
-    return few, frozenset(moved[term] for term in terms)
+    return few, {term: moved[term] for term in terms}

@@ -7,8 +7,13 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.recording import Recording
-from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise, least_above_noise
+from identification.diagnosis.judge.judged_band import Judge, search_below
+from identification.diagnosis.judge.moved_by_noise import (
+    _loud_until,
+    foreseen_noise,
+    least_above_noise,
+    loud_search,
+)
 from identification.diagnosis.judge.shares import left_by
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
@@ -78,6 +83,26 @@ def test_a_torque_is_loud_up_to_where_its_power_falls_below_thirty_times_the_noi
 def test_a_torque_far_above_the_noise_everywhere_is_loud_everywhere():
     x = np.random.default_rng(4).standard_normal(4000)
     assert _loud_until(0.1 * x, x, 100.0) == np.inf
+
+
+def test_a_loud_search_judges_its_few_effects_as_one_of_all_columns_does(quiet, monkeypatch):
+    # Oracle: the search below the same frequencies with the columns of all rivals.
+    asked = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("rotor_inertia", "shoulder")])
+    seen = []
+
+    def spied(search, columns, noise, edges):
+        seen.append(edges)
+        return search_below(search, columns, noise, edges)
+
+    monkeypatch.setattr("identification.diagnosis.judge.moved_by_noise.search_below", spied)
+    loud, there = loud_search(quiet.search, frozenset(), asked, quiet.noise)
+    every = search_below(quiet.search, quiet.columns, quiet.noise, *seen)
+    assert there.keys() == asked
+    assert len(loud.problem.columns.names) < len(quiet.columns.names) / 2
+    for chosen in (frozenset(), *(frozenset([term]) for term in asked), asked):
+        few = frozenset(there[term] for term in chosen)
+        assert loud.score(few) == pytest.approx(every.score(chosen), rel=1e-9)
+        assert loud.price_of(few) == every.price_of(chosen)
 
 
 def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):

@@ -13,11 +13,11 @@ def test_a_set_of_effects_is_fitted_with_its_own_columns_as_with_all(quiet, name
     # Oracle: the fit beside all columns, held out too; weights and white noise are those of all columns.
     terms = tuple(quiet.term(name, None if name == "payload" else "elbow") for name in names)
     problem = quiet.problem
-    few, chosen = columns_for(problem.columns, frozenset(terms))
+    few, there = columns_for(problem.columns, frozenset(terms))
     white, _ = columns_for(problem.white, frozenset(terms))
     assert len(few.names) < len(problem.columns.names)
     small = set_up(problem.session, few, white, problem.weights)
-    wanted, found = fit(problem, terms), fit(small, tuple(sorted(chosen, key=lambda term: term.columns)))
+    wanted, found = fit(problem, terms), fit(small, tuple(there[term] for term in terms))
     assert found.total == pytest.approx(wanted.total, rel=1e-9)
     assert [few.names[k] for k in found.active] == [problem.columns.names[k] for k in wanted.active]
     np.testing.assert_allclose(found.theta[found.active], wanted.theta[wanted.active], rtol=1e-6, atol=1e-9)
