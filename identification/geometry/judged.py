@@ -185,7 +185,7 @@ def bounds_of(
         elif size < 1e-4 * whole:
             unseen.append(_unseen(term, "on these poses it is the same as what was found"))
         elif (term.effect, term.joint, term.parameter) in rivals:
-            unseen.append(_unseen(term, "these poses do not tell it from what was found"))
+            unseen.append(_unseen(term, "these poses do not separate it from what was found"))
         elif wanted / size > term.largest:
             unseen.append(_unseen(term, f"less than {wanted / size:.2g} {term.unit} would not show in these poses"))
         else:

@@ -118,7 +118,7 @@ def test_of_two_places_that_fit_alike_both_are_told_and_none_as_too_small():
     alike = {(place.joint, name) for r in finding.rivals for place in r.places for name in place.parameters}
     assert alike
     assert not alike & bound
-    assert {silent[one] for one in alike} == {"these poses do not tell it from what was found"}
+    assert {silent[one] for one in alike} == {"these poses do not separate it from what was found"}
 
 
 def test_what_a_loop_takes_up_is_told_as_not_testable():
