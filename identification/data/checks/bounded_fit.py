@@ -1,5 +1,8 @@
 """Least squares within bounds, of few columns.
 
+From the columns and not from their products, as the fits of the diagnosis are: the checks compare what two causes leave
+of recordings without noise, and products know that to half the digits only.
+
 `scipy.optimize` has the same; importing it takes longer than a check of a recording does. It is the oracle of the
 tests. Source: Stark and Parker, Computational Statistics 10 (1995) 129-141.
 """
