@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identification.data.bounded_fit import bounded_fit
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
-from identification.data.checks.bounded_fit import bounded_fit
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 
-from identification.data.checks.bounded_fit import bounded_fit
+from identification.data.bounded_fit import bounded_fit
 
 
 @pytest.mark.parametrize("reach", [0.05, 0.5, 5.0])
