@@ -7,6 +7,7 @@ other set costs what it changes of the nearest one: same minima, to rounding.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,8 +25,9 @@ Array = np.ndarray
 
 # Columns in which a set may differ from the solved one that it is computed from.
 _FAR = 60
-# Solved sets that are kept.
+# Solved sets that are kept, and fits of which it is known where they ended.
 _KEPT = 4
+_ENDS = 100
 # Share of a move's largest possible part of a loss below which it is rounding.
 _NOTHING = 1e-14
 
@@ -61,13 +63,6 @@ class _Solved:
     def members(self) -> frozenset[int]:
         """The columns as a set."""
         return frozenset(self.columns.tolist())
-
-    @cached_property
-    def objective(self) -> float:
-        """Loss of the fit over all training blocks with priors."""
-        problem, x = self.problem, self.whole.x * self.whole.scale
-        a, b, _, _ = _quadratic(problem, self.columns)
-        return float(problem.grams.c[problem.grams.fold >= 0].sum() - 2.0 * b @ x + x @ a @ x)
 
     @cached_property
     def folds(self) -> tuple[Tableau, ...]:
@@ -157,6 +152,21 @@ class _Solved:
         return np.stack([self._core_lines[k] for k in columns.tolist()], axis=1) if len(columns) else np.zeros(shape)
 
 
+@dataclass(frozen=True)
+class _End:
+    """Where the fits of one set ended.
+
+    Attributes:
+        bits: Of a number, those of the columns of the set.
+        index: The columns that ``x`` is of, ``(v,)``.
+        x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
+    """
+
+    bits: int
+    index: Int[Array, " v"]
+    x: Float[Array, "G v"]
+
+
 class NearFits:
     """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.
 
@@ -169,38 +179,66 @@ class NearFits:
         self.problem = problem
         self._start = start
         self._solved: list[_Solved] = []
-        # Where the last fits ended, that of all blocks last: the next one hardly differs.
-        self._last = np.full((int(problem.grams.fold.max()) + 2, len(problem.precision)), np.nan)
+        # Where the last fits ended: a similar one hardly differs.
+        self._ends, self._held_out_ends = deque[_End](maxlen=_ENDS), deque[_End](maxlen=_ENDS)
+        self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
     def fit(self, active: Int[Array, " k"], *, held_out: bool) -> Fitted:
         """Fit of some columns, as `fitting.fit`."""
         problem, solved = self.problem, self._nearest(active)
+        found = self._minima(solved, active, held_out=held_out)
+        if not all(one.settled for one in found):
+            # Rounding of what is far from it is too large.
+            solved = self._solve(active)
+            found = self._minima(solved, active, held_out=held_out)
         new, gone, index = _changes(solved, active)
-        bounds = problem.lower[index], problem.upper[index]
-        found = solved.whole.changed(solved.entering(new), gone, bounds, self._last[-1, index])
-        self._last[-1, index] = found.x
+        x = np.array([one.x for one in found])
+        self._keep(_End(_bits(active), index, x))
         theta = np.zeros(len(problem.precision))
-        theta[index] = found.x
+        theta[index] = x[-1]
         moves = slice(0, problem.nuisances)
         penalty = float(theta[moves] ** 2 @ problem.precision[moves])
-        objective = solved.objective - found.less
+        objective = self._nothing + found[-1].value
         loss, fold_active = np.zeros(0), np.zeros((0, len(active)))
         if held_out:
-            folds = zip(solved.folds, solved.fold_entering(new), self._last[:-1, index], strict=True)
-            x = np.array([*(one.changed(more, gone, bounds, near).x for one, more, near in folds), found.x])
-            self._last[:, index] = x
             loss = _losses(solved, new, x)
             kept = np.delete(np.arange(len(index)), gone)
             order = kept[np.argsort(index[kept])]
             fold_active = x[:-1, order]
         return Fitted(problem, Point(), theta, active, penalty, objective, loss, fold_active)
 
+    def _minima(self, solved: _Solved, active: Int[Array, " k"], *, held_out: bool) -> list[Settled]:
+        """Fits of some columns from a solved set: if they are held out without each fold first, and that of all."""
+        new, gone, index = _changes(solved, active)
+        bounds = self.problem.lower[index], self.problem.upper[index]
+        tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
+        entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
+        near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
+        end = self._end_near(active, held_out=held_out)
+        if end is not None:
+            near[:, end.index] = end.x[-len(near) :]
+        parts = zip(tableaus, entering, near[:, index], strict=True)
+        return [one.changed(more, gone, bounds, start) for one, more, start in parts]
+
+    def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> _End | None:
+        """Where the fit of the most similar set ended, the last one of those that are equally similar."""
+        wanted = _bits(active)
+        ends = self._held_out_ends if held_out else self._ends
+        return min(reversed(ends), key=lambda end: (end.bits ^ wanted).bit_count(), default=None)
+
+    def _keep(self, end: _End) -> None:
+        self._ends.append(end)
+        if len(end.x) > 1:
+            self._held_out_ends.append(end)
+
     def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
         """How much further columns lower the loss in sample, to second order, those at a bound held; see `beside`."""
         problem, solved = self.problem, self._nearest(active)
-        new, gone, index = _changes(solved, active)
-        bounds = problem.lower[index], problem.upper[index]
-        found = solved.whole.changed(solved.entering(new), gone, bounds, self._last[-1, index])
+        (found,) = self._minima(solved, active, held_out=False)
+        if not found.settled:
+            solved = self._solve(active)
+            (found,) = self._minima(solved, active, held_out=False)
+        new, _, _ = _changes(solved, active)
         inside = frozenset(active.tolist())
         own = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
         wanted = np.array(sorted({k for some in own.values() for k in some}), dtype=int)
@@ -220,14 +258,19 @@ class NearFits:
         wanted = frozenset(active.tolist())
         near = min(self._solved, key=lambda one: one.apart(wanted), default=None)
         if near is None or near.apart(wanted) > _FAR:
-            start = self._start
-            if near is not None:
-                start = start.copy()
-                start[near.columns] = near.whole.x * near.whole.scale
-            near = _Solved(self.problem, active, tableau(*_quadratic(self.problem, active), start[active]))
-        # The one that was used last comes last.
-        self._solved = [*(one for one in self._solved if one is not near), near][-_KEPT:]
+            return self._solve(active, near)
+        self._solved = [*(one for one in self._solved if one is not near), near]
         return near
+
+    def _solve(self, active: Int[Array, " k"], near: _Solved | None = None) -> _Solved:
+        """A set solved as a whole, and kept: the one that was used last comes last."""
+        start = self._start
+        if near is not None:
+            start = start.copy()
+            start[near.columns] = near.whole.x * near.whole.scale
+        solved = _Solved(self.problem, active, tableau(*_quadratic(self.problem, active), start[active]))
+        self._solved = [*self._solved, solved][-_KEPT:]
+        return solved
 
 
 class _Beside:
@@ -270,6 +313,11 @@ class _Beside:
         taken = taken - self._there[at] @ self._made[at].transpose(0, 2, 1)
         scale = self._scale[at]
         return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
+
+
+def _bits(columns: Int[Array, " k"]) -> int:
+    """A number with the bit of each column set."""
+    return sum(1 << column for column in columns.tolist())
 
 
 def _changes(solved: _Solved, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:

@@ -21,9 +21,9 @@ Array = np.ndarray
 _TWINS = 1e-11
 # Steps at most where one bound at a time is met or left, and exchanges of all that is amiss at once in a row that may
 # leave no less amiss than there ever was.
-_STEPS, _TRIES = 500, 3
-# Steps that take the rounding of an inverse out of what is solved with it.
-_REFINED = 3
+_STEPS, _TRIES = 300, 3
+# Steps at most that take the rounding of an inverse out of what is solved with it, and what the last of them may gain.
+_REFINED, _SMALL = 3, 1e-3
 # A multiplier is of the wrong sign from this size on, or from this share of the largest product with the residual.
 _WRONG, _ROUNDING = 1e-9, 1e-12
 
@@ -56,7 +56,8 @@ class Settled:
     Attributes:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Of the loss by each, zero where it is free, ``(n + m,)``.
-        less: What ``x a x - 2 b x`` is less than at the minimum of the solved problem.
+        value: ``x a x - 2 b x`` of the changed problem.
+        settled: False where rounding is too large for this, or steps were not enough: then it has to be solved as a whole.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
         action: What makes the change: see `Tableau.answers`; beside those that are flipped those that are held
             elsewhere.
@@ -64,7 +65,8 @@ class Settled:
 
     x: Float[Array, " v"]
     slope: Float[Array, " v"]
-    less: float
+    value: float
+    settled: bool
     flipped: Int[Array, " k"]
     action: tuple[Int[Array, " d"], Float[Array, " d"]]
 
@@ -160,11 +162,8 @@ class Tableau:
             inside = np.where(known & ~gone, np.clip(near / unit, low, high), value)
             found = self._step_by_step(entering, held, np.where(held, value, inside), (low, high), gone, wrong)
         x = np.where(gone, 0.0, np.clip(found.x, low, high))
-        # The slope changes in proportion from one minimum to the other.
-        before = np.concatenate([np.where(self.held, self.state, 0.0), entering.slope])
-        less = -float((before + found.slope) @ (x - np.concatenate([self.x, np.zeros(m)])))
         end = np.where(x <= low, lower, np.where(x >= high, upper, x * unit))
-        return replace(found, x=np.where(gone, 0.0, end), slope=found.slope / unit, less=less)
+        return replace(found, x=np.where(gone, 0.0, end), slope=found.slope / unit)
 
     def _at_once(
         self,
@@ -183,6 +182,8 @@ class Tableau:
             if not amiss.any():
                 # What is settled has to be so beyond rounding.
                 found = self._refined(entering, held, found)
+                if not found.settled:
+                    return found
                 amiss, outside = _amiss(found, held & ~gone, held, ends, wrong)
             count = int(np.count_nonzero(amiss))
             if count == 0:
@@ -215,17 +216,21 @@ class Tableau:
                 x[places[first]] = end[first]
                 held[places[first]] = True
             else:
-                found = self._refined(entering, held, found)
                 x = np.where(gone, 0.0, np.clip(found.x, *ends))
                 pulls, _ = _amiss(replace(found, x=x), held & ~gone, held, ends, wrong)
                 if not pulls.any():
-                    break
+                    # What is settled has to be so beyond rounding.
+                    found = self._refined(entering, held, found)
+                    x = np.where(gone, 0.0, np.clip(found.x, *ends))
+                    pulls, _ = _amiss(replace(found, x=x), held & ~gone, held, ends, wrong)
+                    if not found.settled or not pulls.any():
+                        return found
                 held[np.argmax(np.where(pulls, np.abs(found.slope), -1.0))] = False
             found = self._minimum(entering, held, x)
         return found
 
     def _minimum(self, entering: Entering, held: Bool[Array, " v"], value: Float[Array, " v"]) -> Settled:
-        """Minimum with some unknowns held at values, in the tableau's units, without what it gains."""
+        """Minimum with some unknowns held at values, in the tableau's units, without its value."""
         m = len(entering.scale)
         started = np.concatenate([self.held, np.ones(m, dtype=bool)])
         at = np.concatenate([np.where(self.held, self.x, 0.0), np.zeros(m)])
@@ -244,22 +249,30 @@ class Tableau:
         slope = np.where(started & held, now, 0.0)
         forced = ~started[flipped]
         slope[flipped[forced]] = action[:k][forced]
-        return Settled(x, slope, 0.0, flipped, (places, action))
+        return Settled(x, slope, 0.0, False, flipped, (places, action))
 
     def _refined(self, entering: Entering, held: Bool[Array, " v"], found: Settled) -> Settled:
         """A minimum with the rounding of the tableau taken out, to first order."""
-        slope = self._slope(entering, found.x)
-        x = found.x + self._correction(entering, np.where(held, 0.0, -slope), held, found.flipped)
-        return replace(found, x=x, slope=np.where(held, slope, 0.0))
+        x, settled = found.x, False
+        for _ in range(_REFINED):
+            slope, b = self._slope(entering, x)
+            step = self._correction(entering, np.where(held, 0.0, -slope), held, found.flipped)
+            # What keeps twins solvable is no part of the problem.
+            value = float(x @ (slope - b) + slope @ step - _TWINS * x @ x)
+            x = x + step
+            settled = bool(abs(slope @ step) <= _SMALL)
+            if settled:
+                break
+        return replace(found, x=x, slope=np.where(held, slope, 0.0), value=value, settled=settled)
 
-    def _slope(self, entering: Entering, x: Float[Array, " v"]) -> Float[Array, " v"]:
-        """Slope of the loss by all unknowns."""
+    def _slope(self, entering: Entering, x: Float[Array, " v"]) -> tuple[Float[Array, " v"], Float[Array, " v"]]:
+        """Slope of the loss by all unknowns, and the linear part of it."""
         n = len(self.x)
         own, more = x[:n], x[n:]
-        b = entering.cross @ self.x - entering.slope
+        b = np.concatenate([self.b, entering.cross @ self.x - entering.slope])
         return np.concatenate(
-            [self.a @ own + more @ entering.cross - self.b, entering.cross @ own + entering.square @ more - b]
-        )
+            [self.a @ own + more @ entering.cross, entering.cross @ own + entering.square @ more]
+        ) - b, b
 
     def _correction(
         self, entering: Entering, force: Float[Array, " v"], held: Bool[Array, " v"], flipped: Int[Array, " k"]

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
+from jaxtyping import Float
+
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
 from identification.diagnosis.fit.near_fits import NearFits
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import Beside, beside
 from identification.diagnosis.model.terms import Term, ordered
 
+Array = np.ndarray
 Chosen = frozenset[Term]
 
 # Moves of the model from which on fits are computed from the nearest one: of few, each is made as quickly by itself.
@@ -28,6 +32,7 @@ class Fits:
     def __init__(self, problem: Problem):
         self.problem = problem
         self._held_out: dict[Chosen, Fitted] = {}
+        self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
         self._points: dict[Chosen, Point] = {}
         self._besides: dict[Chosen, Beside] = {}
@@ -37,6 +42,13 @@ class Fits:
         if chosen not in self._held_out:
             self._held_out[chosen] = self._fitted(chosen, held_out=True)
         return self._held_out[chosen]
+
+    def row_losses(self, chosen: Chosen) -> Float[Array, " nv"]:
+        """Squared residual of each row by the fit of a set to all blocks."""
+        if chosen not in self._row_losses:
+            known = self._held_out.get(chosen) or self._fitted(chosen, held_out=False)
+            self._row_losses[chosen] = known.row_losses
+        return self._row_losses[chosen]
 
     def in_sample(self, chosen: Chosen) -> float:
         """Loss of a set in sample: a tenth of the work, by which it is ranked what is worth holding out."""

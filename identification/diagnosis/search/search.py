@@ -301,7 +301,7 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     """Gain on each row that is a fair part of its gap, ``(nv,)``."""
     gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
     if exact:
-        left = search.evaluate(exact).row_losses
+        left = search.fits.row_losses(exact)
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
     return rules.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,15 +46,23 @@ def test_the_minimum_of_a_changed_problem_is_that_of_the_problem_solved_as_a_who
     np.testing.assert_allclose((found.x * unit[index]), (expected * unit)[index], atol=1e-8)
 
 
-def test_what_a_change_gains_is_the_difference_of_the_two_minima(problem):
+def test_the_value_of_a_change_is_that_of_the_quadratic_form_at_its_minimum(problem):
     a, b, lower, upper, rng = problem
-    known, found, index, _ = changed(a, b, lower, upper, rng)
+    _, found, index, _ = changed(a, b, lower, upper, rng)
+    x = found.x
+    assert found.value == pytest.approx(x @ a[np.ix_(index, index)] @ x - 2.0 * b[index] @ x, rel=1e-9)
 
-    def loss(x, which):
-        return x @ a[np.ix_(which, which)] @ x - 2.0 * b[which] @ x
 
-    before = loss(known.x * known.scale, np.arange(KNOWN))
-    assert found.less == pytest.approx(before - loss(found.x, index), rel=1e-8)
+def test_a_change_that_rounding_spoils_says_so(problem):
+    a, b, lower, upper, rng = problem
+    known, found, _, _ = changed(a, b, lower, upper, rng)
+    # An inverse that is wrong by more than itself stands for one that has lost its digits.
+    spoilt = replace(known, answer=known.answer * (1.0 + 3.0 * rng.normal(size=known.answer.shape)))
+    nothing = spoilt.joined(*spoilt.pieces(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
+    gone = np.flatnonzero(~known.held)[:5]
+    again = spoilt.changed(nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
+    assert found.settled
+    assert not again.settled
 
 
 def test_slopes_are_those_of_the_loss_where_a_bound_holds_and_zero_elsewhere(problem):
