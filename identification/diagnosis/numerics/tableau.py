@@ -57,7 +57,7 @@ class Settled:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Of the loss by each, zero where it is free, ``(n + m,)``.
         value: ``x a x - 2 b x`` of the changed problem.
-        settled: False where rounding is too large for this, or steps were not enough: then it has to be solved as a whole.
+        settled: False where rounding is too large for this, or steps were not enough: it has to be solved as a whole.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
         action: What makes the change: see `Tableau.answers`; beside those that are flipped those that are held
             elsewhere.
