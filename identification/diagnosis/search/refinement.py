@@ -5,7 +5,7 @@ from __future__ import annotations
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import FoundEffect, Term, ordered
-from identification.diagnosis.search.search import Search, possible, with_term
+from identification.diagnosis.search.search import Search, rows_of, with_term
 
 # How many of them are taken in the place of one finding.
 _MOST_CLOSE = 3
@@ -19,7 +19,7 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 
 
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """Rivals with a shape that do nearly as well as a finding, or nearly well enough to be one.
+    """Rivals with a shape that do nearly as well as a finding whose joints they touch, or nearly well enough to be one.
 
     A grid of shapes is coarse, and a first-order law is wrong where an effect is large: the truth may come second to
     something richer for no other reason.
@@ -30,8 +30,10 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
-        rivals = tuple(term for term in shaped if possible(remaining, term))
-        gains = search.gains(remaining, rivals, above=0.0)
+        rows = None if finding is None else rows_of(search.problem, finding)
+        there = (term for term in shaped if rows is None or rows & rows_of(search.problem, term))
+        rivals = tuple(term for term in there if search.possible(remaining, term))
+        gains = search.gains(remaining, rivals, above=0.0 if won is None else rules.RUNNER_UP * won)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (

@@ -145,7 +145,7 @@ class Search:
         """What each term gains in sample beside a set, less the price of its parameters.
 
         All are ranked with the bounds that bind the set held; the best of them are then fitted, and those that take the
-        place of others, which gain no more without these than beside them.
+        place of others, which gain no more without these than beside them, as far as they may gain what is asked for.
 
         Args:
             chosen: A set.
@@ -164,14 +164,15 @@ class Search:
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            if term in gone:
-                # Bounds that are held change a gain: there is room for as much again.
-                worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
-            else:
-                worth = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
-            if worth:
+            best = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
+            # Bounds that are held change a gain: there is room for as much again.
+            if (best or term in gone) and 2.0 * (out[term] + costs[term]) - costs[term] > above:
                 out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
         return out
+
+    def possible(self, chosen: frozenset[Term], term: Term) -> bool:
+        """As `possible`, of rivals of this search: what contains them is known."""
+        return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:
         """Price of the parameters of a set."""

@@ -58,7 +58,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
 
 def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
     """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
-    rivals = tuple(term for term in search.terms if term.named and possible(chosen, term))
+    rivals = tuple(term for term in search.terms if term.named and search.possible(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_SHORT_JUDGED]
     tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
@@ -76,7 +76,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
     while len(chosen) < max(_MOST_TERMS, _MOST_TERMS_EACH * rows):
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
-        rivals = [term for term in search.terms if term.named and possible(chosen, term)]
+        rivals = [term for term in search.terms if term.named and search.possible(chosen, term)]
         promised = search.gains(chosen, tuple(rivals), above=0.0)
         best, most = None, 0.0
         ranked = sorted(rivals, key=lambda term: -promised[term])
