@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
@@ -60,9 +60,9 @@ class _Solved:
     _core_lines: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
 
     @cached_property
-    def members(self) -> frozenset[int]:
-        """The columns as a set."""
-        return frozenset(self.columns.tolist())
+    def inside(self) -> Bool[Array, " K"]:
+        """Which of all columns are in the set."""
+        return _marked(self.columns, len(self.problem.precision))
 
     @cached_property
     def folds(self) -> tuple[Tableau, ...]:
@@ -105,9 +105,9 @@ class _Solved:
         grams = self.problem.grams
         return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
 
-    def apart(self, wanted: frozenset[int]) -> int:
+    def apart(self, wanted: Bool[Array, " K"]) -> int:
         """Columns in which a set differs."""
-        return len(self.members ^ wanted)
+        return int(np.count_nonzero(self.inside != wanted))
 
     def entering(self, columns: Int[Array, " m"]) -> Entering:
         """Columns that are not in the set, as they enter its fit."""
@@ -193,7 +193,7 @@ class NearFits:
             found = self._minima(solved, active, held_out=held_out)
         new, gone, index = _changes(solved, active)
         x = np.array([one.x for one in found])
-        self._keep(_End(_bits(active), index, x))
+        self._keep(_End(self._bits(active), index, x))
         theta = np.zeros(len(problem.precision))
         theta[index] = x[-1]
         moves = slice(0, problem.nuisances)
@@ -222,9 +222,13 @@ class NearFits:
 
     def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> _End | None:
         """Where the fit of the most similar set ended, the last one of those that are equally similar."""
-        wanted = _bits(active)
+        wanted = self._bits(active)
         ends = self._held_out_ends if held_out else self._ends
         return min(reversed(ends), key=lambda end: (end.bits ^ wanted).bit_count(), default=None)
+
+    def _bits(self, active: Int[Array, " k"]) -> int:
+        """A number with the bit of each column set."""
+        return int.from_bytes(np.packbits(_marked(active, len(self.problem.precision))).tobytes())
 
     def _keep(self, end: _End) -> None:
         self._ends.append(end)
@@ -255,7 +259,7 @@ class NearFits:
 
     def _nearest(self, active: Int[Array, " k"]) -> _Solved:
         """The nearest solved set; a set that is far from all is solved as a whole."""
-        wanted = frozenset(active.tolist())
+        wanted = _marked(active, len(self.problem.precision))
         near = min(self._solved, key=lambda one: one.apart(wanted), default=None)
         if near is None or near.apart(wanted) > _FAR:
             return self._solve(active, near)
@@ -315,15 +319,17 @@ class _Beside:
         return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
 
 
-def _bits(columns: Int[Array, " k"]) -> int:
-    """A number with the bit of each column set."""
-    return sum(1 << column for column in columns.tolist())
+def _marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
+    """Which of all columns are among some."""
+    out = np.zeros(count, dtype=bool)
+    out[columns] = True
+    return out
 
 
 def _changes(solved: _Solved, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:
     """Columns that enter a solved set, places of those that leave it, and all columns with those that enter last."""
-    new = active[~np.isin(active, solved.columns)]
-    gone = np.flatnonzero(~np.isin(solved.columns, active))
+    new = active[~solved.inside[active]]
+    gone = np.flatnonzero(~_marked(active, len(solved.inside))[solved.columns])
     return new, gone, np.concatenate([solved.columns, new])
 
 

@@ -22,8 +22,9 @@ _TWINS = 1e-11
 # Steps at most where one bound at a time is met or left, and exchanges of all that is amiss at once in a row that may
 # leave no less amiss than there ever was.
 _STEPS, _TRIES = 300, 3
-# Steps at most that take the rounding of an inverse out of what is solved with it, and what the last of them may gain.
-_REFINED, _SMALL = 3, 1e-3
+# Steps that take the rounding of an inverse out of what is kept of a solved problem; those at most that take it out of
+# a change of it, and what the last of these may gain.
+_REFINED, _CORRECTED, _SMALL = 3, 8, 0.01
 # A multiplier is of the wrong sign from this size on, or from this share of the largest product with the residual.
 _WRONG, _ROUNDING = 1e-9, 1e-12
 
@@ -108,8 +109,7 @@ class Tableau:
         """
         unit = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
         cross = cross * self.scale * unit[:, None]
-        free = ~self.held
-        answer = -cross[:, free] @ self.answer[free]
+        answer = -np.where(self.held, 0.0, cross) @ self.answer
         answer[:, self.held] += cross[:, self.held]
         return cross, answer, cross @ self.x - b * unit, unit
 
@@ -253,16 +253,18 @@ class Tableau:
 
     def _refined(self, entering: Entering, held: Bool[Array, " v"], found: Settled) -> Settled:
         """A minimum with the rounding of the tableau taken out, to first order."""
-        x, settled = found.x, False
-        for _ in range(_REFINED):
+        x, settled, last = found.x, False, np.inf
+        for _ in range(_CORRECTED):
             slope, b = self._slope(entering, x)
             step = self._correction(entering, np.where(held, 0.0, -slope), held, found.flipped)
             # What keeps twins solvable is no part of the problem.
             value = float(x @ (slope - b) + slope @ step - _TWINS * x @ x)
             x = x + step
-            settled = bool(abs(slope @ step) <= _SMALL)
-            if settled:
+            gained = abs(float(slope @ step))
+            settled = gained <= _SMALL
+            if settled or gained > last:
                 break
+            last = gained
         return replace(found, x=x, slope=np.where(held, slope, 0.0), value=value, settled=settled)
 
     def _slope(self, entering: Entering, x: Float[Array, " v"]) -> tuple[Float[Array, " v"], Float[Array, " v"]]:

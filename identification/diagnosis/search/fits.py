@@ -77,10 +77,18 @@ class Fits:
             return self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
-        found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._start, point=point)
+        found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
         if found.point.moved:
             self._points[chosen] = found.point
         return found
+
+    def _beginning(self, chosen: Chosen) -> Near:
+        """Where a fit begins: of many moves at the bounds that bind without the laws that are not linear."""
+        if self._near is None:
+            return self._start
+        others = ordered(term for term in chosen if _linear(frozenset([term])))
+        found = self._near.fit(active_columns(self.problem, others), held_out=False)
+        return Near(Near.nothing(self.problem).after(found, ()).theta, self._start.payload)
 
     @cached_property
     def _start(self) -> Near:
