@@ -341,7 +341,7 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
     Zero, up to rounding, where an effect does not act at all.
     """
     columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
-    energy = np.einsum("bkk->bk", problem.grams.core_a.among(columns))
+    energy = problem.grams.core_a.diagonal(columns)
     share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
     return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
 

@@ -36,3 +36,10 @@ def test_losses_and_gains_do_not_depend_on_how_many_moves_there_are(rough, place
     largest = max(expected.values())
     for term, gain in near.gains(chosen, rough.problem.columns.terms).items():
         assert gain == pytest.approx(expected[term], rel=1e-4, abs=1e-6 * largest)
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_what_a_set_leaves_of_each_row_is_the_same_with_and_without_fits_that_hold_out(rough, places):
+    chosen = frozenset(rough.term(*place) for place in places)
+    alone, both = Fits(rough.problem), Fits(rough.problem)
+    np.testing.assert_allclose(alone.row_losses(chosen), both.held_out(chosen).row_losses, rtol=1e-9)

@@ -199,6 +199,25 @@ def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):
         assert covering(term) == {other for other in everything if contains(other, term)}
 
 
+def test_what_is_possible_is_looked_up_as_it_is_computed(quiet):
+    search, chosen = quiet.search, frozenset([quiet.term("stribeck_friction", "elbow")])
+    assert [search.possible(chosen, term) for term in search.terms] == [possible(chosen, term) for term in search.terms]
+
+
+def test_gains_above_what_is_asked_for_are_those_of_the_fits_of_all(lab, planar2):
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.2, 0.25] - motion.v * [0.15, 0.0]
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    search, chosen = prepared.search, frozenset([prepared.term("coulomb_friction", "elbow")])
+    every = search.gains(chosen, search.terms)
+    largest = max(every.values())
+    for least in (0.9 * largest, 0.5 * largest, 0.1 * largest):
+        some = search.gains(chosen, search.terms, above=least)
+        above = {term: gain for term, gain in every.items() if gain >= least}
+        assert above
+        assert {term: gain for term, gain in some.items() if gain >= least} == above
+
+
 def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar2, monkeypatch):
     # Known truth: whatever is added is dropped again together with everything else, every time.
     motion = lab.motion(2, 3)
