@@ -23,7 +23,7 @@ _TWINS = 1e-11
 # leave no less amiss than there ever was.
 _STEPS, _TRIES = 300, 3
 # Steps that take the rounding of an inverse out of what is kept of a solved problem; those at most that take it out of
-# a change of it, and what the last of these may gain.
+# a change of it, and what of a loss the last of these may gain.
 _REFINED, _CORRECTED, _SMALL = 3, 8, 0.01
 # A multiplier is of the wrong sign from this size on, or from this share of the largest product with the residual.
 _WRONG, _ROUNDING = 1e-9, 1e-12
@@ -227,7 +227,7 @@ class Tableau:
                         return found
                 held[np.argmax(np.where(pulls, np.abs(found.slope), -1.0))] = False
             found = self._minimum(entering, held, x)
-        return found
+        return replace(self._refined(entering, held, found), settled=False)
 
     def _minimum(self, entering: Entering, held: Bool[Array, " v"], value: Float[Array, " v"]) -> Settled:
         """Minimum with some unknowns held at values, in the tableau's units, without its value."""
@@ -252,8 +252,8 @@ class Tableau:
         return Settled(x, slope, 0.0, False, flipped, (places, action))
 
     def _refined(self, entering: Entering, held: Bool[Array, " v"], found: Settled) -> Settled:
-        """A minimum with the rounding of the tableau taken out, to first order."""
-        x, settled, last = found.x, False, np.inf
+        """A minimum with the rounding of the tableau taken out, and its value; not settled where that fails."""
+        x, slope, value, settled, last = found.x, found.slope, found.value, False, np.inf
         for _ in range(_CORRECTED):
             slope, b = self._slope(entering, x)
             step = self._correction(entering, np.where(held, 0.0, -slope), held, found.flipped)
@@ -272,9 +272,8 @@ class Tableau:
         n = len(self.x)
         own, more = x[:n], x[n:]
         b = np.concatenate([self.b, entering.cross @ self.x - entering.slope])
-        return np.concatenate(
-            [self.a @ own + more @ entering.cross, entering.cross @ own + entering.square @ more]
-        ) - b, b
+        made = self.a @ own + more @ entering.cross, entering.cross @ own + entering.square @ more
+        return np.concatenate(made) - b, b
 
     def _correction(
         self, entering: Entering, force: Float[Array, " v"], held: Bool[Array, " v"], flipped: Int[Array, " k"]
@@ -367,11 +366,12 @@ def tableau(
 
 def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
     """Inverse of a positive definite matrix, by its Cholesky factor: half the work of a general one."""
-    from scipy.linalg import lapack
+    from scipy.linalg import get_lapack_funcs
 
-    factor, failed = lapack.dpotrf(a, lower=1)
+    potrf, potri = get_lapack_funcs(("potrf", "potri"))
+    factor, failed = potrf(a, lower=1)
     if failed:
         inverse = np.linalg.inv(a)
         return 0.5 * (inverse + inverse.T)
-    below = np.tril(lapack.dpotri(factor, lower=1)[0])
+    below = np.tril(potri(factor, lower=1)[0])
     return below + np.tril(below, -1).T
