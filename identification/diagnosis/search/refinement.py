@@ -5,10 +5,12 @@ from __future__ import annotations
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import FoundEffect, Term, ordered
-from identification.diagnosis.search.search import Search, rows_of, with_term
+from identification.diagnosis.search.search import Search, with_term
 
 # How many of them are taken in the place of one finding.
 _MOST_CLOSE = 3
+# Share of what a finding gains below which twice the gain of a rival with the bounds held makes it no runner-up.
+_FAR_BELOW = 0.2
 # Shapes that differ by less are the same point to take a law about.
 _SAME_SHAPE = 0.03
 
@@ -19,7 +21,7 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 
 
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """Rivals with a shape that do nearly as well as a finding whose joints they touch, or nearly well enough to be one.
+    """Rivals with a shape that do nearly as well as a finding, or nearly well enough to be one.
 
     A grid of shapes is coarse, and a first-order law is wrong where an effect is large: the truth may come second to
     something richer for no other reason.
@@ -30,10 +32,8 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
-        rows = None if finding is None else rows_of(search.problem, finding)
-        there = (term for term in shaped if rows is None or rows & rows_of(search.problem, term))
-        rivals = tuple(term for term in there if search.possible(remaining, term))
-        gains = search.gains(remaining, rivals, above=0.0 if won is None else rules.RUNNER_UP * won)
+        rivals = tuple(term for term in shaped if search.possible(remaining, term))
+        gains = search.gains(remaining, rivals, above=0.0 if won is None else _FAR_BELOW * won)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (

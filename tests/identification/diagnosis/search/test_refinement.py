@@ -17,7 +17,6 @@ from identification.diagnosis.search.refinement import (
     same_effects,
     unchanged,
 )
-from identification.diagnosis.search.search import Search
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.simulation.control import position_control
@@ -123,22 +122,6 @@ def test_a_large_offset_is_named_and_not_the_inertias_that_nearly_do_the_same(pl
     (finding,) = diagnose(planar2, (turned,)).findings
     assert (finding.effect, finding.joint) == ("encoder_offset", "elbow")
     assert abs(finding.parameters["offset"].value) == pytest.approx(0.3, abs=0.02)
-
-
-def test_runners_up_of_a_finding_are_sought_on_the_joints_that_it_touches(quiet, monkeypatch):
-    asked, gains = {}, Search.gains
-
-    def noted(search, remaining, terms, **above):
-        asked.setdefault(remaining, set()).update(term.place for term in terms)
-        return gains(search, remaining, terms, **above)
-
-    monkeypatch.setattr(Search, "gains", noted)
-    elbow, shoulder = (quiet.term("coulomb_friction", joint) for joint in ("elbow", "shoulder"))
-    runners_up(quiet.search, frozenset([elbow, shoulder]))
-    assert ("stribeck_friction", "elbow") in asked[frozenset([shoulder])]
-    assert ("stribeck_friction", "shoulder") not in asked[frozenset([shoulder])]
-    # Where an encoder stands counts for the gravity of all joints before it.
-    assert ("encoder_offset", "elbow") in asked[frozenset([elbow])]
 
 
 def test_without_a_gap_nothing_is_nearly_good_enough(quiet):
