@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
 from identification.diagnosis.fit.near_fits import NearFits
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import Beside, beside
 from identification.diagnosis.model.terms import Term, ordered
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 Chosen = frozenset[Term]
