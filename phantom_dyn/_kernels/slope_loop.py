@@ -4,8 +4,8 @@ All is written about the origin of the root, so that what a joint carries is a p
 it carries by a motion ``s``, and what it is mounted on has velocity ``v`` and acceleration ``a``. The acceleration of
 what it carries changes by ``a x s + v x (v x s)`` per unit of its position, the velocity by ``v x s``; per unit of its
 velocity they change by ``2 v x s`` and ``s`` (S. Singh, R. P. Russell and P. M. Wensing, IEEE Robotics and Automation
-Letters 7(2), 2022). Particles ``m`` at ``r`` with velocities ``u`` feel a change ``w`` of the angular velocity as forces
-``2 m w x u``: their sums need no more than the sums of ``m u`` and of ``m u r^T``.
+Letters 7(2), 2022). Particles ``m`` at ``r`` with velocities ``u`` feel a change ``w`` of the angular velocity as
+forces ``2 m w x u``: their sums need no more than the sums of ``m u`` and of ``m u r^T``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SlopeRoom(NamedTuple):
 
     Attributes:
         s: Motion of each joint per unit of its velocity, ``(nt, 6)``.
-        once, twice: ``v x s`` and ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
+        once, twice: ``v x s`` and half of ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
         v, a: Motion of each body; the root's must be there, ``(n, 6)``.
         f: Force on all that a joint carries, ``(n, 6)``.
         flow: Sums of ``m u`` and ``m u r^T`` over all that a joint carries, ``(n, 12)``.
@@ -88,6 +88,7 @@ def slope_loop(
             add_crossed(gain, p, s, d, twice)
             add_crossed(speed, p, once, d, twice)
             for c in range(6):
+                twice[d, c] *= 0.5
                 speed[i, c] = speed[p, c] + s[d, c] * v[k, d]
                 gain[i, c] = gain[p, c] + s[d, c] * a[k, d] + once[d, c] * v[k, d]
             # The body about the origin of the root, by way of the root's own place: the root has no body.
@@ -98,12 +99,14 @@ def slope_loop(
             for c in range(10):
                 whole[i, c] = whole[0, c]
             stir(whole, i, speed, flow)
-            push(whole, flow, i, 1.0, speed, i, gain, i, f, i)
+            push(whole, flow, i, speed, gain, i, f, i)
         for i in range(n - 1, 0, -1):
             p, d = parents[i], first_v[i]
-            push(whole, flow, i, 2.0, once, d, twice, d, force, 0)
-            push(whole, flow, i, 1.0, s, d, once, d, force, 1)
-            # What is carried turns with the joint, and the force on it as well: those below see it turned.
+            push(whole, flow, i, once, twice, d, force, 0)
+            push(whole, flow, i, s, once, d, force, 1)
+            # What is carried moves with the joint, and the force on it as well: the joints before see it moved.
+            for c in range(6):
+                force[0, c], force[1, c] = 2.0 * force[0, c], 2.0 * force[1, c]
             add_force_crossed(s, d, f, i, force)
             inertia_times(whole, i, s, d, force, 2)
             x, y, z = cross(flow[i, 0], flow[i, 1], flow[i, 2], s[d, 0], s[d, 1], s[d, 2])
@@ -120,8 +123,8 @@ def slope_loop(
                     by_v += s[e, c] * force[1, c]
                     on_q += force[2, c] * twice[e, c]
                     on_v += force[2, c] * once[e, c]
-                out[0, d, e, k], out[1, d, e, k] = by_q, 2.0 * by_v
-                out[0, e, d, k] = on_q + 2.0 * dot(x, y, z, once[e, 3], once[e, 4], once[e, 5])
+                out[0, d, e, k], out[1, d, e, k] = by_q, by_v
+                out[0, e, d, k] = 2.0 * (on_q + dot(x, y, z, once[e, 3], once[e, 4], once[e, 5]))
                 out[1, e, d, k] = 2.0 * (on_v + dot(x, y, z, ang[e, 0], ang[e, 1], ang[e, 2]))
                 j = parents[j]
             for c in range(10):
@@ -169,21 +172,10 @@ def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: 
 
 
 @inlined
-def push(
-    whole: Array,
-    flow: Array,
-    i: int,
-    times: float,
-    turning: Array,
-    d: int,
-    motion: Array,
-    e: int,
-    out: Array,
-    row: int,
-) -> None:
-    """Write ``times`` the forces ``m w x u`` under ``turning[d]``, with those of `inertia_times`, to ``out[row]``."""
-    inertia_times(whole, i, motion, e, out, row)
-    wx, wy, wz = times * turning[d, 3], times * turning[d, 4], times * turning[d, 5]
+def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
+    """Write the forces ``m w x u`` under ``turning[d]``, with those of `inertia_times`, to ``out[row]``."""
+    inertia_times(whole, i, motion, d, out, row)
+    wx, wy, wz = turning[d, 3], turning[d, 4], turning[d, 5]
     x, y, z = cross(wx, wy, wz, flow[i, 0], flow[i, 1], flow[i, 2])
     out[row, 0], out[row, 1], out[row, 2] = out[row, 0] + x, out[row, 1] + y, out[row, 2] + z
     trace = flow[i, 3] + flow[i, 7] + flow[i, 11]
