@@ -53,7 +53,9 @@ def linear_joints(model: pin.Model) -> np.ndarray:
 
 
 def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to."""
+    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
+    if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
+        return array
     copy = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy

@@ -156,7 +156,8 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
     residual = np.concatenate([o.residual for o in operations])
     plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
-    return replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    whole = replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    return whole.made_of(operations)
 
 
 def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:

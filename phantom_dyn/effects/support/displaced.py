@@ -63,7 +63,7 @@ def link_load(operation: Operation, row: int) -> Samples:
 
 def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
     """`link_load`, and the inertia of the link alone, without its rotor, [kg m^2 or kg]."""
-    inertia = operation.partials[2][:, row, row] - operation.robot.rotor_inertia[row]
+    inertia = operation.inertia[:, row] - operation.robot.rotor_inertia[row]
     return link_load(operation, row), np.maximum(inertia, 1e-12)
 
 
