@@ -7,7 +7,7 @@ band loses neither.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -57,26 +57,48 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
         columns: As computed.
         noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
-    rows = range(len(columns.rows))
-    kernels = _kernels(noise)
-    trust = _trust(columns, kernels, noise)
-    values, residual, torque, usable = [], [], [], []
-    for log in range(len(columns.values)):
-        own, counts = columns.values[log], trust[log]
-
-        def white(j: int, own: tuple[Array, ...] = own, counts: Array = counts) -> Array:
-            out = filtered(kernels[j], own[j])
-            out *= counts[:, j : j + 1]
-            return out
-
-        values.append(tuple(in_two_threads(white, rows)))
-        residual.append(_white(kernels, columns.residual[log]) * counts)
-        torque.append(_white(kernels, columns.model_torque[log]) * counts)
-        usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
+    filters = whitening_of(columns, noise)
+    kernels, trust = filters.kernels, filters.trust
     made = replace(
-        columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
+        columns,
+        values=tuple(filters.columns(own, log) for log, own in enumerate(columns.values)),
+        residual=tuple(_white(kernels, part) * own for part, own in zip(columns.residual, trust, strict=True)),
+        model_torque=tuple(_white(kernels, part) * own for part, own in zip(columns.model_torque, trust, strict=True)),
+        usable=tuple(
+            np.column_stack([_reached(len(kernel), use) for kernel, use in zip(kernels, part.T, strict=True)])
+            for part in columns.usable
+        ),
     )
     return made, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Filters that make the noise of each row white, and how much each sample counts.
+
+    Attributes:
+        kernels: Of each row.
+        trust: For each log, ``(n, nv)``.
+    """
+
+    kernels: list[Float[Array, " m"]]
+    trust: list[Float[Array, "n nv"]]
+
+    def columns(self, values: tuple[Float[Array, "n k"], ...], log: int) -> tuple[Float[Array, "n k"], ...]:
+        """Columns of one log, row by row."""
+
+        def white(j: int) -> Array:
+            out = filtered(self.kernels[j], values[j])
+            out *= self.trust[log][:, j : j + 1]
+            return out
+
+        return tuple(in_two_threads(white, range(len(values))))
+
+
+def whitening_of(columns: Columns, noise: Series) -> Whitening:
+    """What makes the noise of columns white, see `whitened`; their values are not needed."""
+    kernels = _kernels(noise)
+    return Whitening(kernels, _trust(columns, kernels, noise))
 
 
 def whitened_noise(
