@@ -85,7 +85,7 @@ class Operation(Motion):
             return self
         out = replace(self)
         for name in ("own_friction", "transmitted", "inertia"):
-            out.__dict__[name] = np.concatenate([getattr(part, name) for part in parts])
+            out.__dict__[name] = joined([getattr(part, name) for part in parts])
         out.__dict__["steepest"] = np.max([part.steepest for part in parts], axis=0)
         return out
 
@@ -132,9 +132,16 @@ class Operation(Motion):
         return np.abs(to_q).max(axis=(0, 1))
 
     @cached_property
-    def kept(self) -> dict[tuple, tuple[Array, Array]]:
+    def kept(self) -> dict[tuple, Array]:
         """What effects make of it once for all their shapes, by a name and a row."""
         return {}
+
+
+def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
+    """Series one after the other, not to be written to: nobody needs a copy of their own."""
+    out = np.concatenate(parts)
+    out.flags.writeable = False
+    return out
 
 
 def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
