@@ -58,18 +58,17 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
         noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
     filters = whitening_of(columns, noise)
-    kernels, trust = filters.kernels, filters.trust
     made = replace(
         columns,
         values=tuple(filters.columns(own, log) for log, own in enumerate(columns.values)),
-        residual=tuple(_white(kernels, part) * own for part, own in zip(columns.residual, trust, strict=True)),
-        model_torque=tuple(_white(kernels, part) * own for part, own in zip(columns.model_torque, trust, strict=True)),
+        residual=filters.series(columns.residual),
+        model_torque=filters.series(columns.model_torque),
         usable=tuple(
-            np.column_stack([_reached(len(kernel), use) for kernel, use in zip(kernels, part.T, strict=True)])
+            np.column_stack([_reached(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
             for part in columns.usable
         ),
     )
-    return made, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+    return made, filters.series(noise)
 
 
 @dataclass(frozen=True)
@@ -94,6 +93,27 @@ class Whitening:
 
         return tuple(in_two_threads(white, range(len(values))))
 
+    def series(self, parts: Series) -> Series:
+        """Series of all logs, ``(n, nv)`` each."""
+        return tuple(_white(self.kernels, part) * own for part, own in zip(parts, self.trust, strict=True))
+
+    def before(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
+        """What a column has to be multiplied with so that ``e`` is multiplied with the white column.
+
+        Args:
+            e: From one sample on.
+            log: Of the column.
+            row: Of the column.
+            start: The first sample of ``e``.
+
+        Returns:
+            The series, and its first sample: the filter looks back.
+        """
+        kernel = self.kernels[row]
+        back = np.convolve(e * self.trust[log][start : start + len(e), row], kernel[::-1])
+        early = max(len(kernel) - 1 - start, 0)
+        return back[early:], start - len(kernel) + 1 + early
+
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
     """What makes the noise of columns white, see `whitened`; their values are not needed."""
@@ -107,10 +127,7 @@ def whitened_noise(
     like: Series | None = None,
 ) -> Series:
     """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
-    whitens = noise if like is None else like
-    kernels = _kernels(whitens)
-    trust = _trust(columns, kernels, whitens)
-    return tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+    return whitening_of(columns, noise if like is None else like).series(noise)
 
 
 def _kernels(noise: Series) -> list[Float[Array, " m"]]:

@@ -10,6 +10,7 @@ import pytest
 from identification.data.signals import process
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.model.columns import columns_like
 from identification.diagnosis.noise.encoder_noise import (
     at_least_encoder_noise,
     coarse_joints,
@@ -112,7 +113,7 @@ def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
     for step in (1e-12, STEP, 3 * STEP):
         again = recordings_read_again(quiet.session, quiet.columns, (step, step))
         left.append(rms([again.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
-        columns = again.columns()
+        columns = columns_like(again.session, again.like)
         assert columns.terms == quiet.columns.terms
         np.testing.assert_allclose(again.residual[0], columns.residual[0], atol=1e-12)
     assert left[0] < 0.05 * left[1]
@@ -124,7 +125,7 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
     # gain is a square.
     again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     found = spurious_gains(quiet.search, again, quiet.noise)
-    columns = again.columns()
+    columns = columns_like(again.session, again.like)
     null = set_up(quiet.session, columns, whitened(columns, quiet.noise)[0], quiet.weights)
     base = fit(null, (), held_out=False).objective
     for joint in ("shoulder", "elbow"):
