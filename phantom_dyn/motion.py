@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ import pinocchio as pin
 from jaxtyping import Float
 
 Array = np.ndarray
+
+_PIECE = 4096
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,18 @@ def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[A
 def linear_joints(model: pin.Model) -> np.ndarray:
     """True where a joint slides, False where it turns; joints of one velocity each, shape ``(nt,)``."""
     return np.array([joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:]], dtype=bool)
+
+
+def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
+    """Columns as one array that cannot be written to."""
+    out = np.empty((len(columns[0]), len(columns)))
+    # A piece of all columns at a time: what they share stays in the processor's cache until it is full.
+    for start in range(0, len(out), _PIECE):
+        rows = slice(start, start + _PIECE)
+        for k, column in enumerate(columns):
+            out[rows, k] = column[rows]
+    out.flags.writeable = False
+    return out
 
 
 def read_only(array: Array, dtype: type = float) -> Array:

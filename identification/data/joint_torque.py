@@ -13,7 +13,7 @@ from identification.data.recording import Table
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Actuator, Robot
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import side_by_side
 
 Array = np.ndarray
 
@@ -96,7 +96,7 @@ def drive_torque(
     if missing:
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()
-    tau = read_only(np.column_stack([values for values in found.values() if values is not None]))
+    tau = side_by_side([values for values in found.values() if values is not None])
     driven = np.array([actuator.actuated for _, actuator in pairs])
     if torque_needed and driven.any() and not np.any(tau[:, driven]):
         raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")

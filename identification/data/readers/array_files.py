@@ -85,7 +85,10 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                 continue
             sentence = _problem(path.name, name, array)
             if sentence is None:
-                columns |= numbered(name, array.astype(float, copy=False))
+                array = array.astype(float, copy=False)
+                # Nobody writes to it from here on, so that nobody needs a copy.
+                array.flags.writeable = False
+                columns |= numbered(name, array)
             else:
                 problems[name] = sentence
     return RawTable(path.name, columns, problems, joint_names=names)
