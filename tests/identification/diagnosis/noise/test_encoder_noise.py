@@ -12,6 +12,7 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import columns_like
 from identification.diagnosis.noise.encoder_noise import (
+    _null_problem,
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
@@ -132,6 +133,19 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
         alone = fit(null, (quiet.term("torque_offset", joint),), held_out=False).objective
         assert found["torque_offset", joint] == pytest.approx(base - alone, rel=1e-3, abs=1e-3)
     assert min(found.values()) >= 0.0
+
+
+def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, planar2):
+    # Oracle: the columns of both recordings at once.
+    both = lab.prepared(planar2, tuple(lab.recording(planar2, lab.motion(2, seed), seed=seed) for seed in range(2)))
+    again = recordings_read_again(both.session, both.columns, (STEP, STEP))
+    found = _null_problem(both.problem, again, both.noise)
+    columns = columns_like(again.session, again.like)
+    expected = set_up(both.session, columns, whitened(columns, both.noise)[0], both.weights)
+    scale = np.sqrt(np.outer(*2 * (np.diag(expected.total_a),))) + 1e-12
+    np.testing.assert_allclose(found.total_a / scale, expected.total_a / scale, atol=1e-12)
+    np.testing.assert_allclose(found.total_b, expected.total_b, atol=1e-12 * np.abs(expected.total_b).max())
+    np.testing.assert_allclose(found.precision, expected.precision, rtol=1e-12)
 
 
 def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):
