@@ -97,10 +97,11 @@ def drive_torque(
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()
     tau = side_by_side([values for values in found.values() if values is not None])
-    driven = np.array([actuator.actuated for _, actuator in pairs])
-    if torque_needed and driven.any() and not np.any(tau[:, driven]):
+    driven = [actuator.actuated for _, actuator in pairs]
+    some = [bool(np.any(column)) for column in tau.T]
+    if torque_needed and any(driven) and not any(x for x, live in zip(some, driven, strict=True) if live):
         raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")
-    zero = [joint for (joint, _), live, column in zip(pairs, driven, tau.T, strict=True) if live and not np.any(column)]
+    zero = [joint for (joint, _), live, moved in zip(pairs, driven, some, strict=True) if live and not moved]
     warnings = tuple(
         f"{table.file}: the torque of {joint} is zero throughout: if the joint has no drive, say actuated: false in "
         "robot.yaml."
