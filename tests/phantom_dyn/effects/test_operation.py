@@ -50,7 +50,7 @@ def test_another_fit_keeps_what_is_known_of_the_motion(moving):
 def test_what_is_known_of_parts_is_that_of_the_whole(planar, moving):
     first, second = (
         Operation.of(planar, Motion(*(x[k] for x in (moving.t, moving.q, moving.v, moving.a))))
-        for k in (slice(0, 20), slice(20, None))
+        for k in (slice(0, 1), slice(1, None))
     )
     whole = Operation.of(planar, moving).made_of((first, second))
     for name in ("own_friction", "transmitted", "inertia", "steepest"):
