@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.motion import Motion, read_only
 
 Array = np.ndarray

@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels import rigid_body
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_motion
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Band
 from identification.diagnosis.model.layout import Local, lay_out
@@ -27,6 +26,7 @@ from identification.diagnosis.model.standstill import (
 )
 from identification.diagnosis.model.terms import FoundEffect, Term, merged
 from identification.diagnosis.numerics.two_threads import in_two_threads
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Shape
 from phantom_dyn.effects.operation import Operation

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
