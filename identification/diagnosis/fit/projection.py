@@ -1,7 +1,8 @@
-"""In-sample gain of every rival beside a fit, all rivals at once: their columns projected off those of the fit."""
+"""In-sample gains of rivals beside a fit, many at once: their columns projected off those of the fit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,56 +10,46 @@ from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
-class Beside:
-    """Columns of each rival with their projection on the fit removed.
+def gains_beside(problem: Problem, fitted: Fitted, sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
+    """How much the columns of each set lower the loss in sample beside a fit, to second order; bounds are kept.
 
-    Attributes:
-        gains: How much the columns of each rival lower the loss in sample, to second order, bounds kept.
-        b: Products of what is left of all columns with the residual of the fit, ``(K,)``.
-        active: Columns of the fit.
+    Args:
+        problem: What was fitted.
+        fitted: The fit.
+        sets: Columns of one rival each.
     """
-
-    gains: dict[tuple[int, ...], float]
-    b: Float[Array, " K"]
-    active: frozenset[int]
-
-
-def beside(problem: Problem, fitted: Fitted) -> Beside:
-    """Project all columns off those of a fit; coefficients of the fit at a bound stay there."""
+    inside = frozenset(fitted.active.tolist())
+    new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+    wanted = np.array(sorted({k for own in new.values() for k in own}), dtype=int)
+    cross, made, gradient = taken_out(problem, fitted, wanted)
     a = problem.total_a
-    cross, made, gradient = taken_out(problem, fitted)
-    inside = frozenset(int(k) for k in fitted.active)
-    sets: dict[tuple[int, ...], tuple[int, ...]] = {}
-    for term in problem.columns.terms:
-        sets.setdefault(term.columns, tuple(k for k in term.columns if k not in inside))
-    gains = dict.fromkeys(sets, 0.0)
-    for size in {len(own) for own in sets.values()} - {0}:
+    gains = dict.fromkeys(new, 0.0)
+    for size in {len(own) for own in new.values()} - {0}:
         # Sets of one size at a time: of all products only those within a set are wanted.
-        same = [columns for columns, own in sets.items() if len(own) == size]
-        own = np.array([sets[columns] for columns in same])
-        left = a[own[:, :, None], own[:, None, :]] - cross[:, own].transpose(1, 2, 0) @ made[:, own].transpose(1, 0, 2)
+        same = [columns for columns, own in new.items() if len(own) == size]
+        own = np.array([new[columns] for columns in same])
+        at = np.searchsorted(wanted, own)
+        left = a[own[:, :, None], own[:, None, :]] - cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
         left[:, np.arange(size), np.arange(size)] += problem.precision[own]
-        found = gains_within(left, gradient[own], problem.lower[own], problem.upper[own])
+        found = gains_within(left, gradient[at], problem.lower[own], problem.upper[own])
         gains.update(zip(same, found.tolist(), strict=True))
-    return Beside(gains, gradient, inside)
+    return gains
 
 
 def taken_out(
-    problem: Problem, fitted: Fitted, columns: Int[Array, " m"] | None = None
+    problem: Problem, fitted: Fitted, columns: Int[Array, " m"]
 ) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
     """Project columns off the free columns of a fit.
 
     Args:
         problem: What was fitted.
         fitted: The fit.
-        columns: Which; None for all.
+        columns: Which.
 
     Returns:
         Products of the fit's free columns with these, coefficients of the projection, and products of the projected
@@ -68,11 +59,10 @@ def taken_out(
     x = theta[active]
     free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
     a = problem.total_a
-    wanted = np.arange(len(a)) if columns is None else columns
-    cross = a[free] if columns is None else a[np.ix_(free, columns)]
+    cross = a[np.ix_(free, columns)]
     made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
     gradient = problem.total_b - a[:, active] @ x
-    return cross, made, gradient[wanted] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
+    return cross, made, gradient[columns] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
 
 
 def gains_within(
@@ -94,11 +84,6 @@ def _solve_each(a: Float[Array, "T k k"], b: Float[Array, "T k"]) -> Float[Array
     scale = 1.0 / np.sqrt(np.maximum(np.einsum("tkk->tk", a), 1e-300))
     scaled = a * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(a.shape[1])
     return np.linalg.solve(scaled, (b * scale)[:, :, None])[:, :, 0] * scale
-
-
-def gain_of(besides: Beside, term: Term) -> float:
-    """How much a term lowers the loss in sample, to second order; its bounds are kept."""
-    return besides.gains[term.columns]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.fit.projection import beside, gain_of
+from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.columns import Columns, columns_like
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
@@ -180,8 +180,8 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     columns = again.columns()
     white, _ = whitened(columns, noise)
     null = set_up(problem.session, columns, white, problem.weights)
-    besides = beside(null, fit(null, (), held_out=False))
+    gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
-        out[term.place] = max(gain_of(besides, term), out.get(term.place, 0.0))
+        out[term.place] = max(gains[term.columns], out.get(term.place, 0.0))
     return out

@@ -12,7 +12,7 @@ from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_col
 from identification.diagnosis.fit.near_fits import NearFits
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import products_of
-from identification.diagnosis.fit.projection import Beside, beside
+from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
 
@@ -38,7 +38,7 @@ class Fits:
         self._held_out: dict[Chosen, Fitted] = {}
         self._in_sample: dict[Chosen, float] = {}
         self._points: dict[Chosen, Point] = {}
-        self._besides: dict[Chosen, Beside] = {}
+        self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
 
     def held_out(self, chosen: Chosen) -> Fitted:
         """Fit of a set on all blocks, and once without each fold."""
@@ -59,9 +59,11 @@ class Fits:
             active = active_columns(self.problem, ordered(chosen))
             near = self._near.gains(active, {term.columns for term in terms})
             return {term: near[term.columns] for term in terms}
-        if chosen not in self._besides:
-            self._besides[chosen] = beside(self.problem, self._fitted(chosen, held_out=False))
-        return {term: self._besides[chosen].gains[term.columns] for term in terms}
+        known = self._gains.setdefault(chosen, {})
+        new = {term.columns for term in terms}.difference(known)
+        if new:
+            known.update(gains_beside(self.problem, self._fitted(chosen, held_out=False), new))
+        return {term: known[term.columns] for term in terms}
 
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
         """Coefficients of any subset of some effects, of the fit without each fold and, last, of that to all blocks.
