@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from scipy.special import ndtri, stdtr
 
 from identification.batch.diagnose_each import DiagnosedRecordings
 from identification.diagnosis.result import EffectAt
 from identification.words.diagnosis_words import capital, effect_at, parameter_name
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -10,7 +10,8 @@ tests. Source: Stark and Parker, Computational Statistics 10 (1995) 129-141.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

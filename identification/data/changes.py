@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters

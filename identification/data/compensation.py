@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording, Table
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot

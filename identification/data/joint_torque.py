@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Actuator, Robot

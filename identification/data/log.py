@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.motion import Motion, read_only
 
 Array = np.ndarray

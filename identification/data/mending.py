@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

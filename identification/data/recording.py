@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

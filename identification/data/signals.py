@@ -12,13 +12,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.compensation import friction_taken
 from identification.data.joint_torque import external_torque
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError

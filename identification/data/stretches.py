@@ -6,9 +6,9 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

@@ -17,12 +17,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.recording import Recording, Table
 from identification.data.signals import motion_edge, process_all, smoothed
 from identification.degrade.degradation import Degradation
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated

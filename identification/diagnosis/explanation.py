@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts
@@ -44,6 +43,7 @@ from identification.diagnosis.search.refinement import (
 from identification.diagnosis.search.rival_sets import settled
 from identification.diagnosis.search.search import RowGaps, Search, Threshold, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

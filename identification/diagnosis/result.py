@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.rest_law import Dependence, Law
 from identification.geometry.result import GeometryResult
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 

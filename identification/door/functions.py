@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data import reading
 from identification.data.checked_file import CheckedRecording, checked_file, checked_recording
@@ -38,6 +37,7 @@ from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
 from identification.reporting import comparison
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError

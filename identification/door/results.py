@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.check_recording import checked
 from identification.data.recording import Recording
@@ -18,6 +17,7 @@ from identification.identify.identification import Identification as Found
 from identification.identify.identification import Parameter
 from identification.identify.identification_files import write_outputs
 from identification.identify.identification_words import headline, summary
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot

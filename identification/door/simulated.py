@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.readers.read_table import read_raw
 from identification.degrade.degradation import degradation
@@ -17,6 +16,7 @@ from identification.door.inputs import described, listed
 from identification.door.results import Reference
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.export.corrected.found_effects import effect_of, lasting_findings
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Band, Log
 from identification.estimators.linear.cautions import cautions, condition_of, unexplained
@@ -22,6 +21,7 @@ from identification.estimators.linear.scatter import (
 )
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 from scipy.special import chdtrc
 
 from identification.data.log import Log
@@ -28,6 +27,7 @@ from identification.estimators.linear.scatter import covariances
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 from phantom_dyn.model.robot import Robot
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.estimators.consistent.consistent_bodies import (
@@ -27,6 +26,7 @@ from identification.estimators.consistent.full_parameters import coefficient_bou
 from identification.estimators.fit import Fit
 from identification.estimators.weighted_least_squares import wls
 from identification.regression.regressor import EffectOnJoint, Regressor, gap_regressor, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError, ParameterError, RobotError

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.estimators.linear.least_squares import Solution, joint_grams, solve_factor
@@ -15,6 +14,7 @@ from identification.regression.base_parameters import RANK_TOLERANCE, BaseParame
 from identification.regression.reduction import Reduction
 from identification.regression.regressor import EffectOnJoint, torque_regressor
 from identification.regression.triangular import triangular
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 from phantom_dyn.model.robot import Robot
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.estimators.fit import Fit, JointNoise, Status, fit_of, values_of_solution
@@ -20,6 +19,7 @@ from identification.estimators.linear.least_squares import Solution, base_of, so
 from identification.estimators.linear.scatter import joint_noise, leverage
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 from phantom_dyn.model.robot import Robot
 

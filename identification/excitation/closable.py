@@ -7,8 +7,8 @@ the chain between them they are one.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.loops.singularity import distance_from_singularity
 from phantom_dyn.loops.solver import closed_each
 from phantom_dyn.model.robot import Robot, tree_position_limits

@@ -9,9 +9,9 @@ from pathlib import Path
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.excitation.closable import configurations_in, ordinary_postures, solved_numerically
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot

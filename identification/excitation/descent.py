@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.criteria import Criterion
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.limited_quantities import Bounds
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError
 
 Array = np.ndarray

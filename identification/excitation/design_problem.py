@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.closable import solved_numerically
 from identification.excitation.criteria import Criterion
@@ -18,6 +17,7 @@ from identification.excitation.motion_shapes import Shapes
 from identification.excitation.moved_tree import TreePulls, clear_of, pulled_to_active
 from identification.excitation.regressor_slope import regressor_slope
 from phantom_dyn._kernels import rigid_body
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_friction, tree_motion
 from phantom_dyn.model.robot import Robot

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
 from identification.excitation.descent import MARGIN, descend
@@ -27,6 +26,7 @@ from identification.excitation.starts import (
     random_weights,
     worst_excess,
 )
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only

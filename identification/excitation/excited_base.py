@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.excitation.closable import largest_slope, solved_numerically
 from identification.excitation.collisions import CLEARANCE, distances
 from identification.excitation.limits import Limits
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints, read_only

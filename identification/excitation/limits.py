@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.excitation.closable import CLEAR
 from identification.excitation.collisions import Collisions
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints, read_only

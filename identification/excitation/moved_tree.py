@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.closable import solved_numerically
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_motion
 from phantom_dyn.loops.singularity import distance_from_singularity
 from phantom_dyn.model.robot import Robot

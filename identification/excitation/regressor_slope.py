@@ -23,10 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.excitation.slope_loop import slope_loop
 from phantom_dyn._kernels.jit import compiles
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

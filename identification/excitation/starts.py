@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.closable import closable, ordinary_postures, solved_numerically, with_start_between
 from identification.excitation.descent import MARGIN, descend
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
 

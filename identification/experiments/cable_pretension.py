@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.devices.cable_friction import CableFriction
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 

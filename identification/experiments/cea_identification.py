@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass
 from identification.excitation.motion_shapes import Sine, Triangle, Wave, wave_motion
 from identification.experiments.linear_fit import LinearFit, fit_linear
+from phantom_dyn.array_types import Float
 from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion

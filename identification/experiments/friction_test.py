@@ -12,10 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError
 
 Array = np.ndarray

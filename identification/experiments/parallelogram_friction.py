@@ -19,11 +19,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.friction_test import fit_steady
 from identification.experiments.linear_fit import LinearFit
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 

@@ -20,12 +20,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import differentiate
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.motion import read_only

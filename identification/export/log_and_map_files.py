@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.csv_cells import header_line
 from identification.file_sets import renamed_together
 from identification.files import require_ending, temporary_beside
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.maps.map_figures import figure

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.geometry.pins import Loops
+from phantom_dyn.array_types import Float
 from phantom_dyn.loops.chain import Constraints, constraints_of, error_and_slope
 from phantom_dyn.loops.solver import SINGULAR
 from phantom_dyn.motion import configurations

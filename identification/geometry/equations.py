@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float, Int
 
 from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops, is_carried, move_frame
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, placed, subspace
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int
 
 from identification.geometry.equations import Equations, Estimate, Problem
 from identification.geometry.fit import fitted, start_of
 from identification.geometry.search import Fits, chosen_terms, fits_of, price_of
 from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, whitened
+from phantom_dyn.array_types import Bool, Int
 
 Array = np.ndarray
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.geometry.equations import (
     BASE,
@@ -21,6 +20,7 @@ from identification.geometry.equations import (
     tree_positions,
 )
 from identification.geometry.measured import Measured
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import configurations
 
 Array = np.ndarray

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.geometry.whitened import Whitened
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

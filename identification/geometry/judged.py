@@ -9,7 +9,6 @@ from itertools import permutations
 from math import factorial
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
@@ -17,6 +16,7 @@ from identification.geometry.held_out import Blocks, draws, wins
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
 from identification.geometry.terms import ELASTIC, ZERO, Term
 from identification.geometry.whitened import orthonormal, without
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only

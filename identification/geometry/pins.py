@@ -14,8 +14,8 @@ from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.loops.chain import Anchor, ClosedChain, constraints_of, error_and_slope
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
 from phantom_dyn.model.robot import Robot

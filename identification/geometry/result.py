@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

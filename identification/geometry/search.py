@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.geometry.terms import ELASTIC, Term
 from identification.geometry.whitened import Whitened
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

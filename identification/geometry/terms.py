@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.geometry.pins import Loops, around
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

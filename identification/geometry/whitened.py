@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.checks.positions import still_joints
 from identification.data.log import Log
@@ -17,6 +16,7 @@ from identification.estimators.fit import Fit
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor
 from identification.reporting.charts.thinning import gap_starts
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
 from phantom_dyn.model.robot import Robot

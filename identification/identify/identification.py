@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from identification.identify.identification_words import error_percent
 from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, short_name
 from identification.reporting.charts.svg import INK, draw_curve, draw_legend, drawn_svg
 from identification.reporting.charts.thinning import eventful_stretch
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
 Array = np.ndarray

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.estimators.consistent.full_parameters import full_parameters
 from identification.estimators.fit import Fit
 from identification.regression.regressor import EffectOnJoint
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, ParameterError, UsageError, known_names

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.recording import Recording
@@ -31,6 +30,7 @@ from identification.identify.missed_joints import missed_sentences, shared_effec
 from identification.regression.regressor import Regressor, torque_regressor
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn import __version__
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.estimators.fit import Fit
 from identification.estimators.weighted_least_squares import fit_wls
@@ -19,6 +18,7 @@ from identification.identify.hold_out import Split
 from identification.identify.identification import JointError
 from identification.identify.identification_words import error_percent
 from identification.regression.regressor import EffectOnJoint, Regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation

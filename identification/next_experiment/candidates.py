@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.excitation.closable import CLEAR
@@ -21,6 +20,7 @@ from identification.excitation.limits import Limits, require_excitable, stated_l
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
 from identification.excitation.moved_tree import clear_of
 from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from itertools import islice, product
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Finding
 from identification.diagnosis.search.search import Search, contains, with_term
 from identification.diagnosis.search.swaps import replaced
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.data.log import Band, Log
 from identification.data.signals import low_pass
@@ -15,6 +14,7 @@ from identification.diagnosis.model.own_effects import Differences
 from identification.diagnosis.model.session import Series, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filter
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis import decision_rules as rules
@@ -21,6 +20,7 @@ from identification.excitation.limits import Limits
 from identification.next_experiment.candidates import Candidate, candidates, design_of, exciting, lively, varied
 from identification.next_experiment.laboratory import Laboratory
 from identification.next_experiment.separation import Rivalry, separation
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.model.inertia import payload_body

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import dependent_columns, r_factor
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Signature
 from phantom_dyn.model.robot import Robot

@@ -17,9 +17,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.regression.triangular import ROWS, absorb, dependent_columns, one_blas_thread, triangular
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
 

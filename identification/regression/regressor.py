@@ -14,11 +14,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, motion_slice, touched_columns
 from identification.regression.reduction import Reduction, reduce_blocks
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
 from phantom_dyn.effects.effect import Effect, Shape
 from phantom_dyn.effects.operation import Operation

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
-from jaxtyping import Float, Int
 from threadpoolctl import ThreadpoolController
 
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.rollout.joint_limits import Engaged, Simulated, limit_warnings, limits_engaged
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 

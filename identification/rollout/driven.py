@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.soft_friction import softness
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.rollout.driven import moved, pull, pulling
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import LEAD, Model
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.simulation.control import torque_over_time
 from phantom_dyn.simulation.simulate import Simulation

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, sums
@@ -22,6 +21,7 @@ from identification.rollout.rollout_starts import Window, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn._kernels.jit import compiles
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass, motion_edge
 from identification.diagnosis.model.blocks import Block
 from identification.rollout.simulated_models import Model
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.motion import Motion

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.rollout.driven import STEP, moved, pull, pulling, simulated
 from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

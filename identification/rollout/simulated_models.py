@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.model.nuisances import moves_of
 from identification.diagnosis.model.operations import moved_robot
 from identification.diagnosis.model.own_effects import OwnEffect
 from identification.diagnosis.model.terms import KnownEffect, Term
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect

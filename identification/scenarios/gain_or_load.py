@@ -12,12 +12,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
 from identification.scenarios.motion_only import commanded_torque
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream

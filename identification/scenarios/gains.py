@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.data.stretches import busiest
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
 from phantom_dyn.errors import LogError

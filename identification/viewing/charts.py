@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.reporting.charts.chart import AFTER, BEFORE
 from identification.reporting.charts.thinning import thinned
 from identification.viewing.replay import CORRECTED, GIVEN, MEASURED, Replay
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

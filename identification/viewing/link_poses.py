@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
@@ -26,6 +25,7 @@ from identification.viewing.replayed_motion import replayed_motion
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
 from identification.words.diagnosis_words import effect_at, joints_words
 from identification.words.effect_words import is_between_joints, words_of
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

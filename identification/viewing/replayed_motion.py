@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.rollout.driven import SHORTEST, STEP, acting_torque
@@ -18,6 +17,7 @@ from identification.rollout.hidden_states import hides
 from identification.rollout.rollout_starts import States, window_at
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.errors import PhantomDynError
 

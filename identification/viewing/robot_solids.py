@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.viewing.replay import Replay
+from phantom_dyn.array_types import Float
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import within_limits
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.session import session_of_logs
 from identification.diagnosis.model.terms import KnownEffect
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

@@ -137,7 +137,9 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
 
 
 @inlined
-def write_row(lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int) -> None:
+def write_row(
+    lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int
+) -> None:
     """Write the torque per parameter of one body on a motion that moves its frame.
 
     The products stand side by side, as a processor multiplies several at once.

@@ -32,8 +32,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray

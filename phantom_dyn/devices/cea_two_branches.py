@@ -21,8 +21,8 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.devices.cea import GRAVITY
 from phantom_dyn.devices.urdf_elements import add_joint, add_link, branch_elements, urdf_text
 from phantom_dyn.errors import ParameterError, RobotError

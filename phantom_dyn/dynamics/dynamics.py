@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from phantom_dyn._kernels import rigid_body
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_motion
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

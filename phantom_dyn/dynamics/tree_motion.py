@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.model.robot import Robot

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.chain import (
     ClosedChain,

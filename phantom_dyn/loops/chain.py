@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import configurations, read_only
 
 Array = np.ndarray

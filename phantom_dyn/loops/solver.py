@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from phantom_dyn._kernels.followed_loops import FollowedLoops, followed_loops, rewind
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, anchors_of, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import (
     ClosedChain,

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.devices import cea, phantom
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.maps.map_model import MapModel

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.from_robot import map_model

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels import rigid_body
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction, tree_motion
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.solver import REACH

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian
 from phantom_dyn.errors import ParameterError, known_names

@@ -10,9 +10,9 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from phantom_dyn._kernels.tree_arrays import TreeArrays, tree_arrays
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import RecentSolutions

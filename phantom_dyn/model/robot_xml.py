@@ -11,8 +11,8 @@ from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names, printable, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 

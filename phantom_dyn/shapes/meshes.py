@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.kept_shapes import keep, kept, place_of
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, reduced, surface

@@ -10,8 +10,8 @@ from pathlib import Path
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Int
 
+from phantom_dyn.array_types import Int
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot

@@ -7,7 +7,8 @@ command's imports; it is the oracle of the tests.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 Window = Literal["hann", "blackman", "blackmanharris"]

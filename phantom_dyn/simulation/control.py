@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError

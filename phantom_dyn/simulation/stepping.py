@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import body_torque_of_tree, link_torque, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
 from phantom_dyn.effects.simulated import Transmission

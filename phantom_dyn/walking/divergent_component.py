@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState, Profile, entry, holding_point, pendulum
 from phantom_dyn.walking.footsteps import (

@@ -23,8 +23,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState

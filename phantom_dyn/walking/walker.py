@@ -10,8 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.loading import parse_model
 from phantom_dyn.model.robot_files import find_robot

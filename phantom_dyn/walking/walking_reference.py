@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState

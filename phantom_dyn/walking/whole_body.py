@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.pattern import FootMotion

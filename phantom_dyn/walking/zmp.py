@@ -23,9 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 from scipy.spatial import ConvexHull, QhullError
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import read_only
 

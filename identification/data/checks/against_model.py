@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion

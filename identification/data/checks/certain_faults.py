@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.bounded_fit import bounded_fit
 from identification.data.checks import suspects as other
@@ -24,6 +23,7 @@ from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
 from identification.data.checks.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.recording import Fault, Recording
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
 from phantom_dyn.errors import ChainError, listed
 from phantom_dyn.model.robot import Robot

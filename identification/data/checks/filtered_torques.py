@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import listed
 from phantom_dyn.signals.spectra import power_density
 

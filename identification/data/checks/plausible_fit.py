@@ -13,10 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.bounded_fit import bounded_fit
 from identification.data.checks.readings import Reading
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.smoothed_copy import Smooth
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.data.signals import acceleration_edge, differentiate
+from phantom_dyn.array_types import Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 

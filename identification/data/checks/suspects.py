@@ -11,7 +11,6 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.readings import (
     Reading,
@@ -22,6 +21,7 @@ from identification.data.checks.readings import (
     with_torques_plus,
     with_torques_times,
 )
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot

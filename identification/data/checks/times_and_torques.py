@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.smoothed_copy import included
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

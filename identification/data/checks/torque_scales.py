@@ -7,11 +7,11 @@ joint follows from what its links need by the model, beside friction of any size
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.readings import Reading, with_torques_times
 from identification.data.checks.suspects import Suspect, gear_entries, names
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot

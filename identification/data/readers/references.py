@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.recording import RawTable
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError
 
 Array = np.ndarray

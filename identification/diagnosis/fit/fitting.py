@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.data.log import Log
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

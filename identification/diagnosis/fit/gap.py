@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

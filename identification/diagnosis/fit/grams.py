@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.row_products import RowProducts
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.numerics.two_threads import in_two_threads
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
@@ -28,6 +27,7 @@ from identification.diagnosis.fit.whole_model import (
 )
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.effects.effect import OtherLaw
 from phantom_dyn.random_streams import random_stream
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gains_within
 from identification.diagnosis.numerics.tableau import Entering, Settled, Tableau, tableau
 from phantom_dyn._kernels.jit import fused
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.grams import Grams, RowGrams, Weights, all_row_grams, summed
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.problem import Problem
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

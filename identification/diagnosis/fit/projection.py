@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

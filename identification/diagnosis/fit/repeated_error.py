@@ -18,9 +18,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.whole_model import Linearised, ModelLayout
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

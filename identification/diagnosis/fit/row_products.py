@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from phantom_dyn._kernels.jit import fused, jit
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

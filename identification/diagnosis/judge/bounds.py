@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
@@ -19,6 +18,7 @@ from identification.diagnosis.search.search import (
     least_gain,
     price,
 )
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot

@@ -6,7 +6,6 @@ A push, a contact, a cable that catches. Each is an event: nothing in the state 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
@@ -14,6 +13,7 @@ from identification.diagnosis.judge.expected_error import Causes, expected_error
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import near_reversals
 from identification.diagnosis.result import Burst, JointGap
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

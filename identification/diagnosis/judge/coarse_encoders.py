@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, sums
@@ -13,6 +12,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis import decision_rules as rules
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray

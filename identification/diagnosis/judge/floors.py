@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
@@ -15,6 +14,7 @@ from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from identification.diagnosis.search.bootstrap_wins import block_counts
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

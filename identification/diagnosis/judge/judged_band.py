@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
@@ -17,6 +16,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
 from identification.diagnosis.search.search import Search, set_up_search
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

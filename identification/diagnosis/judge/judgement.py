@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
@@ -39,6 +38,7 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
@@ -21,6 +20,7 @@ from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed
+from phantom_dyn.array_types import Float
 from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray

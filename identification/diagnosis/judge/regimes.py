@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
 
 from identification.data.log import Log
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import near_reversals
+from phantom_dyn.array_types import Bool
 
 Array = np.ndarray
 

@@ -8,7 +8,6 @@ from itertools import combinations
 from math import factorial
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
@@ -17,6 +16,7 @@ from identification.diagnosis.result import Gap
 from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

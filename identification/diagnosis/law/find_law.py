@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.law.formula_search import (
@@ -29,6 +28,7 @@ from identification.diagnosis.law.rest import Rest, rest_of
 from identification.diagnosis.law.smooth import frequency_answers, input_curves, input_gains
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
 from identification.diagnosis.result import JointGap, Judgement
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

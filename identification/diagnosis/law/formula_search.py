@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.law.selection import (
@@ -23,6 +22,7 @@ from identification.diagnosis.law.selection import (
 )
 from identification.diagnosis.law.terms import Term, library
 from identification.diagnosis.numerics.bounded import bounded_solve
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

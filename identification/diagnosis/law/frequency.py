@@ -8,10 +8,10 @@ so is fitted and held out as a table over an input is.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from identification.diagnosis.law.responses import laguerre, laguerre_answer
 from identification.diagnosis.law.rest import Rest, RestLog
+from phantom_dyn.array_types import Complex, Float
 
 Array = np.ndarray
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ Automatic Control 36 (1991) 551-562.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.signals.recursive import recursive
 
 Array = np.ndarray

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Band, Log
 from identification.data.signals import smoothed
@@ -16,6 +15,7 @@ from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.rest_law import base_of, frequency_of, is_frequency
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.numerics.bounded import solve
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 Chosen = tuple[int, ...]

@@ -13,7 +13,6 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.law.frequency import answer_columns, complex_gains, linear_columns
 from identification.diagnosis.law.rest import Rest
@@ -27,6 +26,7 @@ from identification.diagnosis.rest_law import (
     frequency_of,
     is_frequency,
 )
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -6,9 +6,9 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int
 
 from identification.data.log import Log
+from phantom_dyn.array_types import Bool, Int
 
 Array = np.ndarray
 

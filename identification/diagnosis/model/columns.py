@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Band
 from identification.diagnosis.model.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
@@ -25,6 +24,7 @@ from identification.diagnosis.model.standstill import (
 )
 from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
 from identification.diagnosis.numerics.two_threads import in_two_threads
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.operation import Operation

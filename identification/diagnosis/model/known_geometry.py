@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.geometry.measured import load_of
 from identification.geometry.pins import KnownPlaces
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, placed
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

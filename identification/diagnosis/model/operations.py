@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.nuisances import moves_of
 from identification.diagnosis.model.standstill import standing_still
 from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.changes import Change, Kind, robot_in
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation

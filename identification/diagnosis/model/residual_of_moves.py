@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.nuisances import Move, touching
 from identification.diagnosis.numerics.bounded import solve
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 

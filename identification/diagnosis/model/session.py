@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.data.changes import Change
 from identification.data.log import Log
@@ -18,6 +17,7 @@ from identification.diagnosis.model.own_effects import ALIKE, Differences, diffe
 from identification.diagnosis.model.soft_friction import rubs_softly
 from identification.diagnosis.model.structure import STRUCTURES
 from identification.diagnosis.model.terms import KnownEffect
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.errors import EffectError, LogError
 from phantom_dyn.model.robot import Robot
 

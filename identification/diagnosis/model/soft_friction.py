@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Band
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of

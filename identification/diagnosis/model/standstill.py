@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step

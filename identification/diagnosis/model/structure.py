@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Rival, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows, row_of

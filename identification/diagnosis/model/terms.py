@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.model.structure import STRUCTURES
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect, Rival, Shape
 from phantom_dyn.effects.operation import Operation

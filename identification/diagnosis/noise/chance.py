@@ -6,7 +6,6 @@ The null recordings differ from the given model by its tolerances and by noise o
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
@@ -15,6 +14,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve, solve_each
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
@@ -26,6 +25,7 @@ from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise
 from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
@@ -16,6 +15,7 @@ from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import whitened_noise
 from identification.diagnosis.numerics.two_threads import in_two_threads
 from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
+from phantom_dyn.array_types import Float
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 Array = np.ndarray

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.numerics.two_threads import in_two_threads
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from phantom_dyn._kernels.jit import fused, inlined, interpreted_as
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

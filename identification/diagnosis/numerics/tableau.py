@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.numerics.bounded import bounded_solve
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 

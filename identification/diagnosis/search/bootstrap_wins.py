@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

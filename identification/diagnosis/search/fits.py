@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
 from identification.diagnosis.fit.near_fits import NearFits
@@ -15,6 +14,7 @@ from identification.diagnosis.fit.products import products_of
 from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.projection import taken_out
@@ -23,6 +22,7 @@ from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

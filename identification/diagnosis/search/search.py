@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
@@ -20,6 +19,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.special_cases import ends_on_nothing
+from phantom_dyn.array_types import Float
 
 
 @dataclass(frozen=True)

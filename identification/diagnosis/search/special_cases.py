@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.model.terms import Term
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, Parameter, SpecialCase
 from phantom_dyn.model.robot import Robot
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 

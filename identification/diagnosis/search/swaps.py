@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
@@ -20,6 +19,7 @@ from identification.diagnosis.search.search import (
     rows_of,
     with_term,
 )
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.data.log import Log
@@ -24,6 +23,7 @@ from identification.estimators.fit import Estimate, Fit, Status, Values, fit_of
 from identification.estimators.linear.scatter import autocorrelation, correlation_factor
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError, ParameterError
 from phantom_dyn.model.robot import Robot
 

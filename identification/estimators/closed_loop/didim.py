@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, resimulated, start_of
@@ -25,6 +24,7 @@ from identification.estimators.linear.scatter import residual_noise
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.model.robot import Robot
 

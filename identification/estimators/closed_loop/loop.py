@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import align_held_torque
@@ -26,6 +25,7 @@ from identification.estimators.linear.least_squares import base_of, base_rows
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

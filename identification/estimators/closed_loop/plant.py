@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, Term, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import TreeArrays
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import loops_to_follow

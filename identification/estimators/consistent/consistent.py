@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import block_diag
 
 from identification.data.log import Log
@@ -31,6 +30,7 @@ from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from identification.regression.triangular import r_factor, triangular
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name

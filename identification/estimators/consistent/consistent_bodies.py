@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.robot_shapes import robot_shapes

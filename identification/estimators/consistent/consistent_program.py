@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
 from identification.estimators.consistent.stated_program import Shape, Values, stated
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, ParameterError
 
 Array = np.ndarray

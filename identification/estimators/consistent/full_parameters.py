@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
 from identification.estimators.consistent.consistent_program import (
@@ -19,6 +18,7 @@ from identification.estimators.consistent.consistent_program import (
 from identification.estimators.fit import Fit
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Term
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, term_columns
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 Array = np.ndarray

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.regression.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import ROWS, absorb, one_blas_thread, triangular
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import IdentifiabilityError
 
 Array = np.ndarray

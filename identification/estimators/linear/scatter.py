@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
 from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
 from identification.estimators.linear.least_squares import Solution, base_blocks, base_places
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
+from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.export.corrected.corrected_mjcf import (
     SHORTEST_STEP,
@@ -22,6 +21,7 @@ from identification.export.corrected.reload_in_mujoco import rollout_errors
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError

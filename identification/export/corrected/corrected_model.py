@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.diagnosis.model.terms import KnownEffect
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.described import Coupling, ModelNumbers
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia

@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
 from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element

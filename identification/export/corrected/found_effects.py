@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.model.nuisances import moves_of
 from identification.diagnosis.model.operations import moved_robot
@@ -18,6 +17,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import Program, solve_program
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_parameters

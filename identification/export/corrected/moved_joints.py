@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.diagnosis.model.known_geometry import known_twists, moved_on
 from identification.diagnosis.model.terms import KnownEffect
@@ -18,6 +17,7 @@ from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.pins import around, loops_of
 from identification.geometry.result import GeometryResult
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 

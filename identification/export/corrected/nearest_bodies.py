@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.estimators.consistent.consistent_bodies import pseudo_inertia, standard_of
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.export.corrected.corrected_mjcf import (
     COUPLING,
@@ -26,6 +25,7 @@ from identification.export.model_files.reload import (
     torque_of_mujoco,
 )
 from identification.export.model_files.tree import tree_torque
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import RobotError

@@ -7,11 +7,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.export.model_files.mjcf_loops import add_followers
 from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
 from identification.export.model_files.urdf_file import attribute_text
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import breaks_triangle
 from phantom_dyn.model.robot import Robot

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.tree import tree_torque
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.model.loading import load_robot

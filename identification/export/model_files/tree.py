@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, central_parameters, impossible_because

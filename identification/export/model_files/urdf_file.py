@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.export.model_files.tree import LinkInertia, bodies, frames
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because

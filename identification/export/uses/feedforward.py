@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.csv_cells import text_cell
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

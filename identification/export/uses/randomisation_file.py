@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Finding
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.randomisation import SIGMAS, Randomisation, found_range, unseen_effect, unseen_range
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.strict_yaml import settings_text

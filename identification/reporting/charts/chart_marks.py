@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from jaxtyping import Bool, Float
+
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.result import Diagnosis, Evidence, Finding
 from identification.reporting.charts.thinning import bin_numbers, gap_starts
 from identification.words.effect_words import words_of
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from identification.diagnosis.result import Diagnosis, Evidence
 from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
@@ -22,6 +21,7 @@ from identification.reporting.page.explaining import (
     joint_of,
     strongest_variable,
 )
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis, JointGap
 from identification.reporting.charts.chart import short_name
 from identification.words.diagnosis_words import finding_name
 from identification.words.numbers_and_names import percent
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identification.diagnosis.result import Diagnosis, Evidence
 from identification.reporting.charts.thinning import thinned
 from identification.reporting.page.gap_figures import residual, shown_stretch, torque_label
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 

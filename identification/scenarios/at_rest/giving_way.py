@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.scenarios.at_rest.rests import Stills
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 from phantom_dyn.errors import LogError

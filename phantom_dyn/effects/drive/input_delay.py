@@ -9,9 +9,9 @@ has no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for i
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation

@@ -12,9 +12,9 @@ URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the pos
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation

@@ -11,8 +11,8 @@ the mean of its recording, else the reference. URDF and MJCF have a place for th
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation

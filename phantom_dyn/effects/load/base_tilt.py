@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated

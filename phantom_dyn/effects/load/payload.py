@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.bounded_minimum import bounded_minimum
 from phantom_dyn.effects.support.rows import moving_average

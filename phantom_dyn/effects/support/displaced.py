@@ -7,8 +7,8 @@ without its motor: friction and rotor stay where the encoder is.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

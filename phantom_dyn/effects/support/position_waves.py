@@ -7,8 +7,8 @@ rad/m on a linear one. Cogging and ripple share them; see `cogging_orders` for h
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Parameter, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.cogging_orders import order_range, slowest_order

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
 
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.effects.effect import Shape, Signature
 from phantom_dyn.effects.operation import Operation

@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation

@@ -16,8 +16,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation

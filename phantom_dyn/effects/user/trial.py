@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation

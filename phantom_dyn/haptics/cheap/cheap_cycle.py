@@ -20,9 +20,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.drive.torque_saturation import held_within
 from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.effects.support.position_waves import sum_of_waves

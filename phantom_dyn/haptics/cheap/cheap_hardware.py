@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.devices.phantom import PHANTOM_1_5, PhantomParameters, hybrid_jacobian
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis

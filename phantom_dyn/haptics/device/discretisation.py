@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
 from phantom_dyn.haptics.device.transfer_function import Axis

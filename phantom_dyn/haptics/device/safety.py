@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, require_positive
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise

@@ -16,9 +16,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.haptics.device.commutation import BrushMotor, steady_torque
 from phantom_dyn.haptics.device.safety import Guard, GuardTrace
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, MARKERS, beside, panels, shade

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_hardware import Rendered
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, beside, key, panels, shade

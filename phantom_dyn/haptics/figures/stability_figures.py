@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.figures.canvas import (
     COLORS,

@@ -18,9 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import solve_discrete_are
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers, require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
 

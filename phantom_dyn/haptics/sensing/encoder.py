@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float, Int
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole
 

@@ -22,8 +22,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole
 from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder, EncoderRecord, record_motion

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole, sample_count
 from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer, observe_velocity

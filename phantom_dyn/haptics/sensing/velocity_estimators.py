@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import solve_discrete_are
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord

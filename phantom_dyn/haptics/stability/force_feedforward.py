@@ -32,9 +32,9 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from jaxtyping import Complex, Float
 from scipy.signal import butter
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import discretise

@@ -21,8 +21,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import Controller, SampledAxis, discretise

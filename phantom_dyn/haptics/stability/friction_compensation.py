@@ -24,9 +24,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.dynamics.tree_motion import project, tree_friction, tree_motion
 from phantom_dyn.errors import ParameterError

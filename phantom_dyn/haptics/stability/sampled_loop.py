@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
 import numpy as np
-from jaxtyping import Complex, Float
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
+from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis
 from phantom_dyn.haptics.device.frequency_kernels import frequency_grid

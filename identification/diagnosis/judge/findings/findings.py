@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
@@ -34,6 +33,7 @@ from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.squares_left import squares_left
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
+from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream

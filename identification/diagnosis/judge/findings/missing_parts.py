@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.joint_fit import JointFit
@@ -14,6 +13,7 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.rival_sets import Place
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
 

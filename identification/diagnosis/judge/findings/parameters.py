@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import Value
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
+from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
