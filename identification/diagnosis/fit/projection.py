@@ -92,14 +92,12 @@ class FoldProjection:
 
     Attributes:
         problem: What is fitted.
-        fold: Which one is held out; None: none is.
         lines: Training products of the nuisances with all columns, ``(n, K)``.
         core: Products of the held-out cores among nuisances, and between them and all columns.
         made: Nuisances that a unit of each column moves, ``(n, K)``.
     """
 
     problem: Problem
-    fold: int | None
     lines: Float[Array, "n K"]
     core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
     made: Float[Array, "n K"]
@@ -110,20 +108,26 @@ class FoldProjection:
         moves = self.problem.moves
         return self.lines[:, moves] + np.diag(self.problem.precision[moves])
 
-    def training(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-        """Training products among each group of columns with the nuisances taken out, priors included."""
+    def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Training products among each group of columns with the nuisances taken out, priors included.
+
+        Args:
+            columns: Of each group.
+            square: Training products among them as they are.
+        """
         made, cross = _each(self.made, columns), _each(self.lines, columns)
-        square = self.problem.total_a[columns[:, :, None], columns[:, None, :]]
-        if self.fold is not None:
-            square = square - self.problem.grams.fold_a.within(self.fold, columns)
         return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
-    def held_out(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-        """Products of the held-out cores among each group of columns with the moved nuisances counted."""
+    def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Products of the held-out cores among each group of columns with the moved nuisances counted.
+
+        Args:
+            columns: Of each group.
+            square: Products of the held-out cores among them as they are.
+        """
         inside, across = self.core
         made = _each(self.made, columns)
         turned = _each(across, columns).mT @ made
-        square = 0.0 if self.fold is None else self.problem.grams.fold_core_a.within(self.fold, columns)
         return square - turned - turned.mT + made.mT @ inside @ made
 
 
@@ -133,11 +137,10 @@ def fold_projections(problem: Problem) -> tuple[FoldProjection, ...]:
     less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
     nothing = np.zeros_like(less[0])
     out = []
-    for fold, (gone, core) in enumerate(zip((*less, nothing), (*cores, nothing), strict=True)):
+    for gone, core in zip((*less, nothing), (*cores, nothing), strict=True):
         lines = problem.total_a[moves] - gone
         made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
-        which = fold if fold < len(less) else None
-        out.append(FoldProjection(problem, which, lines, (core[:, moves], core), made))
+        out.append(FoldProjection(problem, lines, (core[:, moves], core), made))
     return tuple(out)
 
 
