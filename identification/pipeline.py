@@ -14,7 +14,7 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.explanation import explained
+from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
@@ -23,10 +23,10 @@ from identification.diagnosis.model.known_geometry import as_known, of_torques, 
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, Judgement
+from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
-from identification.next_experiment.advise import Proposal, proposed
+from identification.next_experiment.proposal import Proposal
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
@@ -174,8 +174,7 @@ def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda 
         judgement = with_user_words(named_by_recording(judgement, session), robot)
     else:
         judgement = with_user_words(judgement, robot)
-        progress("choosing what to record next")
-        proposal = proposed(explanation, judgement.findings)
+        proposal = _proposed(explanation, judgement.findings, progress)
     soft = (SOFT,) if session.robot.soft_friction else ()
     judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
     seconds = time.perf_counter() - given.started
@@ -260,6 +259,15 @@ def diagnose_controlled(
     second = diagnose(higher, again[:count], hold_out=again[count:], known=known, progress=progress)
     leads, found = either(first, second, scales)
     return higher if leads else driven, found
+
+
+def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Callable[[str], None]) -> Proposal:
+    progress("choosing what to record next")
+    if not any(finding.rivals for finding in findings):
+        return Proposal()
+    from identification.next_experiment.advise import proposed  # with all that plans motions
+
+    return proposed(explanation, findings)
 
 
 def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:

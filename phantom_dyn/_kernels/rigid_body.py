@@ -24,6 +24,10 @@ from phantom_dyn.errors import LogError, ParameterError
 
 Array = np.ndarray
 
+# Samples from which on the slopes of the torque are worth a loop of their own: compiling it takes three seconds, once,
+# and Pinocchio's loop a tenth of a second for fewer.
+_WORTH_COMPILING = 20_000
+
 
 def regressor(
     model: pin.Model,
@@ -148,7 +152,7 @@ def torque_slopes(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Arra
     Each entry's series is in one piece of memory.
     """
     _require_motion(model, q, v, a)
-    if arrays is None or not jit.compiles() or FREE in arrays.kinds:
+    if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING or not jit.compiles():
         out = pinocchio_loops.torque_slopes(model, q, v, a)
     else:
         out = np.zeros((2, model.nv, model.nv, len(q)))

@@ -110,7 +110,7 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
     """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
     moved = problem.moves
     right = b.sum(axis=0)
-    alike = _by_size(terms)
+    alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(terms)]
     gains = np.zeros((len(terms), b.shape[2]))
     *folds, whole = fold_projections(problem)
     for fold, part in enumerate(folds):
@@ -120,19 +120,26 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
         products = products - part.made.T @ products[moved]
         inside, across = part.core
         held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
-        for which, columns in alike:
-            x = solve_each(part.training(columns), products[columns])
-            gains[which] += (x * (2 * held[columns] - part.held_out(columns) @ x)).sum(axis=1)
+        for which, columns, (total, less, core) in alike:
+            x = solve_each(part.training(columns, total - less[fold]), products[columns])
+            gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
     # A rival also relieves the nuisances of moves that cost.
     base = solve(whole.inner, right[moved])
     products = right - whole.made.T @ right[moved]
-    precision = problem.precision[moved, None]
-    cost = (base**2 * precision).sum(axis=0)
-    for which, columns in alike:
-        made = whole.made[:, columns].transpose(1, 0, 2)
-        moves = base - made @ solve_each(whole.training(columns), products[columns])
-        gains[which] += cost - (moves**2 * precision).sum(axis=1)
+    costly = problem.precision[moved, None] * whole.made
+    relieved = costly.T @ base
+    for which, columns, (total, _, _) in alike:
+        made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))
+        x = solve_each(whole.training(columns, total), products[columns])
+        gains[which] += (x * (2 * relieved[columns] - (weighed.mT @ made) @ x)).sum(axis=1)
     return gains
+
+
+def _squares(problem: Problem, columns: Int[Array, "g m"]) -> tuple[Array, Array, Array]:
+    """Products among the columns of each group: over all blocks that train, and of each fold whole and in its cores."""
+    grams = problem.grams
+    total = problem.total_a[columns[:, :, None], columns[:, None, :]]
+    return total, grams.fold_a.within(columns), grams.fold_core_a.within(columns)
 
 
 def _by_size(terms: tuple[Term, ...]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:

@@ -18,7 +18,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.grams import RowGrams, all_row_grams
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.fit.projection import beside, gain_of
+from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.columns import Columns, columns_by_log
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
@@ -179,10 +179,10 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     if energy < rules.LEAST_GAIN:
         return dict.fromkeys((term.place for term in search.terms), 0.0)
     null = _null_problem(problem, again, noise)
-    besides = beside(null, fit(null, (), held_out=False))
+    gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
-        out[term.place] = max(gain_of(besides, term), out.get(term.place, 0.0))
+        out[term.place] = max(gains[term.columns], out.get(term.place, 0.0))
     return out
 
 

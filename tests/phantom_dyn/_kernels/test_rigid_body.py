@@ -130,7 +130,8 @@ def test_the_mass_matrix_is_that_of_pinocchio(name, rng):
 
 
 @pytest.mark.parametrize("seed", [0, 2, 4])
-def test_the_slopes_are_those_of_pinocchios_torque(seed, rng):
+def test_the_slopes_are_those_of_pinocchios_torque(seed, rng, monkeypatch):
+    monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
     # Central differences: Pinocchio's own slopes want the joints of a branch one after the other.
     model = random_tree(seed)
     q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(SAMPLES, model.nv))])
@@ -149,7 +150,8 @@ def test_the_slopes_are_those_of_pinocchios_torque(seed, rng):
 
 
 @pytest.mark.parametrize("name", ["ur10", "panda", "humanoid", "continuous", "unaligned", "floating base"])
-def test_the_slopes_of_the_torque_are_those_of_pinocchio(name, rng):
+def test_the_slopes_of_the_torque_are_those_of_pinocchio(name, rng, monkeypatch):
+    monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
     model = MODELS[name]()
     q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
     v, a = rng.normal(size=(2, 3, model.nv))

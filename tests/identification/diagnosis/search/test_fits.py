@@ -36,3 +36,14 @@ def test_losses_and_gains_do_not_depend_on_how_many_moves_there_are(rough, place
     largest = max(expected.values())
     for term, gain in near.gains(chosen, rough.problem.columns.terms).items():
         assert gain == pytest.approx(expected[term], rel=1e-4, abs=1e-6 * largest)
+
+
+def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
+    places = (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder"), ("rotor_inertia", "elbow"))
+    terms = frozenset(rough.term(*place) for place in places)
+    fits = Fits(rough.problem)
+    solved = fits.of_subsets(terms)
+    for left_out in terms:
+        found = fits.held_out(terms - {left_out})
+        expected = np.vstack([found.fold_theta, found.theta])
+        np.testing.assert_allclose(solved(terms - {left_out}), expected, rtol=1e-12, atol=1e-15)
