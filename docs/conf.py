@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+import jaxtyping  # noqa: F401  loaded first, so that types of arrays are shown with their shapes
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 

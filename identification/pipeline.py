@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from uuid import uuid4
 
 import numpy as np
@@ -14,7 +14,7 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.explanation import explained
+from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
@@ -23,8 +23,10 @@ from identification.diagnosis.model.known_geometry import as_known, of_torques, 
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, Judgement
-from identification.next_experiment.advise import Proposal, proposed
+from identification.diagnosis.result import Diagnosis, Finding, Judgement
+from identification.geometry.measured import has_poses
+from identification.geometry.pins import KnownPlaces
+from identification.next_experiment.proposal import Proposal
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
@@ -38,8 +40,81 @@ from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.robot import Robot
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
-@one_blas_thread()
+@dataclass(frozen=True)
+class Prepared:
+    """What a diagnosis works on: of long recordings the stretches that it uses, and nothing of the rest.
+
+    Attributes:
+        robot: The model that is judged.
+        seen: What fits may see.
+        unseen: What no fit sees.
+        known: Effects on torques that belong to the given model already.
+        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
+        tracked: Recordings with measured poses, if there are any.
+        places: Places of a closed chain that earlier poses have shown.
+        files: Names of all recordings.
+        notes: On what is used of long ones.
+        started: On the clock that counts the seconds of a diagnosis.
+    """
+
+    robot: Robot
+    seen: tuple[Recording, ...]
+    unseen: tuple[Recording, ...]
+    known: tuple[KnownEffect, ...]
+    changes: tuple[Change, ...]
+    tracked: tuple[Recording, ...]
+    places: KnownPlaces | None
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+    started: float
+
+
+def prepared(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    *,
+    hold_out: tuple[Recording, ...] = (),
+    known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
+) -> Prepared:
+    """What a diagnosis works on; whoever lets the recordings go then frees the memory of hours.
+
+    Args:
+        robot: This and the others as of `diagnose`.
+        recordings: .
+        hold_out: .
+        known: .
+        changes: .
+
+    Raises:
+        LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
+    """
+    started = time.perf_counter()
+    every = (*recordings, *hold_out)
+    require_right(every)
+    robot = with_known_places(robot, known)
+    tracked = as_known(robot, every, known)
+    if changes and any(one.poses_alone for one in every):
+        raise LogError(
+            "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."
+        )
+    recordings, hold_out = (tuple(one for one in some if not one.poses_alone) for some in (recordings, hold_out))
+    # What changed is known of whole recordings.
+    seen, unseen = (recordings, hold_out) if changes else (_stretches(recordings), _stretches(hold_out))
+    return Prepared(
+        robot,
+        seen,
+        unseen,
+        of_torques(known),
+        changes,
+        tracked if has_poses(tracked) else (),
+        places_of_loops(robot, known),
+        files=tuple(recording.file for recording in every),
+        notes=() if changes else tuple(note_on_length(one) for one in (*recordings, *hold_out) if is_long(one)),
+        started=started,
+    )
+
+
 def diagnose(
     robot: Robot,
     recordings: tuple[Recording, ...],
@@ -62,23 +137,28 @@ def diagnose(
     Raises:
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
     """
-    started = time.perf_counter()
-    every = (*recordings, *hold_out)
-    require_right(every)
-    robot = with_known_places(robot, known)
-    places, tracked, known = places_of_loops(robot, known), as_known(robot, every, known), of_torques(known)
-    if changes and any(one.poses_alone for one in every):
-        raise LogError(
-            "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."
-        )
-    recordings, hold_out = (tuple(one for one in some if not one.poses_alone) for some in (recordings, hold_out))
-    if not recordings:
+    given = prepared(robot, recordings, hold_out=hold_out, known=known, changes=changes)
+    return diagnose_prepared(given, progress)
+
+
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
+def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda _: None) -> Diagnosis:
+    """As `diagnose`, of recordings that are prepared.
+
+    Args:
+        given: See `prepared`.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If a recording cannot be used.
+    """
+    robot, changes = given.robot, given.changes
+    if not given.seen:
         progress("fitting poses")
-        return diagnosis_of_poses(robot, tracked, places)
+        return diagnosis_of_poses(robot, given.tracked, given.places)
     progress("filtering")
-    # What changed is known of whole recordings.
-    seen, unseen = (recordings, hold_out) if changes else (_stretches(recordings), _stretches(hold_out))
-    session = session_of(robot, seen, unseen, known=known, changes=changes)
+    session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explained(session, progress)
     progress("comparing rivals")
     judgement, shown = judged(explanation, progress)
@@ -94,14 +174,12 @@ def diagnose(
         judgement = with_user_words(named_by_recording(judgement, session), robot)
     else:
         judgement = with_user_words(judgement, robot)
-        progress("choosing what to record next")
-        proposal = proposed(explanation, judgement.findings)
-    long = () if changes else tuple(note_on_length(one) for one in (*recordings, *hold_out) if is_long(one))
+        proposal = _proposed(explanation, judgement.findings, progress)
     soft = (SOFT,) if session.robot.soft_friction else ()
-    judgement = replace(judgement, notes=(*long, *soft, *judgement.notes))
-    files = tuple(recording.file for recording in every)
-    seconds = time.perf_counter() - started
-    return with_poses(_result(session, files, judgement, rollout, proposal, seconds), robot, tracked, places)
+    judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
+    seconds = time.perf_counter() - given.started
+    found = _result(session, given.files, judgement, rollout, proposal, seconds)
+    return with_poses(found, robot, given.tracked, given.places)
 
 
 def diagnose_logs(
@@ -144,8 +222,9 @@ def diagnose_logs(
             return driven, diagnose_at_rest(driven, recordings)
         return diagnose_controlled(driven, recordings, held_out=held_out, known=known, progress=progress)
     count = len(recordings) - held_out
-    found = diagnose(driven, recordings[:count], hold_out=recordings[count:], known=known, progress=progress)
-    return driven, found
+    given = prepared(driven, recordings[:count], hold_out=recordings[count:], known=known)
+    del recordings
+    return driven, diagnose_prepared(given, progress)
 
 
 def diagnose_controlled(
@@ -180,6 +259,15 @@ def diagnose_controlled(
     second = diagnose(higher, again[:count], hold_out=again[count:], known=known, progress=progress)
     leads, found = either(first, second, scales)
     return higher if leads else driven, found
+
+
+def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Callable[[str], None]) -> Proposal:
+    progress("choosing what to record next")
+    if not any(finding.rivals for finding in findings):
+        return Proposal()
+    from identification.next_experiment.advise import proposed  # with all that plans motions
+
+    return proposed(explanation, findings)
 
 
 def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ import pinocchio as pin
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
+
+_PIECE = 4096
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,22 @@ def linear_joints(model: pin.Model) -> np.ndarray:
     return np.array([joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:]], dtype=bool)
 
 
+def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
+    """Columns as one array that cannot be written to."""
+    out = np.empty((len(columns[0]), len(columns)))
+    # A piece of all columns at a time: what they share stays in the processor's cache until it is full.
+    for start in range(0, len(out), _PIECE):
+        rows = slice(start, start + _PIECE)
+        for k, column in enumerate(columns):
+            out[rows, k] = column[rows]
+    out.flags.writeable = False
+    return out
+
+
 def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to."""
+    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
+    if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
+        return array
     copy = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy

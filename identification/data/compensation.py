@@ -57,6 +57,8 @@ def before_low_pass(
         LogError: If the column map names a joint that the robot does not have.
     """
     _require_joints(table, robot, table.low_pass, "went through a low pass")
+    if not table.low_pass:
+        return tau, ()
     out, said = tau.copy(), []
     for j, joint in enumerate(robot.joint_names):
         hertz = table.low_pass.get(joint, table.low_pass.get(""))

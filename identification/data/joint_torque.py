@@ -13,7 +13,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Actuator, Robot
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import side_by_side
 
 Array = np.ndarray
 
@@ -96,11 +96,12 @@ def drive_torque(
     if missing:
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()
-    tau = read_only(np.column_stack([values for values in found.values() if values is not None]))
-    driven = np.array([actuator.actuated for _, actuator in pairs])
-    if torque_needed and driven.any() and not np.any(tau[:, driven]):
+    tau = side_by_side([values for values in found.values() if values is not None])
+    driven = [actuator.actuated for _, actuator in pairs]
+    some = [bool(np.any(column)) for column in tau.T]
+    if torque_needed and any(driven) and not any(x for x, live in zip(some, driven, strict=True) if live):
         raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")
-    zero = [joint for (joint, _), live, column in zip(pairs, driven, tau.T, strict=True) if live and not np.any(column)]
+    zero = [joint for (joint, _), live, moved in zip(pairs, driven, some, strict=True) if live and not moved]
     warnings = tuple(
         f"{table.file}: the torque of {joint} is zero throughout: if the joint has no drive, say actuated: false in "
         "robot.yaml."

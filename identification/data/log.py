@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -86,9 +87,11 @@ class Log:
         """Full-rate index of each sample in the band."""
         return self.band.samples(len(self.motion.t))
 
-    @property
+    @cached_property
     def valid_in_band(self) -> Bool[Array, " n"]:
         """True for samples in the band whose kernel touches no sample that must not be used."""
+        if self.valid.all():
+            return np.ones(len(self.samples), dtype=bool)
         bad = np.concatenate([[0], np.cumsum(~self.valid)])
         at, half = self.samples, self.band.half
         return bad[at + half + 1] == bad[at - half]

@@ -45,7 +45,7 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
     warnings = _spike_warnings(together, "q", at_q)
     tau = together.tau
     if tau is not None:
-        tau, at_tau = _without_spikes(tau, _LEAST_TORQUE * tau.std(axis=0))
+        tau, at_tau = _without_spikes(tau, _LEAST_TORQUE * np.array([column.std() for column in tau.T]))
         warnings += _spike_warnings(together, "the torque", at_tau)
     if not warnings:
         return together
@@ -55,13 +55,15 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
 
 def _turns_together(recording: Recording, prismatic: Array) -> Recording:
     """Positions of joints that turn without the jumps of their encoders; references and second encoders go along."""
-    q = recording.q.copy()
-    others = {name: x.copy() for name in ("q_ref", "x") if (x := getattr(recording, name)) is not None}
-    warnings = []
+    q, others, warnings = recording.q, {}, []
     for j in np.flatnonzero(~np.asarray(prismatic, dtype=bool)):
-        q[:, j], at = whole_turns(q[:, j])
+        together, at = whole_turns(np.ascontiguousarray(recording.q[:, j]))
         if not len(at):
             continue
+        if not warnings:
+            q = q.copy()
+            others = {name: x.copy() for name in ("q_ref", "x") if (x := getattr(recording, name)) is not None}
+        q[:, j] = together
         for values in others.values():
             column = whole_turns(values[:, j])[0]
             # One that counts on while the encoder starts anew is whole turns away from the position put together.
@@ -126,9 +128,9 @@ def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
 
 def _without_spikes(x: Float[Array, "N nv"], least: Float[Array, " nv"]) -> tuple[Array, list[list[tuple[int, int]]]]:
     """Columns whose spikes are bridged by straight lines, and the spikes; a column with too many stays as it is."""
-    out, found = x.copy(), []
+    out, found = x, []
     for j in range(x.shape[1]):
-        runs = spikes(x[:, j], float(least[j]))
+        runs = spikes(np.ascontiguousarray(x[:, j]), float(least[j]))
         bad = np.zeros(len(x), dtype=bool)
         for start, end in runs:
             bad[start:end] = True
@@ -136,6 +138,7 @@ def _without_spikes(x: Float[Array, "N nv"], least: Float[Array, " nv"]) -> tupl
             runs, bad = [], np.zeros(len(x), dtype=bool)
         if runs:
             kept = np.flatnonzero(~bad)
+            out = x.copy() if out is x else out
             out[bad, j] = np.interp(np.flatnonzero(bad), kept, x[kept, j])
         found.append(runs)
     return out, found

@@ -21,7 +21,7 @@ from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import read_only, side_by_side
 
 Array = np.ndarray
 
@@ -59,7 +59,7 @@ def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | No
     if not any(f"{quantity}.{joint}" in table.columns for joint in joints):
         return None
     missing = np.full(len(table.columns["t"]), np.nan)
-    return read_only(np.column_stack([table.columns.get(f"{quantity}.{joint}", missing) for joint in joints]))
+    return side_by_side([table.columns.get(f"{quantity}.{joint}", missing) for joint in joints])
 
 
 def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array | None, tuple[str, ...]]:
@@ -206,12 +206,14 @@ def recording(
         for joint in robot.passive_names
         if np.any(table.columns.get(f"tau.{joint}", 0.0))
     ]
-    q = read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints]))
     tau, sentences = drive_torque(table, robot, torque_needed)
     unfiltered: tuple[str, ...] = ()
     if tau is not None:
         tau, unfiltered = before_low_pass(table, robot, tau)
-    weightless = joints_without(table, robot, "gravity")
+    weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
+    # Where nobody else holds the table, its torques make room for the positions.
+    table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
+    q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
     if tau is not None and weightless:
         tau = read_only(tau + gravity_taken(robot, q, weightless))
     return Recording(
@@ -228,7 +230,7 @@ def recording(
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
-        torque_from=torque_sources(table, joints),
+        torque_from=torque_from,
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
         **optional,
@@ -261,15 +263,10 @@ def read_recording(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    try:
-        table = read_table(path, columns=columns, topic=topic, ref_topic=ref_topic, joints=robot.joint_names)
-    except UnknownNamesError as error:
-        if columns is not None:
-            raise
-        raise LogError(f"{error}{_advice(error.names, robot)}") from error
-    found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
-    # An hour of samples is hundreds of megabytes, and the checks need room.
-    del table
+    # An hour of samples is hundreds of megabytes: the table has no name here, so that it is held no longer than needed.
+    found = recording(
+        _table(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
+    )
     if found.poses_alone:
         # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
@@ -277,6 +274,18 @@ def read_recording(
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=rest.wrong, anyway=anyway)
+
+
+def _table(
+    path: str | Path, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None
+) -> Table:
+    """Columns of a file, see `read_table`; where their names are unknown, the refusal says what may help."""
+    try:
+        return read_table(path, columns=columns, topic=topic, ref_topic=ref_topic, joints=robot.joint_names)
+    except UnknownNamesError as error:
+        if columns is not None:
+            raise
+        raise LogError(f"{error}{_advice(error.names, robot)}") from error
 
 
 def _advice(names: tuple[str, ...], robot: Robot) -> str:

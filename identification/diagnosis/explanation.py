@@ -32,7 +32,7 @@ from identification.diagnosis.noise.noise_floor import (
     smaller_noise,
     weights_of,
 )
-from identification.diagnosis.noise.whitening import whitened, whitened_noise
+from identification.diagnosis.noise.whitening import whitened, whitening_of
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -151,7 +151,9 @@ def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
     """Rivals with products for given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
+    # Their products say all; the white columns themselves would be as large as the others.
     problem = set_up(session, columns, white, weights)
+    problem = replace(problem, white=replace(white, values=()))
     none = np.zeros(len(columns.rows))
     return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {})
 
@@ -165,7 +167,8 @@ def _with_thresholds(
     """The same rivals with what chance, encoder noise and the accuracy of the method give."""
     progress("measuring what chance gives")
     problem = search.problem
-    threshold = null_threshold(search, whitened_noise(problem.columns, noise), rules.LEAST_GAIN)
+    filters = whitening_of(problem.columns, noise)
+    threshold = null_threshold(search, filters, filters.series(noise), rules.LEAST_GAIN)
     given = np.array([row.core_c.sum() for row in problem.grams.rows])
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in (given, search.evaluate(frozenset()).row_losses)
@@ -193,7 +196,8 @@ def _searched(
             break
         quiet, ratio = smaller_noise(search, tried, left)
         if ratio < 1.0:
-            least = null_threshold(search, whitened_noise(search.problem.columns, quiet, like=left), rules.LEAST_GAIN)
+            filters = whitening_of(search.problem.columns, left)
+            least = null_threshold(search, filters, filters.series(quiet), rules.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
             if claimed(lower, tried, chosen):
                 search, chosen, left = lower, explain(lower, progress, tried), quiet

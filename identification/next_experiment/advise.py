@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -16,11 +15,11 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.next_experiment.candidates import safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, as_told, hypotheses_of, union_of
 from identification.next_experiment.laboratory import laboratory
+from identification.next_experiment.proposal import Proposal
 from identification.next_experiment.proposal_words import nothing_separates, proposal_words
 from identification.next_experiment.separation import Pair, rivalry_of
 from identification.next_experiment.trials import Trial, ranked_trials
 from phantom_dyn.errors import ChainError, ParameterError, RobotError
-from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -31,21 +30,6 @@ _FINDINGS = 3
 _SHORTEST, _LONGEST = 8.0, 20.0
 # Rows per second of a reference: those of the recordings, no more than a controller's clock.
 _RATE_HZ = 1000.0
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """The recording to make next.
-
-    Attributes:
-        experiment: As in ``diagnosis.json``; None where nothing is proposed.
-        motion: The reference motion.
-        notes: Sentences on what no recording would separate.
-    """
-
-    experiment: dict | None = None
-    motion: Motion | None = None
-    notes: tuple[str, ...] = ()
 
 
 def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposal:

@@ -30,6 +30,15 @@ def torque(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     return out
 
 
+def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+    """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
+    data, out = model.createData(), np.empty((2, model.nv, model.nv, len(q)))
+    for k in range(len(q)):
+        pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
+        out[0, :, :, k], out[1, :, :, k] = data.dtau_dq.T, data.dtau_dv.T
+    return out
+
+
 def weight(model: pin.Model, q: Array, gravity: Array) -> Array:
     """Torque that holds the tree against gravity [m/s2 in the root frame], shape ``(N, nt)`` [N m or N]."""
     turned = model.copy()

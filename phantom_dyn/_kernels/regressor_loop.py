@@ -27,7 +27,7 @@ class OwnRoom(NamedTuple):
 
     Attributes:
         J: Velocities of a body's origin and frame per velocity of each joint that moves it, ``(nt, 6)``.
-        b: Terms of a body, ``(30,)``.
+        b: Terms of a body, ``(6, 10)``.
         ten: Its ten entries of a row, ``(10,)``.
         moved_by: The degrees of freedom in the order of ``J``, ``(nt,)``.
     """
@@ -41,7 +41,7 @@ class OwnRoom(NamedTuple):
 def own_room_of(tree: Kinematics) -> OwnRoom:
     """Room for one body of a tree."""
     nt = int(tree.first_v[len(tree.parents)])
-    return OwnRoom(np.zeros((nt, 6)), np.zeros(30), np.zeros(10), np.zeros(nt, dtype=np.int64))
+    return OwnRoom(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
 
 
 @fused
@@ -98,11 +98,10 @@ def regressor_loop(
                     row = moved_by[r]
                     lx, ly, lz, sx, sy, sz = J[r, 0], J[r, 1], J[r, 2], J[r, 3], J[r, 4], J[r, 5]
                 sx, sy, sz = turned_back(R, i, sx, sy, sz)
-                write_row(lx, ly, lz, sx, sy, sz, b, ten)
                 if start >= 0:
-                    for c in range(10):
-                        out[k, row, start + c] = ten[c]
+                    write_row(lx, ly, lz, sx, sy, sz, b, out[k, row], start)
                 else:
+                    write_row(lx, ly, lz, sx, sy, sz, b, ten, 0)
                     for c in range(10):
                         if places[i - 1, 1 + c] >= 0:
                             out[k, row, places[i - 1, 1 + c]] = ten[c]
@@ -110,7 +109,7 @@ def regressor_loop(
 
 @inlined
 def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> None:
-    """Write what all rows of a body share at one sample, see `write_row`.
+    """Write what all rows of a body share at one sample, see `write_row`; what is always zero is not written.
 
     Args:
         R: Rotations of all joints, with the next four as `place` and `move` write them.
@@ -118,28 +117,32 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
         acc: .
         w: .
         dw: .
-        b: Receives the terms, ``(30,)``: acceleration of the origin in the axes of the root and in those of the body,
-            torque of the first moment per velocity of the origin, and of the inertia per angular velocity.
+        b: Receives the terms, ``(6, 10)``: torque per parameter and per velocity of the origin in the axes of the root,
+            then per angular velocity in the axes of the body.
     """
-    b[0], b[1], b[2] = acc[i, 0], acc[i, 1], acc[i, 2]
-    b[3], b[4], b[5] = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
     x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
     ax, ay, az = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
     for c in range(3):
         rx, ry, rz = R[i, c, 0], R[i, c, 1], R[i, c, 2]
-        b[6 + c] = (xy + az) * ry + (xz - ay) * rz - (yy + zz) * rx
-        b[9 + c] = (xy - az) * rx + (yz + ax) * rz - (xx + zz) * ry
-        b[12 + c] = (xz + ay) * rx + (yz - ax) * ry - (xx + yy) * rz
-    b[15], b[16], b[17], b[18], b[19], b[20] = ax, ay, az, xy, xz, yz
-    b[21], b[22], b[23] = ay - xz, ax + yz, xx - yy
-    b[24], b[25], b[26] = az + xy, zz - xx, ax - yz
-    b[27], b[28], b[29] = yy - zz, az - xy, ay + xz
+        b[c, 0] = acc[i, c]
+        b[c, 1] = (xy + az) * ry + (xz - ay) * rz - (yy + zz) * rx
+        b[c, 2] = (xy - az) * rx + (yz + ax) * rz - (xx + zz) * ry
+        b[c, 3] = (xz + ay) * rx + (yz - ax) * ry - (xx + yy) * rz
+    fx, fy, fz = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
+    b[3, 2], b[3, 3], b[4, 1], b[4, 3], b[5, 1], b[5, 2] = fz, -fy, -fz, fx, fy, -fx
+    b[3, 4], b[3, 5], b[3, 6], b[3, 7], b[3, 8], b[3, 9] = ax, ay - xz, -yz, az + xy, yy - zz, yz
+    b[4, 4], b[4, 5], b[4, 6], b[4, 7], b[4, 8], b[4, 9] = xz, ax + yz, ay, zz - xx, az - xy, -xz
+    b[5, 4], b[5, 5], b[5, 6], b[5, 7], b[5, 8], b[5, 9] = -xy, xx - yy, xy, ax - yz, ay + xz, az
 
 
 @inlined
-def write_row(lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, ten: Array) -> None:
+def write_row(
+    lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, line: Array, start: int
+) -> None:
     """Write the torque per parameter of one body on a motion that moves its frame.
+
+    The products stand side by side, as a processor multiplies several at once.
 
     Args:
         lx: Velocity of the body's origin in the axes of the root, with the next two.
@@ -149,16 +152,18 @@ def write_row(lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, 
         sy: .
         sz: .
         b: As `body_terms` writes it.
-        ten: Receives it for each of the ten parameters, ``(10,)``.
+        line: Receives it for each of the ten parameters.
+        start: Where in it.
     """
-    kx, ky, kz = cross(b[3], b[4], b[5], sx, sy, sz)
-    ten[0] = dot(lx, ly, lz, b[0], b[1], b[2])
-    ten[1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
-    ten[2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
-    ten[3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
-    ten[4] = sx * b[15] + sy * b[19] - sz * b[18]
-    ten[5] = dot(sx, sy, sz, b[21], b[22], b[23])
-    ten[6] = sy * b[16] + sz * b[18] - sx * b[20]
-    ten[7] = dot(sx, sy, sz, b[24], b[25], b[26])
-    ten[8] = dot(sx, sy, sz, b[27], b[28], b[29])
-    ten[9] = sz * b[17] + sx * b[20] - sy * b[19]
+    t0 = dot(lx, ly, lz, b[0, 0], b[1, 0], b[2, 0]) + dot(sx, sy, sz, b[3, 0], b[4, 0], b[5, 0])
+    t1 = dot(lx, ly, lz, b[0, 1], b[1, 1], b[2, 1]) + dot(sx, sy, sz, b[3, 1], b[4, 1], b[5, 1])
+    t2 = dot(lx, ly, lz, b[0, 2], b[1, 2], b[2, 2]) + dot(sx, sy, sz, b[3, 2], b[4, 2], b[5, 2])
+    t3 = dot(lx, ly, lz, b[0, 3], b[1, 3], b[2, 3]) + dot(sx, sy, sz, b[3, 3], b[4, 3], b[5, 3])
+    t4 = dot(sx, sy, sz, b[3, 4], b[4, 4], b[5, 4])
+    t5 = dot(sx, sy, sz, b[3, 5], b[4, 5], b[5, 5])
+    t6 = dot(sx, sy, sz, b[3, 6], b[4, 6], b[5, 6])
+    t7 = dot(sx, sy, sz, b[3, 7], b[4, 7], b[5, 7])
+    t8 = dot(sx, sy, sz, b[3, 8], b[4, 8], b[5, 8])
+    t9 = dot(sx, sy, sz, b[3, 9], b[4, 9], b[5, 9])
+    line[start + 0], line[start + 1], line[start + 2], line[start + 3], line[start + 4] = t0, t1, t2, t3, t4
+    line[start + 5], line[start + 6], line[start + 7], line[start + 8], line[start + 9] = t5, t6, t7, t8, t9

@@ -18,10 +18,15 @@ import pinocchio as pin
 from phantom_dyn._kernels import jit, pinocchio_loops
 from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
-from phantom_dyn._kernels.tree_arrays import TreeArrays
+from phantom_dyn._kernels.slope_loop import slope_loop, slope_room_of
+from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.errors import LogError, ParameterError
 
 Array = np.ndarray
+
+# Samples from which on the slopes of the torque are worth a loop of their own: compiling it takes three seconds, once,
+# and Pinocchio's loop a tenth of a second for fewer.
+_WORTH_COMPILING = 20_000
 
 
 def regressor(
@@ -139,6 +144,23 @@ def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) ->
     room = room_of(arrays.kinematics, gravity)
     torque_loop(arrays.kinematics, arrays.inertias, room, ready(q), ready(v), ready(a), out)
     return out
+
+
+def torque_slopes(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Torque of joint i per position, and per velocity, of joint j, ``[sample, i, j]``, shapes ``(N, nt, nt)``.
+
+    Each entry's series is in one piece of memory.
+    """
+    _require_motion(model, q, v, a)
+    if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING or not jit.compiles():
+        out = pinocchio_loops.torque_slopes(model, q, v, a)
+    else:
+        out = np.zeros((2, model.nv, model.nv, len(q)))
+        announce(slope_loop)
+        tree, gravity = arrays.kinematics, model.gravity.linear
+        room = room_of(tree, gravity), slope_room_of(tree, gravity)
+        slope_loop(tree, arrays.inertias, *room, ready(q), ready(v), ready(a), out)
+    return out[0].transpose(2, 1, 0), out[1].transpose(2, 1, 0)
 
 
 def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:

@@ -1,4 +1,3 @@
-# pyright: reportAttributeAccessIssue=false
 r"""Rigid-body dynamics of a robot over whole trajectories: torques, mass matrix, regressor and their slopes.
 
 Of a closed chain, motion and torque are those of its active joints: `phantom_dyn._kernels.rigid_body` works on the
@@ -11,7 +10,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import pinocchio as pin
 
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Float
@@ -137,14 +135,10 @@ def inverse_dynamics_derivatives(
     if robot.chain is not None and robot.chain.anchors:
         return _difference(robot, motion, "q"), _difference(robot, motion, "v")
     tree = tree_motion(robot, motion)
-    data = robot.model.createData()
-    out = np.empty((2, *tree.v.shape, robot.model.nv))
-    for k, (q, v, a) in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
-        pin.computeRNEADerivatives(robot.model, data, q, v, a)
-        out[:, k] = data.dtau_dq, data.dtau_dv
+    to_q, to_v = rigid_body.torque_slopes(robot.model, robot.arrays, tree.configuration, tree.v, tree.a)
     if robot.chain is None:
-        return out[0], out[1]
-    return project(tree.G, out[0]) @ tree.G, project(tree.G, out[1]) @ tree.G
+        return to_q, to_v
+    return project(tree.G, to_q) @ tree.G, project(tree.G, to_v) @ tree.G
 
 
 def _difference(robot: Robot, motion: Motion, quantity: Literal["q", "v"]) -> Float[Array, "N nv nv"]:

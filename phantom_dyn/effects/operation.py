@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,7 +22,7 @@ from phantom_dyn.motion import Motion, read_only
 Array = np.ndarray
 
 # Cached quantities that neither a fit nor what it leaves changes.
-_OF_THE_MOTION = ("own_friction", "transmitted", "partials", "kept")
+_OF_THE_MOTION = ("own_friction", "transmitted", "inertia", "steepest")
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,20 @@ class Operation(Motion):
         return plain if temperature is None else replace(plain, temperature=temperature)
 
     def again(self, expected: Float[Array, "N nv"], residual_of_fit: Float[Array, "N nv"] | None = None) -> Operation:
-        """The same motion after another fit; what was computed of motion and model is kept."""
+        """The same motion after another fit; what was computed of motion and model is kept, but for `partials`."""
         out = replace(self, expected=expected, residual_of_fit=residual_of_fit)
         out.__dict__.update({name: self.__dict__[name] for name in _OF_THE_MOTION if name in self.__dict__})
+        out.__dict__["kept"] = self.kept
+        return out
+
+    def made_of(self, parts: Sequence[Operation]) -> Operation:
+        """The same, with what is known of the parts of its motion; parts of another robot tell nothing of it."""
+        if any(part.robot is not self.robot for part in parts):
+            return self
+        out = replace(self)
+        for name in ("own_friction", "transmitted", "inertia"):
+            out.__dict__[name] = joined([getattr(part, name) for part in parts])
+        out.__dict__["steepest"] = np.max([part.steepest for part in parts], axis=0)
         return out
 
     @property
@@ -99,14 +111,37 @@ class Operation(Motion):
 
     @cached_property
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
-        """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included)."""
+        """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included).
+
+        Of a long motion they are larger than all else, and soon computed: no other operation takes them over.
+        """
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return _by_entry(to_q), _by_entry(to_v), _by_entry(mass_matrix(self.robot, self.q))
 
     @cached_property
-    def kept(self) -> dict[tuple, tuple[Array, Array]]:
+    def inertia(self) -> Float[Array, "N nv"]:
+        """Inertia that each joint moves while the others hold still, armature included."""
+        mass = self.partials[2] if "partials" in self.__dict__ else mass_matrix(self.robot, self.q)
+        return mass.diagonal(axis1=1, axis2=2).copy()
+
+    @cached_property
+    def steepest(self) -> Float[Array, " nv"]:
+        """For each joint the most that the torque of any joint changes per unit of its position."""
+        known = "partials" in self.__dict__
+        to_q = self.partials[0] if known else inverse_dynamics_derivatives(self.robot, self)[0]
+        return np.abs(to_q).max(axis=(0, 1))
+
+    @cached_property
+    def kept(self) -> dict[tuple, Array]:
         """What effects make of it once for all their shapes, by a name and a row."""
         return {}
+
+
+def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
+    """Series one after the other, not to be written to: nobody needs a copy of their own."""
+    out = np.concatenate(parts)
+    out.flags.writeable = False
+    return out
 
 
 def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 
 from phantom_dyn.errors import RobotError, known_names, nearest
@@ -31,6 +30,8 @@ def builtin_robots(folder: Path | None = None) -> dict[str, Path]:
 
 def examples_folder() -> Path | None:
     """Folder of the robots of example-robot-data, or None where it is not installed."""
+    from importlib import metadata  # loads the standard library's mail and network, longer than all of this module
+
     try:
         located = metadata.distribution("example-robot-data").locate_file(_EXAMPLES_IN_PACKAGE)
     except metadata.PackageNotFoundError:

@@ -16,7 +16,7 @@ from identification.diagnosis.model.columns import Columns, FitPoint, build_colu
 from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
-from identification.diagnosis.noise.whitening import whitened
+from identification.diagnosis.noise.whitening import Whitening, whitened, whitening_of
 from identification.diagnosis.search.search import RowGaps, Search, Threshold, set_up_search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
@@ -34,6 +34,7 @@ class Prepared:
     session: Session
     columns: Columns
     white: Columns
+    filters: Whitening
     noise: tuple[Array, ...]
     weights: Weights
     problem: Problem
@@ -117,6 +118,9 @@ class Lab:
         session = session_of_logs(robot, logs, cutoff_hz, held_out=held_out)
         columns = build_columns(session, FitPoint(found))
         noise = estimate_noise(session, columns)[0]
+        none = Whitening([np.ones(1)] * robot.nv, [np.ones_like(part) for part in noise])
+        filters = whitening_of(columns, noise) if white else none
         filtered, rest = whitened(columns, noise) if white else (columns, noise)
         weights = weights_of(filtered, rest)
-        return Prepared(session, columns, filtered, rest, weights, set_up(session, columns, filtered, weights))
+        problem = set_up(session, columns, filtered, weights)
+        return Prepared(session, columns, filtered, filters, rest, weights, problem)

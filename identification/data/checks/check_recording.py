@@ -22,6 +22,7 @@ from identification.data.checks.positions import (
     check_sampling,
     check_stillness,
     check_velocity,
+    position_noise,
 )
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
@@ -61,7 +62,9 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         is looked for in the five minutes with most motion.
     """
     prismatic = None if robot is None else robot.prismatic
-    out = [*check_timing(recording), *check_sampling(recording, prismatic), *check_stillness(recording, prismatic)]
+    noise = position_noise(recording)
+    out = [*check_timing(recording), *check_sampling(recording, prismatic, noise)]
+    out += check_stillness(recording, prismatic, noise)
     out += check_clipping(recording)
     recording = busiest(recording)
     smooth = smoothed(recording)

@@ -35,6 +35,7 @@ _PASSIVE_SHARE = 0.01
 
 def quantum(q: Float[Array, " N"]) -> float:
     """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step."""
+    q = np.ascontiguousarray(q)
     steps = np.abs(np.diff(q))
     steps = steps[steps > 1e-12 * max(np.max(np.abs(q)), 1e-9)]
     if len(steps) < 20:
@@ -53,13 +54,20 @@ def quantum(q: Float[Array, " N"]) -> float:
 
 def _noise(q: Float[Array, " N"]) -> float:
     """Standard deviation of white noise on ``q``, from its third differences (a smooth motion has next to none)."""
-    third = np.diff(q, 3)
+    third = np.diff(np.ascontiguousarray(q), 3)
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
 
-def _wander(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+def position_noise(recording: Recording) -> Float[Array, " nv"]:
+    """White noise of each joint's position, standard deviation [rad or m], shape ``(nv,)``."""
+    return np.array([_noise(q) for q in recording.q.T])
+
+
+def _wander(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
+) -> Float[Array, " nv"]:
     """Wander of each joint at standstill by its noise and encoder steps [rad or m], shape ``(nv,)``."""
-    noise = np.minimum([_noise(q) for q in recording.q.T], _noisiest(recording, prismatic))
+    noise = np.minimum(noise, _noisiest(recording, prismatic))
     return 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
 
 
@@ -69,9 +77,11 @@ def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Flo
     return np.where(linear, _NOISIEST_LENGTH, _NOISIEST_ANGLE)
 
 
-def check_sampling(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> tuple[str, ...]:
+def check_sampling(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
+) -> tuple[str, ...]:
     """Joints that swing faster than they are sampled, so that their positions look like noise."""
-    fast = np.array([_noise(q) for q in recording.q.T]) > _noisiest(recording, prismatic)
+    fast = noise > _noisiest(recording, prismatic)
     if not fast.any():
         return ()
     joints = listed([joint for joint, one in zip(recording.joint_names, fast, strict=True) if one])
@@ -144,11 +154,27 @@ def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> 
         recording: Raw samples.
         prismatic: True for linear joints; None where nothing is known of them.
     """
-    q = recording.q[included(recording)]
+    q, _ = _included_part(recording)
     if len(q) < 20:
         return np.zeros(q.shape[1], dtype=bool)
-    least_motion = _least_motion(recording, prismatic)
-    return np.ptp(q, axis=0) <= np.maximum(least_motion, 2 * _tolerance(recording, prismatic))
+    return np.ptp(q, axis=0) <= _still_below(
+        recording, prismatic, _tolerance(recording, prismatic, position_noise(recording))
+    )
+
+
+def _included_part(recording: Recording) -> tuple[Float[Array, "n nv"], Float[Array, " n"]]:
+    """Positions and times outside every excluded stretch; nothing is copied where none is excluded."""
+    if not recording.excluded:
+        return recording.q, recording.t
+    kept = included(recording)
+    return recording.q[kept], recording.t[kept]
+
+
+def _still_below(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, tolerance: Float[Array, " nv"]
+) -> Float[Array, " nv"]:
+    """Range of positions up to which each joint stands [rad or m], shape ``(nv,)``."""
+    return np.maximum(_least_motion(recording, prismatic), 2 * tolerance)
 
 
 def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
@@ -156,27 +182,31 @@ def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) ->
     return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
 
 
-def _tolerance(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+def _tolerance(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
+) -> Float[Array, " nv"]:
     """How far each joint may be from where it stands and still stand there [rad or m], shape ``(nv,)``."""
     least_motion = _least_motion(recording, prismatic)
-    return np.maximum(_wander(recording, prismatic), 0.1 * least_motion)
+    return np.maximum(_wander(recording, prismatic, noise), 0.1 * least_motion)
 
 
-def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str, ...]:
+def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[Array, " nv"]) -> tuple[str, ...]:
     """Joints that never move, and a tail of the record in which none does."""
     out = []
-    q = recording.q[included(recording)]
-    t = recording.t[included(recording)]
+    q, t = _included_part(recording)
     if len(q) < 20:
         return ()
-    tolerance = _tolerance(recording, prismatic)
-    still = still_joints(recording, prismatic)
+    tolerance = _tolerance(recording, prismatic, noise)
+    still = np.ptp(q, axis=0) <= _still_below(recording, prismatic, tolerance)
     for joint in np.array(recording.joint_names)[still]:
         out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
     if still.all():
         return tuple(out)
     last = np.median(q[-20:], axis=0)
-    moving = np.flatnonzero(np.any(np.abs(q - last) > tolerance, axis=1))
+    moves = np.zeros(len(q), dtype=bool)
+    for column, place, far in zip(q.T, last, tolerance, strict=True):
+        moves |= np.abs(column - place) > far
+    moving = np.flatnonzero(moves)
     start = t[moving[-1] + 1] if moving[-1] + 1 < len(t) else t[-1]
     tail = t[-1] - start
     if tail >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):

@@ -85,10 +85,19 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                 continue
             sentence = _problem(path.name, name, array)
             if sentence is None:
-                columns |= numbered(name, array.astype(float, copy=False))
+                columns |= numbered(name, _kept(array.astype(float, copy=False)))
             else:
                 problems[name] = sentence
     return RawTable(path.name, columns, problems, joint_names=names)
+
+
+def _kept(array: Array) -> Array:
+    """The same, not to be written to, so that nobody needs a copy: what NumPy reads is a view of all of another."""
+    whole = array.base
+    if isinstance(whole, np.ndarray) and (whole.shape, whole.dtype) == (array.shape, array.dtype) and array.ndim == 1:
+        array = whole
+    array.flags.writeable = False
+    return array
 
 
 def _require_unique(path: Path, names: Iterable[str]) -> None:

@@ -58,12 +58,21 @@ class Problem:
         return self.session.blocks
 
 
-def set_up(session: Session, columns: Columns, white: Columns, weights: Weights) -> Problem:
+def set_up(
+    session: Session, columns: Columns, white: Columns, weights: Weights, rows: tuple[RowGrams, ...] | None = None
+) -> Problem:
     """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
 
     The width is thirty times the size at which a column alone would carry the whole residual.
+
+    Args:
+        session: Robot, logs, band and blocks.
+        columns: All columns, as computed.
+        white: The same with white noise.
+        weights: Noise of each row of ``white``.
+        rows: Weighted products of each row, if they are known.
     """
-    rows = all_row_grams(white, session.blocks, session.folds, weights)
+    rows = all_row_grams(white, session.blocks, session.folds, weights) if rows is None else rows
     moves = seen_moves(columns, rows)
     grams = summed(white, rows, session.folds, moves)
     count = len(columns.names)

@@ -1,64 +1,55 @@
-"""In-sample gain of every rival beside a fit, all rivals at once: their columns projected off those of the fit."""
+"""In-sample gains of rivals beside a fit, many at once: their columns projected off those of the fit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
-class Beside:
-    """Columns of each rival with their projection on the fit removed.
+def gains_beside(problem: Problem, fitted: Fitted, sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
+    """How much the columns of each set lower the loss in sample beside a fit, to second order; bounds are kept.
 
-    Attributes:
-        gains: How much the columns of each rival lower the loss in sample, to second order, bounds kept.
-        b: Products of what is left of all columns with the residual of the fit, ``(K,)``.
-        active: Columns of the fit.
+    Args:
+        problem: What was fitted.
+        fitted: The fit.
+        sets: Columns of one rival each.
     """
-
-    gains: dict[tuple[int, ...], float]
-    b: Float[Array, " K"]
-    active: frozenset[int]
-
-
-def beside(problem: Problem, fitted: Fitted) -> Beside:
-    """Project all columns off those of a fit; coefficients of the fit at a bound stay there."""
+    inside = frozenset(fitted.active.tolist())
+    new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+    wanted = np.array(sorted({k for own in new.values() for k in own}), dtype=int)
+    cross, made, gradient = taken_out(problem, fitted, wanted)
     a = problem.total_a
-    cross, made, gradient = taken_out(problem, fitted)
-    inside = frozenset(int(k) for k in fitted.active)
-    sets: dict[tuple[int, ...], tuple[int, ...]] = {}
-    for term in problem.columns.terms:
-        sets.setdefault(term.columns, tuple(k for k in term.columns if k not in inside))
-    gains = dict.fromkeys(sets, 0.0)
-    for size in {len(own) for own in sets.values()} - {0}:
+    gains = dict.fromkeys(new, 0.0)
+    for size in {len(own) for own in new.values()} - {0}:
         # Sets of one size at a time: of all products only those within a set are wanted.
-        same = [columns for columns, own in sets.items() if len(own) == size]
-        own = np.array([sets[columns] for columns in same])
-        left = a[own[:, :, None], own[:, None, :]] - cross[:, own].transpose(1, 2, 0) @ made[:, own].transpose(1, 0, 2)
+        same = [columns for columns, own in new.items() if len(own) == size]
+        own = np.array([new[columns] for columns in same])
+        at = np.searchsorted(wanted, own)
+        left = a[own[:, :, None], own[:, None, :]] - cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
         left[:, np.arange(size), np.arange(size)] += problem.precision[own]
-        found = gains_within(left, gradient[own], problem.lower[own], problem.upper[own])
+        found = gains_within(left, gradient[at], problem.lower[own], problem.upper[own])
         gains.update(zip(same, found.tolist(), strict=True))
-    return Beside(gains, gradient, inside)
+    return gains
 
 
 def taken_out(
-    problem: Problem, fitted: Fitted, columns: Int[Array, " m"] | None = None
+    problem: Problem, fitted: Fitted, columns: Int[Array, " m"]
 ) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
     """Project columns off the free columns of a fit.
 
     Args:
         problem: What was fitted.
         fitted: The fit.
-        columns: Which; None for all.
+        columns: Which.
 
     Returns:
         Products of the fit's free columns with these, coefficients of the projection, and products of the projected
@@ -68,11 +59,10 @@ def taken_out(
     x = theta[active]
     free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
     a = problem.total_a
-    wanted = np.arange(len(a)) if columns is None else columns
-    cross = a[free] if columns is None else a[np.ix_(free, columns)]
+    cross = a[np.ix_(free, columns)]
     made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
     gradient = problem.total_b - a[:, active] @ x
-    return cross, made, gradient[wanted] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
+    return cross, made, gradient[columns] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
 
 
 def gains_within(
@@ -96,25 +86,18 @@ def _solve_each(a: Float[Array, "T k k"], b: Float[Array, "T k"]) -> Float[Array
     return np.linalg.solve(scaled, (b * scale)[:, :, None])[:, :, 0] * scale
 
 
-def gain_of(besides: Beside, term: Term) -> float:
-    """How much a term lowers the loss in sample, to second order; its bounds are kept."""
-    return besides.gains[term.columns]
-
-
 @dataclass(frozen=True)
 class FoldProjection:
     """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the moves fitted beside them.
 
     Attributes:
         problem: What is fitted.
-        fold: Which one is held out; None: none is.
         lines: Training products of the nuisances with all columns, ``(n, K)``.
         core: Products of the held-out cores among nuisances, and between them and all columns.
         made: Nuisances that a unit of each column moves, ``(n, K)``.
     """
 
     problem: Problem
-    fold: int | None
     lines: Float[Array, "n K"]
     core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
     made: Float[Array, "n K"]
@@ -125,20 +108,26 @@ class FoldProjection:
         moves = self.problem.moves
         return self.lines[:, moves] + np.diag(self.problem.precision[moves])
 
-    def training(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-        """Training products among each group of columns with the nuisances taken out, priors included."""
+    def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Training products among each group of columns with the nuisances taken out, priors included.
+
+        Args:
+            columns: Of each group.
+            square: Training products among them as they are.
+        """
         made, cross = _each(self.made, columns), _each(self.lines, columns)
-        square = self.problem.total_a[columns[:, :, None], columns[:, None, :]]
-        if self.fold is not None:
-            square = square - self.problem.grams.fold_a.within(self.fold, columns)
         return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
-    def held_out(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-        """Products of the held-out cores among each group of columns with the moved nuisances counted."""
+    def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Products of the held-out cores among each group of columns with the moved nuisances counted.
+
+        Args:
+            columns: Of each group.
+            square: Products of the held-out cores among them as they are.
+        """
         inside, across = self.core
         made = _each(self.made, columns)
         turned = _each(across, columns).mT @ made
-        square = 0.0 if self.fold is None else self.problem.grams.fold_core_a.within(self.fold, columns)
         return square - turned - turned.mT + made.mT @ inside @ made
 
 
@@ -148,11 +137,10 @@ def fold_projections(problem: Problem) -> tuple[FoldProjection, ...]:
     less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
     nothing = np.zeros_like(less[0])
     out = []
-    for fold, (gone, core) in enumerate(zip((*less, nothing), (*cores, nothing), strict=True)):
+    for gone, core in zip((*less, nothing), (*cores, nothing), strict=True):
         lines = problem.total_a[moves] - gone
         made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
-        which = fold if fold < len(less) else None
-        out.append(FoldProjection(problem, which, lines, (core[:, moves], core), made))
+        out.append(FoldProjection(problem, lines, (core[:, moves], core), made))
     return tuple(out)
 
 

@@ -71,6 +71,8 @@ class RowProducts:
 
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
         """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
+        if np.array_equal(groups, np.arange(self.shape[0])):
+            return self
         chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]
         values = tuple(np.stack([_total(v, blocks) for blocks in chosen]) for v in self.values)
         return RowProducts(self.index, values, self.columns, self.always)
@@ -93,15 +95,16 @@ class RowProducts:
             out[np.ix_(index, index)] += values.sum(axis=0)
         return out
 
-    def within(self, block: int, groups: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-        """Of one block, the products among the columns of each group."""
-        out = np.zeros((*groups.shape, groups.shape[1]))
+    def within(self, groups: Int[Array, "g m"]) -> Float[Array, "B g m m"]:
+        """Products among the columns of each group."""
+        out = np.zeros((self.shape[0], *groups.shape, groups.shape[1]))
         for place, values in zip(self._places, self.values, strict=True):
             here = place[groups]
             there = here >= 0
             some = np.flatnonzero(there.any(axis=1))
             inside, at = there[some], np.maximum(here[some], 0)
-            out[some] += values[block][at[:, :, None], at[:, None, :]] * (inside[:, :, None] & inside[:, None, :])
+            products = values[:, at[:, :, None], at[:, None, :]]
+            out[:, some] += products * (inside[:, :, None] & inside[:, None, :])
         return out
 
     def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:

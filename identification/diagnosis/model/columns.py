@@ -6,12 +6,14 @@ times unknown numbers. Columns of one recording are computed once; every later f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from identification.data.log import Band
+from identification.diagnosis.model.layout import Local, lay_out
 from identification.diagnosis.model.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
 from identification.diagnosis.model.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.model.residual_of_moves import residual_of_moves, with_residual_of_fit
@@ -22,11 +24,11 @@ from identification.diagnosis.model.standstill import (
     standing_doubt,
     usable_samples,
 )
-from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
+from identification.diagnosis.model.terms import FoundEffect, Term, merged
 from identification.diagnosis.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Rival, Shape
+from phantom_dyn.effects.effect import Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
@@ -73,25 +75,6 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Local:
-    """Columns of one effect in one place with one shape that are not the rigid-body regressor's.
-
-    Attributes:
-        effect, joint, shape: What they are of.
-        first: Index of the first among all columns.
-        count: How many.
-        rows: Which rows they touch.
-    """
-
-    effect: Rival
-    joint: str | None
-    shape: Shape
-    first: int
-    count: int
-    rows: tuple[int, ...]
-
-
-@dataclass(frozen=True)
 class FitPoint:
     """The point about which nonlinear laws are linearised.
 
@@ -122,8 +105,8 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     about = FitPoint() if about is None else about
     robot = session.robot
     given = _given_part(session) if before is None else _given_part_of(session, before)
-    if _displacing(about.found) or (before is not None and before.displaced):
-        given = _moves_at_the_links(session, given, about.found)
+    if before is None or before.displaced or _displacing(about.found):
+        given = _with_plain(session, given, about.found)
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
@@ -133,8 +116,13 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     )
     names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
     found = (*about.found, *about.runners_up)
-    terms, local = _lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
-    return _assembled(session, replace(given, operations=operations), tuple(names), terms, local, before, about.found)
+    terms, local = lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
+    given = replace(given, operations=operations)
+    values = tuple(
+        _values(session, k, o, own, local, _kept(before, k))
+        for k, (o, own) in enumerate(zip(operations, given.plain, strict=True))
+    )
+    return _assembled(session, given, tuple(names), terms, local, values, about.found)
 
 
 def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
@@ -145,14 +133,28 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
         like: Says which effects, places and shapes.
         found: What a fit has found, which the torque that is expected of the drives is made of.
     """
-    given = _moves_at_the_links(session, _given_part(session), found) if like.displaced else _given_part(session)
+    out, values = columns_by_log(session, like, found)
+    return replace(out, values=tuple(map(values, range(len(session.logs)))))
+
+
+def columns_by_log(
+    session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
+) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
+    """As `columns_like` without the columns themselves, and what makes those of a log: all together they are large."""
+    given, displacing = _given_part(session), _displacing(found) if like.displaced else ()
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
-    return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None, found)
+    expected = replace(given, operations=operations)
+
+    def made(log: int) -> tuple[Array, ...]:
+        plain = _plain(session, log, given.operations[log], given.moves, displacing)
+        return _values(session, log, operations[log], plain, like.local, {})
+
+    return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
 
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """Columns that no fit changes: the given model's torque, the residual, the moves and the rigid bodies."""
+    """What no fit changes: the given model's torque, the residual, and columns of the moves and the rigid bodies."""
 
     moves: tuple[Move, ...]
     operations: tuple[Operation, ...]
@@ -167,12 +169,11 @@ def _given_part(session: Session) -> _GivenPart:
     robot, logs, moves = session.robot, session.logs, moves_of(session.robot)
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     operations = tuple(operate(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(logs))
-    plain = tuple(_plain(session, k, o, moves) for k, o in enumerate(operations))
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
         moves,
         operations,
-        plain,
+        (),
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
         usable=tuple(usable_samples(log) for log in logs),
@@ -198,7 +199,7 @@ def _assembled(
     names: tuple[str, ...],
     terms: tuple[Term, ...],
     local: tuple[Local, ...],
-    before: Columns | None,
+    values: tuple[tuple[Float[Array, "n k"], ...], ...],
     found: tuple[FoundEffect, ...],
 ) -> Columns:
     """All columns, row by row."""
@@ -211,10 +212,6 @@ def _assembled(
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
-    values = tuple(
-        _values(session, k, o, own, local, _kept(before, k))
-        for k, (o, own) in enumerate(zip(given.operations, given.plain, strict=True))
-    )
     return Columns(
         names,
         tuple(move.nuisance for move in moves),
@@ -237,7 +234,7 @@ def _displacing(found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
     return tuple(point for point in found if point.effect.displaces)
 
 
-def _moves_at_the_links(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
+def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
     """The same with moves and rigid bodies where the links truly are: a wrong mass weighs there, not where it is read.
 
     The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
@@ -312,48 +309,6 @@ def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n
     return out
 
 
-def _lay_out(
-    session: Session,
-    operation: Operation,
-    first_body: int,
-    names: list[str],
-    found: tuple[FoundEffect, ...],
-    resonances: tuple[FoundEffect, ...],
-) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
-    """Rivals and where their columns stand; appends the columns' names."""
-    robot = session.robot
-    terms: list[Term] = []
-    local: list[Local] = []
-    start = _first(operation)
-    for effect, joint, shapes in shapes_of(robot, operation, found, resonances, session.differences.own):
-        if effect.inertial is not None:
-            columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
-            size = 4 if effect.inertial == "point mass" else len(columns)
-            free = (np.inf,) * len(columns)
-            terms.append(Term(effect, joint, (), columns, size, tuple(-x for x in free), free))
-            continue
-        for shape in shapes:
-            signature = effect.signature(robot, start, joint, shape)
-            count = len(signature.names)
-            if count == 0:
-                continue
-            columns = tuple(range(len(names), len(names) + count))
-            names += [f"{effect.name} {joint} {name}" for name in signature.names]
-            bounds = effect.coefficient_bounds(robot, joint, shape) or ((-np.inf, np.inf),) * count
-            lower, upper = zip(*bounds, strict=True)
-            size = count + (0 if effect.shape_is_estimate else len(shape))
-            terms.append(Term(effect, joint, shape, columns, size, lower, upper))
-            local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
-    return tuple(terms), tuple(local)
-
-
-def _first(operation: Operation) -> Operation:
-    """A few samples, enough to see how many columns a signature has."""
-    t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
-    few = Operation(t, q, v, a, operation.robot, tau, expected, logged)
-    return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])
-
-
 def _values(
     session: Session,
     log: int,
@@ -364,6 +319,8 @@ def _values(
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row, those that are kept as they are."""
     band = session.logs[log].band
+    # The slopes of its torque go with this copy: those of all logs together would be the most that is in memory.
+    operation = operation.again(operation.expected, operation.residual_of_fit)
 
     def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))

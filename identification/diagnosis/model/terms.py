@@ -12,7 +12,7 @@ from identification.diagnosis.model.structure import STRUCTURES
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect, Rival, Shape
-from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.operation import Operation, joined
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -153,10 +153,11 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     for operation in operations:
         times.append(operation.t - operation.t[0] + start)
         start = float(times[-1][-1]) + operation.dt
-    q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
-    residual = np.concatenate([o.residual for o in operations])
+    q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
+    residual = joined([o.residual for o in operations])
     plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
-    return replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    whole = replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    return whole.made_of(operations)
 
 
 def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:

@@ -12,6 +12,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import fold_projections
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
+from identification.diagnosis.noise.whitening import Whitening
 from identification.diagnosis.numerics.bounded import solve, solve_each
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 from phantom_dyn.array_types import Float, Int
@@ -23,7 +24,7 @@ _REPLICATES = 80
 _EULER = 0.5772156649
 
 
-def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Threshold:
+def null_threshold(search: Search, filters: Whitening, noise: Series, least: float = 0.0) -> Threshold:
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
     Recordings without a gap are made from this one: the unpredictable part of its residual with the sign of whole
@@ -34,6 +35,7 @@ def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Thresho
 
     Args:
         search: Rivals and problem.
+        filters: What makes the columns of the problem white.
         noise: Unpredicted residual of each log, white.
         least: What a threshold is at least.
     """
@@ -41,7 +43,7 @@ def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Thresho
     if not search.terms:
         return Threshold(least, {})
     rng = random_stream("recordings without a gap")
-    b, core_b = _null_products(problem, noise, rng)
+    b, core_b = _null_products(problem, filters, noise, rng)
     extra = np.array([max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = _gains(problem, search.terms, b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
@@ -59,9 +61,11 @@ def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
     return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 
 
-def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Products of all columns with null residuals, ``(F, K, R)``, over whole blocks of each fold and cores."""
-    columns, blocks, grams = problem.white, problem.blocks, problem.grams
+def _null_products(
+    problem: Problem, filters: Whitening, noise: Series, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Products of all white columns with null residuals, ``(F, K, R)``, over whole blocks of each fold and cores."""
+    columns, blocks, grams = problem.columns, problem.blocks, problem.grams
     folds, total = int(grams.fold.max()) + 1, len(columns.names)
     b, core_b = np.zeros((folds, total, _REPLICATES)), np.zeros((folds, total, _REPLICATES))
     signs = rng.choice([-1.0, 1.0], size=(len(blocks), _REPLICATES))
@@ -76,12 +80,14 @@ def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) ->
             if grams.fold[k] < 0:
                 continue
             part = slice(block.start, block.stop)
-            use = columns.usable[block.log][part, j]
-            x, e = columns.values[block.log][j][part], weight * np.where(use, noise[block.log][part, j], 0.0)
+            use = problem.white.usable[block.log][part, j]
+            e = weight * np.where(use, noise[block.log][part, j], 0.0)
             first = block.core - block.start
-            inside = e[first:] @ x[first:]
+            x = columns.values[block.log][j]
+            inside = _product(filters, x, e[first:], block.log, j, block.core)
+            edge = _product(filters, x, e[:first], block.log, j, block.start) if first else 0.0
             core[k, row.index] += inside
-            whole[k, row.index] += inside + e[:first] @ x[:first]
+            whole[k, row.index] += inside + edge
     for fold in range(folds):
         own = grams.fold == fold
         b[fold] = whole[own].T @ signs[own]
@@ -92,11 +98,19 @@ def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) ->
     return b, core_b
 
 
+def _product(
+    filters: Whitening, x: Float[Array, "n k"], e: Float[Array, " m"], log: int, row: int, start: int
+) -> Float[Array, " k"]:
+    """Product of white columns with a series: the series is filtered, which is one, and not the columns."""
+    series, first = filters.before(e, log, row, start)
+    return series @ x[first : first + len(series)]
+
+
 def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -> Float[Array, "T R"]:
     """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
     moved = problem.moves
     right = b.sum(axis=0)
-    alike = _by_size(terms)
+    alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(terms)]
     gains = np.zeros((len(terms), b.shape[2]))
     *folds, whole = fold_projections(problem)
     for fold, part in enumerate(folds):
@@ -106,19 +120,26 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
         products = products - part.made.T @ products[moved]
         inside, across = part.core
         held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
-        for which, columns in alike:
-            x = solve_each(part.training(columns), products[columns])
-            gains[which] += (x * (2 * held[columns] - part.held_out(columns) @ x)).sum(axis=1)
+        for which, columns, (total, less, core) in alike:
+            x = solve_each(part.training(columns, total - less[fold]), products[columns])
+            gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
     # A rival also relieves the nuisances of moves that cost.
     base = solve(whole.inner, right[moved])
     products = right - whole.made.T @ right[moved]
-    precision = problem.precision[moved, None]
-    cost = (base**2 * precision).sum(axis=0)
-    for which, columns in alike:
-        made = whole.made[:, columns].transpose(1, 0, 2)
-        moves = base - made @ solve_each(whole.training(columns), products[columns])
-        gains[which] += cost - (moves**2 * precision).sum(axis=1)
+    costly = problem.precision[moved, None] * whole.made
+    relieved = costly.T @ base
+    for which, columns, (total, _, _) in alike:
+        made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))
+        x = solve_each(whole.training(columns, total), products[columns])
+        gains[which] += (x * (2 * relieved[columns] - (weighed.mT @ made) @ x)).sum(axis=1)
     return gains
+
+
+def _squares(problem: Problem, columns: Int[Array, "g m"]) -> tuple[Array, Array, Array]:
+    """Products among the columns of each group: over all blocks that train, and of each fold whole and in its cores."""
+    grams = problem.grams
+    total = problem.total_a[columns[:, :, None], columns[:, None, :]]
+    return total, grams.fold_a.within(columns), grams.fold_core_a.within(columns)
 
 
 def _by_size(terms: tuple[Term, ...]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:

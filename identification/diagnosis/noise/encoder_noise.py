@@ -7,7 +7,7 @@ is taken for the truth, fresh encoder noise of the same kind is laid on it, and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,14 +16,15 @@ from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.fit.projection import beside, gain_of
-from identification.diagnosis.model.columns import Columns, columns_like
+from identification.diagnosis.fit.grams import RowGrams, all_row_grams
+from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.fit.projection import gains_beside
+from identification.diagnosis.model.columns import Columns, columns_by_log
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.noise.whitening import whitened, whitened_noise
+from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -115,9 +116,9 @@ class ReadAgain:
     like: Columns
     residual: Series
 
-    def columns(self) -> Columns:
-        """The same columns of these recordings."""
-        return columns_like(self.session, self.like)
+    def columns(self) -> tuple[Columns, Callable[[int], tuple[Array, ...]]]:
+        """The same columns of these recordings, log by log, see `columns_by_log`."""
+        return columns_by_log(self.session, self.like)
 
 
 def recordings_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> ReadAgain:
@@ -177,11 +178,43 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     # No effect gains more than all of it, and this is less than any claim has to gain.
     if energy < rules.LEAST_GAIN:
         return dict.fromkeys((term.place for term in search.terms), 0.0)
-    columns = again.columns()
-    white, _ = whitened(columns, noise)
-    null = set_up(problem.session, columns, white, problem.weights)
-    besides = beside(null, fit(null, (), held_out=False))
+    null = _null_problem(problem, again, noise)
+    gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
-        out[term.place] = max(gain_of(besides, term), out.get(term.place, 0.0))
+        out[term.place] = max(gains[term.columns], out.get(term.place, 0.0))
     return out
+
+
+def _null_problem(problem: Problem, again: ReadAgain, noise: Series) -> Problem:
+    """Products of the columns of recordings that were read again, for fits that hold nothing out.
+
+    Those of one log after the other: together they would take as much memory as those of the recordings.
+    """
+    columns, values = again.columns()
+    filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
+    session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
+    rows: tuple[RowGrams, ...] = ()
+    for log in range(len(session.logs)):
+        here, one = [k for k, block in enumerate(session.blocks) if block.log == log], slice(log, log + 1)
+        blocks = tuple(replace(session.blocks[k], log=0) for k in here)
+        own = filters.columns(values(log), log)
+        alone = replace(white, values=(own,), residual=white.residual[one], usable=white.usable[one])
+        more = map(_without_cores, all_row_grams(alone, blocks, session.folds[here], problem.weights))
+        rows = tuple(map(_together, rows, more)) if rows else tuple(more)
+    return set_up(session, columns, white, problem.weights, rows)
+
+
+def _without_cores(row: RowGrams) -> RowGrams:
+    """The same without products of columns by block, those of blocks that train before those of the others."""
+    seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
+    return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
+
+
+def _together(first: RowGrams, second: RowGrams) -> RowGrams:
+    """Products of one row over the logs of both."""
+    joined = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)])
+        for name in ("b", "c", "core_a", "core_b", "core_c", "count")
+    }
+    return replace(first, a=first.a + second.a, **joined)

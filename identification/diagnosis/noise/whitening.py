@@ -7,7 +7,7 @@ band loses neither.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,26 +57,68 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
         columns: As computed.
         noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
-    rows = range(len(columns.rows))
-    kernels = _kernels(noise)
-    trust = _trust(columns, kernels, noise)
-    values, residual, torque, usable = [], [], [], []
-    for log in range(len(columns.values)):
-        own, counts = columns.values[log], trust[log]
+    filters = whitening_of(columns, noise)
+    made = replace(
+        columns,
+        values=tuple(filters.columns(own, log) for log, own in enumerate(columns.values)),
+        residual=filters.series(columns.residual),
+        model_torque=filters.series(columns.model_torque),
+        usable=tuple(
+            np.column_stack([_reached(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
+            for part in columns.usable
+        ),
+    )
+    return made, filters.series(noise)
 
-        def white(j: int, own: tuple[Array, ...] = own, counts: Array = counts) -> Array:
-            out = filtered(kernels[j], own[j])
-            out *= counts[:, j : j + 1]
+
+@dataclass(frozen=True)
+class Whitening:
+    """Filters that make the noise of each row white, and how much each sample counts.
+
+    Attributes:
+        kernels: Of each row.
+        trust: For each log, ``(n, nv)``.
+    """
+
+    kernels: list[Float[Array, " m"]]
+    trust: list[Float[Array, "n nv"]]
+
+    def columns(self, values: tuple[Float[Array, "n k"], ...], log: int) -> tuple[Float[Array, "n k"], ...]:
+        """Columns of one log, row by row."""
+
+        def white(j: int) -> Array:
+            out = filtered(self.kernels[j], values[j])
+            out *= self.trust[log][:, j : j + 1]
             return out
 
-        values.append(tuple(in_two_threads(white, rows)))
-        residual.append(_white(kernels, columns.residual[log]) * counts)
-        torque.append(_white(kernels, columns.model_torque[log]) * counts)
-        usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
-    made = replace(
-        columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
-    )
-    return made, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+        return tuple(in_two_threads(white, range(len(values))))
+
+    def series(self, parts: Series) -> Series:
+        """Series of all logs, ``(n, nv)`` each."""
+        return tuple(_white(self.kernels, part) * own for part, own in zip(parts, self.trust, strict=True))
+
+    def before(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
+        """What a column has to be multiplied with so that ``e`` is multiplied with the white column.
+
+        Args:
+            e: From one sample on.
+            log: Of the column.
+            row: Of the column.
+            start: The first sample of ``e``.
+
+        Returns:
+            The series, and its first sample: the filter looks back.
+        """
+        kernel = self.kernels[row]
+        back = np.convolve(e * self.trust[log][start : start + len(e), row], kernel[::-1])
+        early = max(len(kernel) - 1 - start, 0)
+        return back[early:], start - len(kernel) + 1 + early
+
+
+def whitening_of(columns: Columns, noise: Series) -> Whitening:
+    """What makes the noise of columns white, see `whitened`; their values are not needed."""
+    kernels = _kernels(noise)
+    return Whitening(kernels, _trust(columns, kernels, noise))
 
 
 def whitened_noise(
@@ -85,10 +127,7 @@ def whitened_noise(
     like: Series | None = None,
 ) -> Series:
     """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
-    whitens = noise if like is None else like
-    kernels = _kernels(whitens)
-    trust = _trust(columns, kernels, whitens)
-    return tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+    return whitening_of(columns, noise if like is None else like).series(noise)
 
 
 def _kernels(noise: Series) -> list[Float[Array, " m"]]:

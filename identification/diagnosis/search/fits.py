@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
 from identification.diagnosis.fit.near_fits import NearFits
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import Beside, beside
+from identification.diagnosis.fit.products import products_of
+from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -35,7 +38,7 @@ class Fits:
         self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
         self._points: dict[Chosen, Point] = {}
-        self._besides: dict[Chosen, Beside] = {}
+        self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
 
     def held_out(self, chosen: Chosen) -> Fitted:
         """Fit of a set on all blocks, and once without each fold."""
@@ -63,9 +66,44 @@ class Fits:
             active = active_columns(self.problem, ordered(chosen))
             near = self._near.gains(active, {term.columns for term in terms})
             return {term: near[term.columns] for term in terms}
-        if chosen not in self._besides:
-            self._besides[chosen] = beside(self.problem, self._fitted(chosen, held_out=False))
-        return {term: self._besides[chosen].gains[term.columns] for term in terms}
+        known = self._gains.setdefault(chosen, {})
+        new = {term.columns for term in terms}.difference(known)
+        if new:
+            known.update(gains_beside(self.problem, self._fitted(chosen, held_out=False), new))
+        return {term: known[term.columns] for term in terms}
+
+    def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
+        """Coefficients of any subset of some effects, of the fit without each fold and, last, of that to all blocks.
+
+        No losses are computed and nothing is kept, which takes a third of the time where many subsets are asked for.
+        """
+        problem, count = self.problem, len(self.problem.precision)
+        if self._near is not None or not _linear(terms):
+
+            def fitted(chosen: Chosen) -> Float[Array, "G K"]:
+                found = self.held_out(chosen)
+                return np.vstack([found.fold_theta, found.theta])
+
+            return fitted
+        columns = active_columns(problem, ordered(terms))
+        whole = products_of(problem, columns, (), held_out=True)
+        less = whole.held_out
+        assert less is not None
+        with_prior = whole.a + np.diag(problem.precision[columns])
+        lower, upper, near = problem.lower[columns], problem.upper[columns], self._start.theta[columns]
+
+        def solved(chosen: Chosen) -> Float[Array, "G K"]:
+            active = active_columns(problem, ordered(chosen))
+            own = np.searchsorted(columns, active)
+            square, ends = np.ix_(own, own), (lower[own], upper[own])
+            a, b, less_a = with_prior[square], whole.b[own], less.a[:, own[:, None], own]
+            x = bounded_solve(a, b, *ends, near=near[own])
+            out = np.zeros((len(less_a) + 1, count))
+            out[:-1, active] = bounded_solve_without(a, b, less_a, less.b[:, own], *ends, x)
+            out[-1, active] = x
+            return out
+
+        return solved
 
     @cached_property
     def _near(self) -> NearFits | None:

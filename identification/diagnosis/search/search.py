@@ -164,9 +164,10 @@ class Search:
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            best = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
             # Bounds that are held change a gain: there is room for as much again.
-            if (best or term in gone) and 2.0 * (out[term] + costs[term]) - costs[term] > above:
+            worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
+            promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
+            if worth and (promising or term in gone):
                 out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
         return out
 

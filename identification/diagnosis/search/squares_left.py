@@ -7,36 +7,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
 class _Row:
-    """Products of one row's columns and residual over the judged blocks.
+    """Products of one row's columns and residual over the judged blocks, summed over those that one fit predicts.
 
     Attributes:
         index: Which of all columns, ``(k,)``.
-        square: Columns and residual times themselves, ``(B, k + 1, k + 1)``.
-        counts: Samples, ``(B,)``.
+        square: Columns and residual times themselves, ``(G, k + 1, k + 1)``.
+        counts: Samples, ``(G,)``.
     """
 
     index: Int[Array, " k"]
-    square: Float[Array, "B n n"]
-    counts: Float[Array, " B"]
+    square: Float[Array, "G n n"]
+    counts: Float[Array, " G"]
 
 
 def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
     """Squared residuals in the judged band after moves and some of the effects, on blocks held out of their fit.
 
     The columns are in the judged band already, so that each block is predicted by one fit from end to end. A fit then
-    costs no pass over the samples.
+    costs no pass over the samples. Blocks that the same fit predicts count as one.
 
     Args:
         plain: Fits in the judged band.
@@ -44,25 +43,22 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
     """
     problem = plain.problem
     wanted = {column for term in terms for column in term.columns} | set(problem.moves.tolist())
-    rows = [_row(problem, j, wanted) for j in range(len(problem.white.rows))]
-    counts = np.column_stack([row.counts for row in rows])
     fold = problem.grams.fold[judged_blocks(problem)]
+    # The fit to all blocks stands last, and predicts what no fit has seen.
+    fits = np.unique(fold)
+    rows = [_row(problem, j, wanted, [fold == which for which in fits]) for j in range(len(problem.white.rows))]
+    counts = np.column_stack([row.counts for row in rows])
+    coefficients = plain.fits.of_subsets(terms)
 
     def left(chosen: frozenset[Term]) -> Sums:
-        found = plain.evaluate(chosen)
         scaled = [term.columns[0] for term in chosen if term.effect.scales_joint]
-        theta = _of_blocks(found, fold)
+        theta = coefficients(chosen)[fits]
         return Sums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
 
     return left
 
 
-def _of_blocks(found: Fitted, fold: Int[Array, " B"]) -> Float[Array, "B K"]:
-    """Coefficients of the fit that has not seen each block."""
-    return np.where((fold < 0)[:, None], found.theta, found.fold_theta[fold])
-
-
-def _row(problem: Problem, j: int, wanted: set[int]) -> _Row:
+def _row(problem: Problem, j: int, wanted: set[int], groups: list[Bool[Array, " B"]]) -> _Row:
     columns = problem.white
     local = [k for k, column in enumerate(columns.rows[j]) if column in wanted]
     square, counts = [], []
@@ -72,11 +68,12 @@ def _row(problem: Problem, j: int, wanted: set[int]) -> _Row:
         joined = np.column_stack([columns.values[block.log][j][part][:, local], columns.residual[block.log][part, j]])
         square.append(joined.T @ (joined * weights[:, None]))
         counts.append(weights.sum())
-    return _Row(np.array(columns.rows[j])[local], np.array(square), np.array(counts))
+    summed = (np.stack([np.array(each)[group].sum(axis=0) for group in groups]) for each in (square, counts))
+    return _Row(np.array(columns.rows[j])[local], *summed)
 
 
-def _squares(row: _Row, theta: Float[Array, "B K"], scaled: list[int]) -> Float[Array, " B"]:
-    """Sum of squares of one row's residual in each block, for coefficients of its own."""
+def _squares(row: _Row, theta: Float[Array, "G K"], scaled: list[int]) -> Float[Array, " G"]:
+    """Sum of squares of one row's residual in each group of blocks, for coefficients of its own."""
     x = theta[:, row.index]
     own = [k for k, column in enumerate(row.index) if column in scaled]
     if own:

@@ -59,7 +59,9 @@ class FieldRange:
     needs: Mapping[str, str] = field(default_factory=dict)
 
 
-def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[FieldRange, ...]:
+def mjcf_ranges(
+    randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()
+) -> tuple[tuple[FieldRange, ...], tuple[Bound, ...]]:
     """Ranges of all numbers of the corrected MJCF that the distribution of the robot leaves open.
 
     Deviations are carried through to first order, correlations included.
@@ -68,74 +70,83 @@ def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = (
         randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
 
+    Returns:
+        The ranges, and the unseen effects without such a number, as a play, which takes an element of its own.
+
     Raises:
         PhantomDynError: If the robot has no MJCF.
     """
     mean = randomisation.values
-    root = _mjcf(randomisation, known, mean)
-    base = _numbers(root, "")
+    base = _File.of(_mjcf(randomisation, known, mean))
     std = randomisation.std
     slopes: dict[Field, Array] = {}
     for place in np.flatnonzero(std > 0):
         moved = mean.copy()
         moved[place] += std[place]
-        for at, change in _changes(_written(randomisation, known, moved), root).items():
+        for at, change in _changes(_written(randomisation, known, moved), base).items():
             slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
     half = {at: SIGMAS * float(np.linalg.norm(s @ randomisation.loadings)) for at, s in slopes.items()}
     low: dict[Field, float] = {}
     high: dict[Field, float] = {}
     needs: dict[Field, dict[str, str]] = {}
+    without: list[Bound] = []
     for bound in randomisation.unseen:
+        changes: dict[Field, float] = {}
+        # The upper end, the size that would have been seen, comes last.
         for size in unseen_range(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             there = None if effect is None else _written(randomisation, known, mean, (effect,))
-            for at, change in _changes(there, root).items():
+            changes = _changes(there, base)
+            for at, change in changes.items():
                 low[at] = min(low.get(at, 0.0), change)
                 high[at] = max(high.get(at, 0.0), change)
                 if there is not None:
-                    needs.setdefault(at, {}).update(_needs(at, there, root))
+                    needs.setdefault(at, {}).update(_needs(at, there.root, base.root))
+        if not changes:
+            without.append(bound)
     out = []
     for at in dict.fromkeys((*half, *low)):
-        value = base.get(at, _DEFAULT.get((at[0], at[2]), 0.0))
+        value = base.numbers.get(at, _DEFAULT.get((at[0], at[2]), 0.0))
         found = (value - half.get(at, 0.0), value + half.get(at, 0.0))
         unseen = (value + low.get(at, 0.0), value + high.get(at, 0.0))
         if at[2] in ("damping", "frictionloss", "armature", "stiffness", "mass", "delay"):
             found, unseen = (max(found[0], 0.0), found[1]), (max(unseen[0], 0.0), unseen[1])
         out.append(FieldRange(*at, value, found, unseen, needs.get(at, {})))
-    return tuple(out)
+    return tuple(out), tuple(without)
 
 
-def bounds_without_field(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[Bound, ...]:
-    """Unseen effects without a number in the corrected MJCF, such as a play, which takes an element of its own.
+@dataclass(frozen=True)
+class _File:
+    """A MJCF file with its numbers.
 
-    Args:
-        randomisation: Distribution of the robot.
-        known: Effects that belong to the given model already.
-
-    Raises:
-        PhantomDynError: If the robot has no MJCF.
+    Attributes:
+        root: Its first element.
+        numbers: By field.
+        elements: How many there are.
     """
-    root = _mjcf(randomisation, known, randomisation.values)
-    effects = [(bound, unseen_effect(randomisation, bound, 1.0)) for bound in randomisation.unseen]
-    return tuple(
-        bound
-        for bound, effect in effects
-        if effect is None or not _changes(_written(randomisation, known, randomisation.values, (effect,)), root)
-    )
+
+    root: ElementTree.Element
+    numbers: dict[Field, float]
+    elements: int
+
+    @classmethod
+    def of(cls, root: ElementTree.Element) -> _File:
+        """The file with this first element."""
+        return cls(root, _numbers(root, ""), sum(1 for _ in root.iter()))
 
 
-def _changes(there: ElementTree.Element | None, root: ElementTree.Element) -> dict[Field, float]:
+def _changes(there: _File | None, base: _File) -> dict[Field, float]:
     """How far numbers of elements that are in the file move; of a robot that cannot be written none does.
 
     A joint for a play or a spring that is not in the file has no range there: nothing is one end of it, and stiff is
     the other.
     """
-    if there is None or len(list(there.iter())) != len(list(root.iter())):
+    if there is None or there.elements != base.elements:
         return {}
-    base, fields, out = _numbers(root, ""), _numbers(there, ""), {}
-    for at in dict.fromkeys((*base, *fields)):
+    out = {}
+    for at in dict.fromkeys((*base.numbers, *there.numbers)):
         usual = _DEFAULT.get((at[0], at[2]), 0.0)
-        change = fields.get(at, usual) - base.get(at, usual)
+        change = there.numbers.get(at, usual) - base.numbers.get(at, usual)
         if change:
             out[at] = change
     return out
@@ -160,10 +171,10 @@ def _written(
     known: tuple[KnownEffect, ...],
     values: Float[Array, " p"],
     more: tuple[KnownEffect, ...] = (),
-) -> ElementTree.Element | None:
+) -> _File | None:
     """The MJCF of a robot with some effects; None of one that cannot be."""
     try:
-        return _mjcf(randomisation, known, values, more)
+        return _File.of(_mjcf(randomisation, known, values, more))
     except PhantomDynError:
         return None
 
@@ -211,8 +222,8 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
         known: Effects that belong to the given model already.
     """
     try:
-        fields = [_field_entry(field) for field in mjcf_ranges(randomisation, known)]
-        note = _note(bounds_without_field(randomisation, known))
+        ranges, without = mjcf_ranges(randomisation, known)
+        fields, note = [_field_entry(field) for field in ranges], _note(without)
     except PhantomDynError as error:
         fields, note = [], {"mjcf_note": str(error)}
     content = {

@@ -37,7 +37,6 @@ from identification.files import (
     require_writable_folder,
     temporary_beside,
 )
-from identification.next_experiment.proposal_words import reference_text
 from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
@@ -228,6 +227,8 @@ def write_outputs(
                 tell(sentence)
         texts = {NAMES[1]: _report(diagnosis, robot), NAMES[2]: corrected, **models}
         if diagnosis.next_motion is not None:
+            from identification.next_experiment.proposal_words import reference_text  # with all that plans motions
+
             texts[NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
             diagnosis = _with_digest(diagnosis, texts[NEXT])
         texts = {name: with_run(name, text, diagnosis.run) for name, text in texts.items()}

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
@@ -162,27 +162,48 @@ def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
         pull: Acceleration with which a free link falls behind its motor: transmitted torque over link inertia.
         gap: Full width [rad or m].
     """
-    half, width = 0.5 * gap, np.gradient(t)
     lead, rate, loose, impact = np.zeros((4, len(t)))
-    against = {side: np.flatnonzero(side * pull < 0) for side in (-1.0, 1.0)}
-    side, k = (1.0 if pull[0] >= 0 else -1.0), 0
-    while True:
-        place = int(np.searchsorted(against[side], k))
-        start = int(against[side][place]) if place < len(against[side]) else len(t)
-        lead[k:start] = side * half
-        if start >= len(t) - 1:
-            lead[start:] = side * half
-            return Play(lead, rate, loose, impact)
-        k, side = _fly(t, pull, half, start, side, lead, rate, loose)
-        # What the link lost on its motor in the flight, the impact gives back.
-        landed = loose[start:k] * pull[start:k] * width[start:k]
-        late = min(max((half - abs(lead[k - 1])) / max(abs(lead[k] - lead[k - 1]), 1e-300), 0.0), 1.0)
-        impact[k - 1] += (1.0 - late) * landed.sum() / width[k - 1]
-        impact[k] += late * landed.sum() / width[k]
-        lead[k] = side * half
+    _cross(t, pull, np.gradient(t), 0.5 * gap, lead, rate, loose, impact)
+    return Play(lead, rate, loose, impact)
 
 
 @jit
+def _cross(
+    t: Array, pull: Array, width: Array, half: float, lead: Array, rate: Array, loose: Array, impact: Array
+) -> None:
+    """Fill in one flight after the other, and the impacts between them.
+
+    Args:
+        t: This and the next as of `play`.
+        pull: .
+        width: Of each sample [s].
+        half: Of the gap.
+        lead: This and the others as of `Play`, zero before.
+        rate: .
+        loose: .
+        impact: .
+    """
+    side, k = (1.0 if pull[0] >= 0 else -1.0), 0
+    while True:
+        start = k
+        while start < len(t) and not side * pull[start] < 0:
+            lead[start] = side * half
+            start += 1
+        if start >= len(t) - 1:
+            lead[start:] = side * half
+            return
+        k, side = _fly(t, pull, half, start, side, lead, rate, loose)
+        # What the link lost on its motor in the flight, the impact gives back.
+        landed = 0.0
+        for i in range(start, k):
+            landed += loose[i] * pull[i] * width[i]
+        late = min(max((half - abs(lead[k - 1])) / max(abs(lead[k] - lead[k - 1]), 1e-300), 0.0), 1.0)
+        impact[k - 1] += (1.0 - late) * landed / width[k - 1]
+        impact[k] += late * landed / width[k]
+        lead[k] = side * half
+
+
+@within
 def _fly(
     t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
 ) -> tuple[int, float]:

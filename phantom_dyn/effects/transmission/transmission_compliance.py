@@ -189,11 +189,11 @@ def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, 
         Load [N m or N] and inertia [kg m^2 or kg], shape ``(N,)`` each.
     """
     key = ("followed_load", row, edges)
+    load, inertia = load_and_inertia(operation, row)
     if key not in operation.kept:
-        load, inertia = load_and_inertia(operation, row)
         edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row), edges)
-        operation.kept[key] = _followed(operation.t, load, edge), inertia
-    return operation.kept[key]
+        operation.kept[key] = _followed(operation.t, load, edge)
+    return operation.kept[key], inertia
 
 
 def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:

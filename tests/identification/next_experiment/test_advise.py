@@ -10,8 +10,9 @@ from identification.data.signals import low_pass
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
-from identification.next_experiment.advise import Proposal, length_of, proposed
+from identification.next_experiment.advise import length_of, proposed
 from identification.next_experiment.hypotheses import hypotheses_of
+from identification.next_experiment.proposal import Proposal
 from identification.reporting.stored.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import PROPOSED, finding_words
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

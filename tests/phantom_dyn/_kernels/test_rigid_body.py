@@ -129,6 +129,37 @@ def test_the_mass_matrix_is_that_of_pinocchio(name, rng):
     assert_agrees(rigid_body.mass(model, tree_arrays(model), q), pinocchio_loops.mass(model, q))
 
 
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_the_slopes_are_those_of_pinocchios_torque(seed, rng, monkeypatch):
+    monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
+    # Central differences: Pinocchio's own slopes want the joints of a branch one after the other.
+    model = random_tree(seed)
+    q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(SAMPLES, model.nv))])
+    samples = q, *rng.normal(size=(2, SAMPLES, model.nv))
+    _, v, a = samples
+    for found, rate in zip(rigid_body.torque_slopes(model, tree_arrays(model), *samples), (False, True), strict=True):
+        expected = np.empty((SAMPLES, model.nv, model.nv))
+        for column, unit in enumerate(1e-5 * np.eye(model.nv)):
+            sides = []
+            for step in (unit, -unit):
+                there = q if rate else np.array([pin.integrate(model, x, step) for x in q])
+                sides.append(pinocchio_loops.torque(model, there, v + rate * step, a))
+            expected[:, :, column] = (sides[0] - sides[1]) / 2e-5
+        scale = np.abs(pinocchio_loops.torque(model, *samples)).max(initial=1.0)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * scale)
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda", "humanoid", "continuous", "unaligned", "floating base"])
+def test_the_slopes_of_the_torque_are_those_of_pinocchio(name, rng, monkeypatch):
+    monkeypatch.setattr(rigid_body, "_WORTH_COMPILING", 0)
+    model = MODELS[name]()
+    q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
+    v, a = rng.normal(size=(2, 3, model.nv))
+    expected = pinocchio_loops.torque_slopes(model, q, v, a)
+    for found, slope in zip(rigid_body.torque_slopes(model, tree_arrays(model), q, v, a), expected, strict=True):
+        assert_agrees(found, slope.transpose(2, 1, 0))
+
+
 @pytest.mark.parametrize("body", [True, False], ids=["body", "hybrid"])
 def test_the_jacobian_of_each_frame_is_that_of_pinocchio(model, samples, body):
     for frame in range(0, model.nframes, 3):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -37,10 +39,27 @@ def test_the_residual_is_that_of_the_model_until_a_fit_leaves_another(planar, mo
 
 
 def test_another_fit_keeps_what_is_known_of_the_motion(moving):
-    known = moving.transmitted, moving.partials, moving.own_friction
+    known = moving.transmitted, moving.inertia, moving.own_friction
     again = moving.again(2.0 * moving.expected)
-    assert (again.transmitted, again.partials, again.own_friction) == known
+    assert all(
+        one is other for one, other in zip((again.transmitted, again.inertia, again.own_friction), known, strict=True)
+    )
     np.testing.assert_array_equal(again.expected, 2.0 * moving.expected)
+
+
+def test_what_is_known_of_parts_is_that_of_the_whole(planar, moving):
+    first, second = (
+        Operation.of(planar, Motion(*(x[k] for x in (moving.t, moving.q, moving.v, moving.a))))
+        for k in (slice(0, 1), slice(1, None))
+    )
+    whole = Operation.of(planar, moving).made_of((first, second))
+    for name in ("own_friction", "transmitted", "inertia", "steepest"):
+        np.testing.assert_allclose(whole.__dict__[name], getattr(moving, name), atol=1e-12)
+
+
+def test_parts_of_another_robot_tell_nothing(planar, moving):
+    other = replace(planar, coulomb_friction=2.0 * planar.coulomb_friction)
+    assert not moving.made_of((Operation.of(other, moving),)).__dict__.keys() & {"own_friction", "inertia"}
 
 
 def test_partials_are_those_of_pinocchio(planar, moving):

@@ -8,7 +8,7 @@ import pytest
 from identification.diagnosis.fit import near_fits
 from identification.diagnosis.fit.fitting import active_columns, fit
 from identification.diagnosis.fit.near_fits import NearFits
-from identification.diagnosis.fit.projection import beside, gain_of
+from identification.diagnosis.fit.projection import gains_beside
 
 FRICTION = (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder"))
 SETS = (
@@ -68,11 +68,12 @@ def test_each_block_is_judged_by_the_fit_that_has_not_seen_it(rough, near, place
 @pytest.mark.parametrize("places", SETS)
 def test_what_columns_gain_beside_a_fit_is_what_a_projection_says(rough, near, places):
     problem, terms = rough.problem, terms_of(rough, places)
-    found = near.gains(active_columns(problem, terms), {term.columns for term in problem.columns.terms})
-    expected = beside(problem, fit(problem, terms, held_out=False))
-    largest = max(expected.gains.values())
-    for term in problem.columns.terms:
-        assert found[term.columns] == pytest.approx(gain_of(expected, term), rel=1e-4, abs=1e-6 * largest)
+    sets = {term.columns for term in problem.columns.terms}
+    found = near.gains(active_columns(problem, terms), sets)
+    expected = gains_beside(problem, fit(problem, terms, held_out=False), sets)
+    largest = max(expected.values())
+    for columns in sets:
+        assert found[columns] == pytest.approx(expected[columns], rel=1e-4, abs=1e-6 * largest)
 
 
 def test_a_set_far_from_all_is_solved_as_a_whole(rough, monkeypatch):

@@ -29,20 +29,22 @@ def gains(prepared) -> np.ndarray:
 
 
 def test_the_threshold_is_the_same_on_every_call(quiet):
-    assert null_threshold(quiet.search, quiet.noise) == null_threshold(quiet.search, quiet.noise)
+    assert null_threshold(quiet.search, quiet.filters, quiet.noise) == null_threshold(
+        quiet.search, quiet.filters, quiet.noise
+    )
 
 
 def test_no_effect_gains_the_threshold_where_there_is_no_gap(lab, planar2):
     # Known truth: recordings without a gap; each exceeds the quantile in one of a hundred.
     for seed in range(4):
         prepared = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seed), seed=seed),))
-        assert gains(prepared).max() < null_threshold(prepared.search, prepared.noise).overall
+        assert gains(prepared).max() < null_threshold(prepared.search, prepared.filters, prepared.noise).overall
 
 
 def test_an_effect_gains_more_than_the_threshold(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
-    assert gains(prepared).max() > 3 * null_threshold(prepared.search, prepared.noise).overall
+    assert gains(prepared).max() > 3 * null_threshold(prepared.search, prepared.filters, prepared.noise).overall
 
 
 def test_a_threshold_is_exceeded_by_chance_in_one_of_a_hundred_recordings(quiet, monkeypatch, rng):
@@ -51,7 +53,7 @@ def test_a_threshold_is_exceeded_by_chance_in_one_of_a_hundred_recordings(quiet,
     terms = tuple(quiet.term("coulomb_friction", joint) for joint in ("shoulder", "elbow"))
     drawn = rng.gumbel(10.0, 3.0, (2, 5000))
     monkeypatch.setattr(chance, "_gains", lambda *_: drawn)
-    threshold = null_threshold(replace(quiet.search, terms=terms), quiet.noise)
+    threshold = null_threshold(replace(quiet.search, terms=terms), quiet.filters, quiet.noise)
 
     def quantile(best: np.ndarray, level: float) -> float:
         scale = best.std() * np.sqrt(6) / np.pi
@@ -70,14 +72,17 @@ def test_twice_the_noise_of_a_trusted_model_gains_four_times_as_much_by_chance(l
     prepared = lab.prepared(robot, (lab.recording(robot, lab.motion(2)),))
     search = prepared.search
     search = replace(search, terms=tuple(term for term in search.terms if term.effect.name in FRICTION))
-    once = null_threshold(search, prepared.noise).overall
-    twice = null_threshold(search, tuple(2 * part for part in prepared.noise)).overall
+    once = null_threshold(search, prepared.filters, prepared.noise).overall
+    twice = null_threshold(search, prepared.filters, tuple(2 * part for part in prepared.noise)).overall
     assert twice == pytest.approx(4 * once, rel=1e-2)
 
 
 def test_more_rivals_gain_more_by_chance(quiet):
     few = replace(quiet.search, terms=quiet.search.terms[:2])
-    assert null_threshold(few, quiet.noise).overall < null_threshold(quiet.search, quiet.noise).overall
+    assert (
+        null_threshold(few, quiet.filters, quiet.noise).overall
+        < null_threshold(quiet.search, quiet.filters, quiet.noise).overall
+    )
 
 
 def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_others(lab, planar2):
@@ -86,8 +91,8 @@ def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_other
     bursts = np.random.default_rng(0).standard_normal(len(motion.t)) * (np.sin(2 * np.pi * 0.31 * motion.t) > 0.9)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, bursts[:, None] * [30.0, 0.0]),))
     plain = lab.prepared(planar2, (lab.recording(planar2, motion),))
-    threshold = null_threshold(prepared.search, prepared.noise)
-    without = null_threshold(plain.search, plain.noise)
+    threshold = null_threshold(prepared.search, prepared.filters, prepared.noise)
+    without = null_threshold(plain.search, plain.filters, plain.noise)
     elbow = prepared.term("coulomb_friction", "elbow")
     shoulder = prepared.term("coulomb_friction", "shoulder")
     # A quantile of the 80 maxima that are drawn scatters by a tenth itself.
@@ -97,7 +102,7 @@ def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_other
 
 
 def test_a_threshold_is_nowhere_above_the_overall_one(quiet):
-    threshold = null_threshold(quiet.search, quiet.noise)
+    threshold = null_threshold(quiet.search, quiet.filters, quiet.noise)
     assert all(threshold.of(term) <= threshold.overall for term in quiet.search.terms)
 
 
@@ -109,7 +114,7 @@ def test_the_lower_of_two_thresholds_is_lower_everywhere(quiet):
 
 
 def test_a_threshold_is_never_below_the_least(quiet):
-    threshold = null_threshold(quiet.search, quiet.noise, 500.0)
+    threshold = null_threshold(quiet.search, quiet.filters, quiet.noise, 500.0)
     assert {threshold.overall, *threshold.joints.values()} == {500.0}
 
 
@@ -143,7 +148,7 @@ def test_a_null_recording_is_noise_and_moves_within_their_bounds(quiet, share):
         own = [k for k, column in enumerate(index) if column < len(moves)]
         residual[:, j] += problem.white.values[0][j][:, own] @ moves[[index[k] for k in own]]
     expected = with_residual(problem, residual).grams
-    b, core_b = _null_products(problem, quiet.noise, Known(share))
+    b, core_b = _null_products(problem, quiet.filters, quiet.noise, Known(share))
     scale = np.abs(expected.b).max(axis=0) + 1e-9
     np.testing.assert_allclose(b[:, :, 3] / scale, expected.by_fold(expected.b) / scale, atol=1e-9)
     np.testing.assert_allclose(core_b[:, :, 3] / scale, expected.by_fold(expected.core_b) / scale, atol=1e-9)
@@ -153,7 +158,7 @@ def test_blocks_change_their_sign_as_a_whole(quiet):
     # Oracle: products of each block with the noise itself.
     grams = with_residual(quiet.problem, quiet.noise[0]).grams
     sign = np.where(np.arange(len(quiet.blocks)) % 2 == 1, -1.0, 1.0)[:, None]
-    turned = _null_products(quiet.problem, quiet.noise, Known(0.0, 2))
+    turned = _null_products(quiet.problem, quiet.filters, quiet.noise, Known(0.0, 2))
     for found, by_block in zip(turned, (grams.b, grams.core_b), strict=True):
         expected = grams.by_fold(sign * by_block)
         np.testing.assert_allclose(found[:, :, 0], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
@@ -167,6 +172,6 @@ def test_a_rival_gains_on_a_null_recording_what_its_fits_gain(quiet):
     problem = with_residual(quiet.problem, quiet.noise[0])
     base = fit(problem, ()).total
     expected = [base - fit(problem, (term,)).total for term in terms]
-    found = _gains(search.problem, terms, *_null_products(search.problem, quiet.noise, Known(0.0)))[:, 0]
+    found = _gains(search.problem, terms, *_null_products(search.problem, quiet.filters, quiet.noise, Known(0.0)))[:, 0]
     # Bounds of the nuisances are left out, which changes little.
     np.testing.assert_allclose(found, expected, rtol=0.02, atol=1e-3)

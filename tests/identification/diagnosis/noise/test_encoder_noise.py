@@ -10,7 +10,9 @@ import pytest
 from identification.data.signals import process
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.model.columns import columns_like
 from identification.diagnosis.noise.encoder_noise import (
+    _null_problem,
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
@@ -112,7 +114,7 @@ def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
     for step in (1e-12, STEP, 3 * STEP):
         again = recordings_read_again(quiet.session, quiet.columns, (step, step))
         left.append(rms([again.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
-        columns = again.columns()
+        columns = columns_like(again.session, again.like)
         assert columns.terms == quiet.columns.terms
         np.testing.assert_allclose(again.residual[0], columns.residual[0], atol=1e-12)
     assert left[0] < 0.05 * left[1]
@@ -124,13 +126,26 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
     # gain is a square.
     again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     found = spurious_gains(quiet.search, again, quiet.noise)
-    columns = again.columns()
+    columns = columns_like(again.session, again.like)
     null = set_up(quiet.session, columns, whitened(columns, quiet.noise)[0], quiet.weights)
     base = fit(null, (), held_out=False).objective
     for joint in ("shoulder", "elbow"):
         alone = fit(null, (quiet.term("torque_offset", joint),), held_out=False).objective
         assert found["torque_offset", joint] == pytest.approx(base - alone, rel=1e-3, abs=1e-3)
     assert min(found.values()) >= 0.0
+
+
+def test_products_that_are_made_log_by_log_are_those_of_all_logs_together(lab, planar2):
+    # Oracle: the columns of both recordings at once.
+    both = lab.prepared(planar2, tuple(lab.recording(planar2, lab.motion(2, seed), seed=seed) for seed in range(2)))
+    again = recordings_read_again(both.session, both.columns, (STEP, STEP))
+    found = _null_problem(both.problem, again, both.noise)
+    columns = columns_like(again.session, again.like)
+    expected = set_up(both.session, columns, whitened(columns, both.noise)[0], both.weights)
+    scale = np.sqrt(np.outer(*2 * (np.diag(expected.total_a),))) + 1e-12
+    np.testing.assert_allclose(found.total_a / scale, expected.total_a / scale, atol=1e-12)
+    np.testing.assert_allclose(found.total_b, expected.total_b, atol=1e-12 * np.abs(expected.total_b).max())
+    np.testing.assert_allclose(found.precision, expected.precision, rtol=1e-12)
 
 
 def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):

@@ -8,7 +8,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from identification.diagnosis.noise.noise_floor import estimate_noise
-from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
+from identification.diagnosis.noise.whitening import Whitening, filtered, noise_filter, whitened, whitened_noise
 
 
 def autoregressive(rng: np.random.Generator, coefficients: list[float], count: int) -> np.ndarray:
@@ -50,6 +50,16 @@ def test_noise_that_tells_nothing_is_left_as_it_is(e):
 def test_filtering_is_that_of_scipy(rng):
     kernel, x = rng.normal(size=6), rng.normal(size=(300, 2))
     np.testing.assert_allclose(filtered(kernel, x), lfilter(kernel, [1.0], x, axis=0), atol=1e-13)
+
+
+@pytest.mark.parametrize("start", [0, 3, 50])
+def test_a_series_times_white_columns_is_the_filtered_series_times_the_columns(rng, start):
+    # Oracle: the white columns themselves; the filter looks back before the first sample of the series.
+    filters = Whitening([rng.normal(size=6)], [rng.random((80, 1))])
+    x, e = rng.normal(size=(80, 4)), rng.normal(size=30)
+    (white,) = filters.columns((x,), 0)
+    series, first = filters.before(e, 0, 0, start)
+    np.testing.assert_allclose(series @ x[first : first + len(series)], e @ white[start : start + 30], atol=1e-12)
 
 
 def test_filtering_leaves_its_input_alone(rng):

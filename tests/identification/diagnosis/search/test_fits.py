@@ -43,3 +43,14 @@ def test_what_a_set_leaves_of_each_row_is_the_same_with_and_without_fits_that_ho
     chosen = frozenset(rough.term(*place) for place in places)
     alone, both = Fits(rough.problem), Fits(rough.problem)
     np.testing.assert_allclose(alone.row_losses(chosen), both.held_out(chosen).row_losses, rtol=1e-9)
+
+
+def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
+    places = (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder"), ("rotor_inertia", "elbow"))
+    terms = frozenset(rough.term(*place) for place in places)
+    fits = Fits(rough.problem)
+    solved = fits.of_subsets(terms)
+    for left_out in terms:
+        found = fits.held_out(terms - {left_out})
+        expected = np.vstack([found.fold_theta, found.theta])
+        np.testing.assert_allclose(solved(terms - {left_out}), expected, rtol=1e-12, atol=1e-15)

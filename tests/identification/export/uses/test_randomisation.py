@@ -83,7 +83,7 @@ def test_fields_have_the_ranges_of_drawn_robots(planar, diagnosed, made, frictio
         mujoco.MjModel.from_xml_string(corrected_mjcf(corrected_model(planar, robot)))
         for robot in draws(found, 300, rng, unseen=0)
     ]
-    ranges = {(f.name, f.attribute): f for f in mjcf_ranges(found)}
+    ranges = {(f.name, f.attribute): f for f in mjcf_ranges(found)[0]}
     for field, values in (
         (("elbow", "frictionloss"), [model.dof_frictionloss[1] for model in models]),
         (("elbow", "damping"), [model.dof_damping[1] for model in models]),
@@ -95,7 +95,7 @@ def test_fields_have_the_ranges_of_drawn_robots(planar, diagnosed, made, frictio
 
 
 def test_what_was_not_seen_widens_its_field(planar, diagnosed, friction):
-    ranges = mjcf_ranges(randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar))
+    ranges = mjcf_ranges(randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar))[0]
     damping = next(f for f in ranges if (f.name, f.attribute) == ("elbow", "damping"))
     assert damping.unseen == (pytest.approx(0.2), pytest.approx(0.22))
     delay = next(f for f in ranges if (f.name, f.attribute) == ("elbow_motor", "delay"))
@@ -153,14 +153,14 @@ def test_every_field_is_a_number_of_an_element_of_the_corrected_file(planar, dia
     found = randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar)
     root = ElementTree.fromstring(corrected_mjcf(corrected_model(planar, found.found)))
     names = {e.get("name") for e in root.iter()}
-    assert {f.name for f in mjcf_ranges(found)} <= names
+    assert {f.name for f in mjcf_ranges(found)[0]} <= names
 
 
 @pytest.mark.parametrize("name", ["1e400", "nan"])
 def test_the_name_of_a_robot_is_no_number_to_draw(tmp_path, diagnosed, friction, name):
     path = tmp_path / "robot.urdf"
     path.write_text((ROBOTS / "planar2.urdf").read_text().replace('<robot name="planar2">', f'<robot name="{name}">'))
-    ranges = mjcf_ranges(randomisation_of(diagnosed(*friction), load_robot(path)))
+    ranges = mjcf_ranges(randomisation_of(diagnosed(*friction), load_robot(path)))[0]
     assert {field.element for field in ranges} == {"joint"}
 
 
@@ -173,7 +173,7 @@ def test_a_field_says_what_mujoco_needs_beside_it(planar, diagnosed):
     found = randomisation_of(diagnosed(bounds=UNSEEN), planar)
     root = ElementTree.fromstring(corrected_mjcf(corrected_model(planar, ())))
     motor = next(e for e in root.iter("motor") if e.get("name") == "elbow_motor")
-    bias = next(f for f in mjcf_ranges(found) if f.attribute == "biasprm")
+    bias = next(f for f in mjcf_ranges(found)[0] if f.attribute == "biasprm")
     motor.tag = bias.needs["element"]
     for key, text in bias.needs.items():
         if key != "element":

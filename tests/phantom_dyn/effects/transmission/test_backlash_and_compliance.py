@@ -178,7 +178,7 @@ def test_a_compiled_flight_is_that_of_the_same_function_in_python(rng, monkeypat
     t = np.cumsum(1e-3 + 1e-4 * rng.random(2000))
     pull = np.sin(20 * t) + 0.3 * rng.normal(size=2000)
     compiled = play(t, pull, 1e-3)
-    monkeypatch.setattr(backlash, "_fly", getattr(backlash._fly, "py_func", backlash._fly))
+    monkeypatch.setattr(backlash, "_cross", getattr(backlash._cross, "py_func", backlash._cross))
     plain = play(t, pull, 1e-3)
     for name in ("lead", "rate", "loose", "impact"):
         np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-12, atol=1e-15)

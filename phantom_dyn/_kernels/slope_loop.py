@@ -1,0 +1,202 @@
+"""Compiled loop over samples: slopes of the torque of the links to positions and velocities.
+
+All is written about the origin of the root, so that what a joint carries is a plain sum over bodies. A joint moves what
+it carries by a motion ``s``, and what it is mounted on has velocity ``v`` and acceleration ``a``. The acceleration of
+what it carries changes by ``a x s + v x (v x s)`` per unit of its position, the velocity by ``v x s``; per unit of its
+velocity they change by ``2 v x s`` and ``s`` (S. Singh, R. P. Russell and P. M. Wensing, IEEE Robotics and Automation
+Letters 7(2), 2022). Particles ``m`` at ``r`` with velocities ``u`` feel a change ``w`` of the angular velocity as
+forces ``2 m w x u``: their sums need no more than the sums of ``m u`` and of ``m u r^T``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import fused, inlined
+from phantom_dyn._kernels.poses import cross, dot, place
+from phantom_dyn._kernels.rigid_body_loops import Room, carry, hand_over, times_inertia
+from phantom_dyn._kernels.tree_arrays import Kinematics
+
+Array = np.ndarray
+
+
+class SlopeRoom(NamedTuple):
+    """Arrays of `slope_loop` alone: motions and forces about the origin of the root, the linear part first.
+
+    Attributes:
+        s: Motion of each joint per unit of its velocity, ``(nt, 6)``.
+        once, twice: ``v x s`` and half of ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
+        v, a: Motion of each body; the root's must be there, ``(n, 6)``.
+        f: Force on all that a joint carries, ``(n, 6)``.
+        flow: Sums of ``m u`` and ``m u r^T`` over all that a joint carries, ``(n, 12)``.
+        force: Three forces at hand, ``(3, 6)``.
+    """
+
+    s: Array
+    once: Array
+    twice: Array
+    v: Array
+    a: Array
+    f: Array
+    flow: Array
+    force: Array
+
+
+def slope_room_of(tree: Kinematics, gravity: Array) -> SlopeRoom:
+    """Room for one sample of a tree whose root is lifted against gravity [m/s2]."""
+    n = len(tree.parents)
+    s, once, twice = np.zeros((3, int(tree.first_v[n]), 6))
+    v, a, f = np.zeros((3, n, 6))
+    a[0, :3] = -gravity
+    return SlopeRoom(s, once, twice, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))
+
+
+@fused
+def slope_loop(
+    tree: Kinematics, inertias: Array, room: Room, own: SlopeRoom, q: Array, v: Array, a: Array, out: Array
+) -> None:
+    """Slopes of the torque of N samples for joints of one degree of freedom.
+
+    Args:
+        tree: The joints.
+        inertias: As of `TreeArrays`.
+        room: See `room_of`.
+        own: See `slope_room_of`.
+        q: Pinocchio's configurations, ``(N, nq)``.
+        v: Velocities, ``(N, nt)``.
+        a: Accelerations, ``(N, nt)``.
+        out: Zeros that receive the torque of joint i per position of joint j in ``[0, j, i, sample]``, per velocity in
+            ``[1, j, i, sample]``, ``(2, nt, nt, N)``.
+    """
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree
+    R, o, _, _, _, lin, ang, _, _, whole = room
+    s, once, twice, speed, gain, f, flow, force = own
+    n = len(parents)
+    for k in range(len(q)):
+        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        for i in range(1, n):
+            p, d = parents[i], first_v[i]
+            x, y, z = cross(o[i, 0], o[i, 1], o[i, 2], ang[d, 0], ang[d, 1], ang[d, 2])
+            s[d, 0], s[d, 1], s[d, 2] = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
+            for c in range(3):
+                s[d, 3 + c] = ang[d, c]
+            for c in range(6):
+                once[d, c] = twice[d, c] = 0.0
+            add_crossed(speed, p, s, d, once)
+            add_crossed(gain, p, s, d, twice)
+            add_crossed(speed, p, once, d, twice)
+            for c in range(6):
+                twice[d, c] *= 0.5
+                speed[i, c] = speed[p, c] + s[d, c] * v[k, d]
+                gain[i, c] = gain[p, c] + s[d, c] * a[k, d] + once[d, c] * v[k, d]
+            # The body about the origin of the root, by way of the root's own place: the root has no body.
+            for c in range(10):
+                whole[0, c], whole[i, c] = 0.0, inertias[i, c]
+            carry(whole, i, R)
+            hand_over(whole, i, 0, o[i, 0], o[i, 1], o[i, 2])
+            for c in range(10):
+                whole[i, c] = whole[0, c]
+            stir(whole, i, speed, flow)
+            push(whole, flow, i, speed, gain, i, f, i)
+        for i in range(n - 1, 0, -1):
+            p, d = parents[i], first_v[i]
+            push(whole, flow, i, once, twice, d, force, 0)
+            push(whole, flow, i, s, once, d, force, 1)
+            # What is carried moves with the joint, and the force on it as well: the joints before see it moved.
+            for c in range(6):
+                force[0, c], force[1, c] = 2.0 * force[0, c], 2.0 * force[1, c]
+            add_force_crossed(s, d, f, i, force)
+            inertia_times(whole, i, s, d, force, 2)
+            x, y, z = cross(flow[i, 0], flow[i, 1], flow[i, 2], s[d, 0], s[d, 1], s[d, 2])
+            trace = flow[i, 3] + flow[i, 7] + flow[i, 11]
+            x += trace * ang[d, 0] - dot(flow[i, 3], flow[i, 6], flow[i, 9], ang[d, 0], ang[d, 1], ang[d, 2])
+            y += trace * ang[d, 1] - dot(flow[i, 4], flow[i, 7], flow[i, 10], ang[d, 0], ang[d, 1], ang[d, 2])
+            z += trace * ang[d, 2] - dot(flow[i, 5], flow[i, 8], flow[i, 11], ang[d, 0], ang[d, 1], ang[d, 2])
+            j = i
+            while j > 0:
+                e = first_v[j]
+                by_q = by_v = on_q = on_v = 0.0
+                for c in range(6):
+                    by_q += s[e, c] * force[0, c]
+                    by_v += s[e, c] * force[1, c]
+                    on_q += force[2, c] * twice[e, c]
+                    on_v += force[2, c] * once[e, c]
+                out[0, d, e, k], out[1, d, e, k] = by_q, by_v
+                out[0, e, d, k] = 2.0 * (on_q + dot(x, y, z, once[e, 3], once[e, 4], once[e, 5]))
+                out[1, e, d, k] = 2.0 * (on_v + dot(x, y, z, ang[e, 0], ang[e, 1], ang[e, 2]))
+                j = parents[j]
+            for c in range(10):
+                whole[p, c] += whole[i, c]
+            for c in range(12):
+                flow[p, c] += flow[i, c]
+            for c in range(6):
+                f[p, c] += f[i, c]
+
+
+@inlined
+def add_crossed(by: Array, i: int, motion: Array, d: int, out: Array) -> None:
+    """Add ``by[i] x motion[d]`` to ``out[d]``, all of them motions."""
+    ux, uy, uz, wx, wy, wz = by[i, 0], by[i, 1], by[i, 2], by[i, 3], by[i, 4], by[i, 5]
+    x, y, z = cross(wx, wy, wz, motion[d, 0], motion[d, 1], motion[d, 2])
+    out[d, 0], out[d, 1], out[d, 2] = out[d, 0] + x, out[d, 1] + y, out[d, 2] + z
+    sx, sy, sz = motion[d, 3], motion[d, 4], motion[d, 5]
+    x, y, z = cross(ux, uy, uz, sx, sy, sz)
+    out[d, 0], out[d, 1], out[d, 2] = out[d, 0] + x, out[d, 1] + y, out[d, 2] + z
+    x, y, z = cross(wx, wy, wz, sx, sy, sz)
+    out[d, 3], out[d, 4], out[d, 5] = out[d, 3] + x, out[d, 4] + y, out[d, 5] + z
+
+
+@inlined
+def add_force_crossed(s: Array, d: int, f: Array, i: int, force: Array) -> None:
+    """Add the change of the force ``f[i]`` when it is moved by ``s[d]`` to the first of ``force``."""
+    x, y, z = cross(s[d, 3], s[d, 4], s[d, 5], f[i, 0], f[i, 1], f[i, 2])
+    force[0, 0], force[0, 1], force[0, 2] = force[0, 0] + x, force[0, 1] + y, force[0, 2] + z
+    x, y, z = cross(s[d, 0], s[d, 1], s[d, 2], f[i, 0], f[i, 1], f[i, 2])
+    force[0, 3], force[0, 4], force[0, 5] = force[0, 3] + x, force[0, 4] + y, force[0, 5] + z
+    x, y, z = cross(s[d, 3], s[d, 4], s[d, 5], f[i, 3], f[i, 4], f[i, 5])
+    force[0, 3], force[0, 4], force[0, 5] = force[0, 3] + x, force[0, 4] + y, force[0, 5] + z
+
+
+@inlined
+def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: int) -> None:
+    """Write the force that gives all that joint ``i`` carries the acceleration ``motion[d]`` to ``out[row]``."""
+    m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
+    lx, ly, lz, sx, sy, sz = motion[d, 0], motion[d, 1], motion[d, 2], motion[d, 3], motion[d, 4], motion[d, 5]
+    x, y, z = cross(sx, sy, sz, hx, hy, hz)
+    out[row, 0], out[row, 1], out[row, 2] = m * lx + x, m * ly + y, m * lz + z
+    x, y, z = cross(hx, hy, hz, lx, ly, lz)
+    tx, ty, tz = times_inertia(whole, i, sx, sy, sz)
+    out[row, 3], out[row, 4], out[row, 5] = x + tx, y + ty, z + tz
+
+
+@inlined
+def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
+    """Write the forces ``m w x u`` under ``turning[d]``, with those of `inertia_times`, to ``out[row]``."""
+    inertia_times(whole, i, motion, d, out, row)
+    wx, wy, wz = turning[d, 3], turning[d, 4], turning[d, 5]
+    x, y, z = cross(wx, wy, wz, flow[i, 0], flow[i, 1], flow[i, 2])
+    out[row, 0], out[row, 1], out[row, 2] = out[row, 0] + x, out[row, 1] + y, out[row, 2] + z
+    trace = flow[i, 3] + flow[i, 7] + flow[i, 11]
+    out[row, 3] += trace * wx - dot(flow[i, 3], flow[i, 4], flow[i, 5], wx, wy, wz)
+    out[row, 4] += trace * wy - dot(flow[i, 6], flow[i, 7], flow[i, 8], wx, wy, wz)
+    out[row, 5] += trace * wz - dot(flow[i, 9], flow[i, 10], flow[i, 11], wx, wy, wz)
+
+
+@inlined
+def stir(whole: Array, i: int, speed: Array, flow: Array) -> None:
+    """Write the sums of ``m u`` and ``m u r^T`` of body ``i`` alone to ``flow[i]``."""
+    m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
+    ux, uy, uz, wx, wy, wz = speed[i, 0], speed[i, 1], speed[i, 2], speed[i, 3], speed[i, 4], speed[i, 5]
+    x, y, z = cross(wx, wy, wz, hx, hy, hz)
+    flow[i, 0], flow[i, 1], flow[i, 2] = m * ux + x, m * uy + y, m * uz + z
+    # Sums of m r r^T: half the trace of the inertia, less the inertia.
+    half = 0.5 * (whole[i, 4] + whole[i, 6] + whole[i, 9])
+    xy, xz, yz = -whole[i, 5], -whole[i, 7], -whole[i, 8]
+    x, y, z = cross(wx, wy, wz, half - whole[i, 4], xy, xz)
+    flow[i, 3], flow[i, 6], flow[i, 9] = ux * hx + x, uy * hx + y, uz * hx + z
+    x, y, z = cross(wx, wy, wz, xy, half - whole[i, 6], yz)
+    flow[i, 4], flow[i, 7], flow[i, 10] = ux * hy + x, uy * hy + y, uz * hy + z
+    x, y, z = cross(wx, wy, wz, xz, yz, half - whole[i, 9])
+    flow[i, 5], flow[i, 8], flow[i, 11] = ux * hz + x, uy * hz + y, uz * hz + z
