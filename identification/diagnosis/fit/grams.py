@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.fit.row_products import RowProducts
+from identification.diagnosis.fit.triangles import places_in, square, triangle
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.numerics.two_threads import in_two_threads
@@ -40,27 +41,27 @@ class RowGrams:
 
     Attributes:
         index: Which of all columns, ``(k,)``.
-        a: Columns times columns over the whole blocks of each fold, then of those that no fit may see,
-            ``(F + 1, k, k)``: block by block they would take several times the memory.
+        a: Columns times columns over the whole blocks of each fold, then of those that no fit may see, as triangles
+            (see `fit.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the memory.
         b: Columns times residual over whole blocks, ``(B, k)``.
         c: Residual times residual, ``(B,)``.
-        core_a, core_b, core_c: The same over the core of each block, ``(B, k, k)``, ``(B, k)`` and ``(B,)``.
+        core_a, core_b, core_c: The same over the core of each block, ``(B, k (k + 1) / 2)``, ``(B, k)`` and ``(B,)``.
         count: Effective number of samples in each core, ``(B,)``.
     """
 
     index: Int[Array, " k"]
-    a: Float[Array, "G k k"]
+    a: Float[Array, "G n"]
     b: Float[Array, "B k"]
     c: Float[Array, " B"]
-    core_a: Float[Array, "B k k"]
+    core_a: Float[Array, "B n"]
     core_b: Float[Array, "B k"]
     core_c: Float[Array, " B"]
     count: Float[Array, " B"]
 
     @cached_property
     def core_total(self) -> tuple[Float[Array, "k k"], Float[Array, " k"], float]:
-        """Products of all cores together."""
-        return self.core_a.sum(axis=0), self.core_b.sum(axis=0), float(self.core_c.sum())
+        """Products of all cores together, written out."""
+        return square(self.core_a.sum(axis=0)), self.core_b.sum(axis=0), float(self.core_c.sum())
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,9 @@ def row_grams(
         row: Which joint's torque.
     """
     size, groups = len(columns.rows[row]) + 1, int(folds.max(initial=-1)) + 1
-    core, whole = np.empty((len(blocks), size, size)), np.zeros((groups + 1, size, size))
+    whole, product = np.zeros((groups + 1, size, size)), np.empty((size, size))
+    lower = places_in(size, size - 1)
+    core_a, core = np.empty((len(blocks), len(lower))), np.empty((len(blocks), size))
     edges: list[list[Array]] = [[] for _ in range(groups + 1)]
     b, c, count = np.empty((len(blocks), size - 1)), np.empty(len(blocks)), np.empty(len(blocks))
     for k, block in enumerate(blocks):
@@ -133,12 +136,13 @@ def row_grams(
         joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
         # The core is the block less its first few samples.
         first = int(np.searchsorted(np.flatnonzero(use), block.core - block.start))
-        np.matmul(joined[first:].T, joined[first:], out=core[k])
+        np.matmul(joined[first:].T, joined[first:], out=product)
+        core_a[k], core[k] = triangle(product, lower), product[:, -1]
         edge = joined[:first]
-        last = core[k, :, -1] + edge.T @ edge[:, -1]
+        last = core[k] + edge.T @ edge[:, -1]
         b[k], c[k] = last[:-1], last[-1]
         # Fold -1 comes last.
-        whole[folds[k]] += core[k]
+        whole[folds[k]] += product
         edges[folds[k]].append(edge)
         count[k] = (len(joined) - first) / weights.spread[row]
     for products, parts in zip(whole, edges, strict=True):
@@ -146,16 +150,17 @@ def row_grams(
             guard = np.concatenate(parts)
             products += guard.T @ guard
     weight = weights.per_sample[row]
+    core_a *= weight
     core *= weight
     whole *= weight
     return RowGrams(
         index=np.array(columns.rows[row]),
-        a=whole[:, :-1, :-1],
+        a=triangle(whole, lower),
         b=weight * b,
         c=weight * c,
-        core_a=core[:, :-1, :-1],
-        core_b=core[:, :-1, -1],
-        core_c=core[:, -1, -1],
+        core_a=core_a,
+        core_b=core[:, :-1],
+        core_c=core[:, -1],
         count=count,
     )
 

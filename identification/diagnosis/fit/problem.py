@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.fit.grams import Grams, RowGrams, Weights, all_row_grams, summed
+from identification.diagnosis.fit.triangles import diagonal
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
@@ -128,7 +129,7 @@ def seen_moves(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Array, " m"]
     energy = np.zeros(count)
     for row in rows:
         own = np.flatnonzero(row.index < count)
-        energy[row.index[own]] += row.a.sum(axis=0)[own, own]
+        energy[row.index[own]] += diagonal(row.a.sum(axis=0), own)
     energy *= np.array([move.bound for move in columns.nuisances]) ** 2
     smallest = np.argsort(energy, kind="stable")
     return np.sort(smallest[np.cumsum(energy[smallest]) > _UNSEEN])

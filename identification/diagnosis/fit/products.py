@@ -73,10 +73,9 @@ def products_of(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scal
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
     for scaling in scalings:
         local, at, own, mix = _mixed(problem, active, scaling)
-        square = slice(None), local[:, None], local[None, :]
         row = grams.rows[scaling.row]
         # One matrix of all folds together is mixed as quickly as that of one fold.
-        row_a = grams.fold_a.values[scaling.row][square].sum(axis=0)[None]
+        row_a = grams.fold_a.of_row(scaling.row, local).sum(axis=0)[None]
         row_b = grams.by_fold(row.b[:, local]).sum(axis=0)[None]
         row_c = grams.by_fold(row.c).sum()[None]
         new_a, new_b, new_c = _rescale(row_a, row_b, row_c, mix, own, scaling.gain)
@@ -107,12 +106,12 @@ def _held_out_rescaled(problem: Problem, active: Int[Array, " k"], scalings: tup
     for scaling in scalings:
         row = grams.rows[scaling.row]
         local, at, own, mix = _mixed(problem, active, scaling)
-        square, place = (slice(None), local[:, None], local[None, :]), (slice(None), at[:, None], at[None, :])
-        row_a, row_b = grams.fold_a.values[scaling.row][square], grams.by_fold(row.b[:, local])
+        place = slice(None), at[:, None], at[None, :]
+        row_a, row_b = grams.fold_a.of_row(scaling.row, local), grams.by_fold(row.b[:, local])
         new_a, new_b, _ = _rescale(row_a, row_b, grams.by_fold(row.c), mix, own, scaling.gain)
         fold_a[place] += new_a - row_a
         fold_b[:, at] += new_b - row_b
-        row_a, row_b = row.core_a[square], row.core_b[:, local]
+        row_a, row_b = grams.core_a.of_row(scaling.row, local), row.core_b[:, local]
         new_a, new_b, new_c = _rescale(row_a, row_b, row.core_c, mix, own, scaling.gain)
         core_a[place] += new_a - row_a
         core_b[:, at] += new_b - row_b

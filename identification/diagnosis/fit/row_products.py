@@ -1,7 +1,7 @@
 """Products of all columns, kept row by row: columns that touch no common row have none, and most touch one row only.
 
 Written out, those of a robot with six joints would be a matrix of some thousand columns for each block of samples, nine
-tenths of it zero.
+tenths of it zero. Of each row the lower triangle is kept (see `fit.triangles`), as the other one is the same.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.diagnosis.fit.triangles import diagonal, square
+from identification.diagnosis.fit.triangles import place as place_of
 from phantom_dyn._kernels.jit import fused, jit
 from phantom_dyn.array_types import Float, Int
 
@@ -23,13 +25,13 @@ class RowProducts:
 
     Attributes:
         index: For each row, which of all columns touch it.
-        values: For each row, products of these, ``(B, k, k)``.
+        values: For each row, products of these as triangles, ``(B, k (k + 1) / 2)``.
         columns: How many columns there are in all.
         always: Columns that every fit contains, the first of its columns, ``(m,)``.
     """
 
     index: tuple[Int[Array, " k"], ...]
-    values: tuple[Float[Array, "B k k"], ...]
+    values: tuple[Float[Array, "B n"], ...]
     columns: int
     always: Int[Array, " m"] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
@@ -57,7 +59,7 @@ class RowProducts:
             up, across = place[left], place[right]
             rows, columns = np.flatnonzero(up >= 0), np.flatnonzero(across >= 0)
             if len(rows) and len(columns):
-                out[:, rows[:, None], columns] += values[:, up[rows][:, None], across[columns]]
+                out[:, rows[:, None], columns] += values[:, place_of(up[rows][:, None], across[columns])]
         return out
 
     def diagonal(self, columns: Int[Array, " k"]) -> Float[Array, "B k"]:
@@ -66,8 +68,12 @@ class RowProducts:
         for place, values in zip(self._places, self.values, strict=True):
             here = place[columns]
             into = np.flatnonzero(here >= 0)
-            out[:, into] += values[:, here[into], here[into]]
+            out[:, into] += diagonal(values, here[into])
         return out
+
+    def of_row(self, row: int, chosen: Int[Array, " m"]) -> Float[Array, "B m m"]:
+        """Products of one row alone among some of the columns that touch it, by their places there."""
+        return square(self.values[row], chosen)
 
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
         """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
@@ -92,7 +98,7 @@ class RowProducts:
         """Over all blocks, written out; ``axis`` is zero, as of an array."""
         out = np.zeros((self.columns, self.columns))
         for index, values in zip(self.index, self.values, strict=True):
-            out[np.ix_(index, index)] += values.sum(axis=0)
+            out[np.ix_(index, index)] += square(values.sum(axis=0))
         return out
 
     def within(self, groups: Int[Array, "g m"]) -> Float[Array, "B g m m"]:
@@ -103,7 +109,7 @@ class RowProducts:
             there = here >= 0
             some = np.flatnonzero(there.any(axis=1))
             inside, at = there[some], np.maximum(here[some], 0)
-            products = values[:, at[:, :, None], at[:, None, :]]
+            products = values[:, place_of(at[:, :, None], at[:, None, :])]
             out[:, some] += products * (inside[:, :, None] & inside[:, None, :])
         return out
 
@@ -116,7 +122,7 @@ class RowProducts:
                 here = place[chosen]
                 into = np.flatnonzero(here >= 0)
                 if len(into):
-                    part[:, into[:, None], index] += values[:, here[into]]
+                    part[:, into[:, None], index] += values[:, place_of(here[into][:, None], np.arange(len(index)))]
             return part
         blocks = np.atleast_1d(np.arange(self.shape[0])[key])
         out = np.zeros((len(blocks), self.columns, self.columns))
@@ -147,7 +153,7 @@ class RowProducts:
         return tuple(out)
 
 
-def _total(values: Float[Array, "B k k"], blocks: Int[Array, " m"]) -> Float[Array, "k k"]:
+def _total(values: Float[Array, "B n"], blocks: Int[Array, " m"]) -> Float[Array, " n"]:
     """Sum over some blocks, without a copy of them."""
     out = np.zeros(values.shape[1:])
     for block in blocks:
@@ -160,10 +166,12 @@ def _square(out: Array, values: Array, source: Array, x: Array, known: int) -> N
     """Add ``x values[:, source, source] x`` to ``out`` but for what is among the first ``known`` of them."""
     for block in range(len(out)):
         for i in range(known, len(source)):
-            line = values[block, source[i]]
-            inner = 0.5 * line[source[i]] * x[block, i]
+            s = source[i]
+            line = s * (s + 1) // 2
+            inner = 0.5 * values[block, line + s] * x[block, i]
             for k in range(i):
-                inner += line[source[k]] * x[block, k]
+                t = source[k]
+                inner += values[block, line + t if t < s else t * (t + 1) // 2 + s] * x[block, k]
             out[block] += 2.0 * inner * x[block, i]
 
 
@@ -172,9 +180,11 @@ def _add(out: Array, values: Array, source: Array, into: Array, known: int) -> N
     """Add ``values[:, source, source]`` to ``out[:, into, into]`` but for what is among the first ``known`` of them."""
     for block in range(len(out)):
         for i in range(known, len(into)):
-            # Products are the same both ways: one line is read from end to end, which caches like.
+            s = source[i]
+            line = s * (s + 1) // 2
             for k in range(i):
-                value = values[block, source[i], source[k]]
+                t = source[k]
+                value = values[block, line + t if t < s else t * (t + 1) // 2 + s]
                 out[block, into[i], into[k]] += value
                 out[block, into[k], into[i]] += value
-            out[block, into[i], into[i]] += values[block, source[i], source[i]]
+            out[block, into[i], into[i]] += values[block, line + s]

@@ -7,6 +7,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.fit.triangles import square
 from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.noise.noise_floor import rms
@@ -174,9 +175,9 @@ def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
     own = set(term.columns)
     energy, samples = [0.0], [0.0]
     for row in plain.problem.grams.rows:
-        at = [k for k, column in enumerate(row.index) if int(column) in own]
+        at = np.array([k for k, column in enumerate(row.index) if int(column) in own], dtype=int)
         part = direction[[term.columns.index(int(row.index[k])) for k in at]]
-        energy.append(float(part @ row.a[:, at][:, :, at].sum(axis=0) @ part))
+        energy.append(float(part @ square(row.a, at).sum(axis=0) @ part))
         samples.append(float(row.count.sum()))
     count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
     return float(np.sqrt(rules.VISIBLE_GROWTH * count)) + _POWER

@@ -7,6 +7,7 @@ import pytest
 
 from identification.data.signals import process
 from identification.diagnosis.fit.grams import Weights, all_row_grams, row_grams, summed
+from identification.diagnosis.fit.triangles import square
 from identification.diagnosis.model.blocks import FOLDS, Block, assign_folds, split_blocks
 
 
@@ -86,7 +87,7 @@ def test_products_of_a_row_are_those_of_its_usable_samples(two, row):
         np.testing.assert_allclose(grams.b[k], weight * x.T @ y, rtol=1e-9, atol=1e-9)
         assert grams.c[k] == pytest.approx(weight * y @ y)
         x, y = samples(two, row, two.blocks[k], two.blocks[k].core)
-        np.testing.assert_allclose(grams.core_a[k], weight * x.T @ x, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(square(grams.core_a[k]), weight * x.T @ x, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(grams.core_b[k], weight * x.T @ y, rtol=1e-9, atol=1e-9)
         assert grams.core_c[k] == pytest.approx(weight * y @ y)
 
@@ -98,7 +99,7 @@ def test_products_of_a_fold_are_those_of_its_blocks(two, fold):
     mine = [block for block, own in zip(two.blocks, two.folds, strict=True) if own == fold]
     parts = [samples(two, 1, block, block.start)[0] for block in mine]
     assert parts
-    np.testing.assert_allclose(grams.a[fold], weight * sum(x.T @ x for x in parts), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(square(grams.a[fold]), weight * sum(x.T @ x for x in parts), rtol=1e-9, atol=1e-9)
 
 
 def test_rows_add_up(two, rng):

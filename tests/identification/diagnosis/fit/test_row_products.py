@@ -7,6 +7,7 @@ import pytest
 
 from identification.diagnosis.fit import row_products
 from identification.diagnosis.fit.row_products import RowProducts
+from identification.diagnosis.fit.triangles import places_in, triangle
 
 COLUMNS, BLOCKS, ALWAYS = 20, 5, 4
 
@@ -18,8 +19,8 @@ def kept(rng) -> RowProducts:
     values = []
     for columns in index:
         x = rng.normal(size=(BLOCKS, 40, len(columns)))
-        values.append(x.transpose(0, 2, 1) @ x)
-    return RowProducts(index, tuple(0.5 * (v + v.transpose(0, 2, 1)) for v in values), COLUMNS, np.arange(ALWAYS))
+        values.append(triangle(x.transpose(0, 2, 1) @ x, places_in(len(columns), len(columns))))
+    return RowProducts(index, tuple(values), COLUMNS, np.arange(ALWAYS))
 
 
 @pytest.fixture
@@ -27,7 +28,9 @@ def written(kept) -> np.ndarray:
     out = np.zeros((BLOCKS, COLUMNS, COLUMNS))
     for index, values in zip(kept.index, kept.values, strict=True):
         for block in range(BLOCKS):
-            out[block][np.ix_(index, index)] += values[block]
+            lower = np.zeros((len(index), len(index)))
+            lower[np.tril_indices(len(index))] = values[block]
+            out[block][np.ix_(index, index)] += lower + np.tril(lower, -1).T
     return out
 
 
