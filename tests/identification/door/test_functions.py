@@ -113,8 +113,9 @@ def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, monkey
     monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
     seen = {}
     monkeypatch.setattr(
-        pipeline, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
+        pipeline, "prepared", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
     )
+    monkeypatch.setattr(pipeline, "diagnose_prepared", lambda *_: None)
     dyn.diagnose(PENDULUM, rubbing, hold_out="dataset")
     assert (len(seen["fitted"]), len(seen["held"])) == (1, 3)
 
