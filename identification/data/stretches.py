@@ -92,12 +92,14 @@ def _windows(recording: Recording) -> list[tuple[int, int]]:
 
 def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Array, " w"]:
     """How much the joints move in each window: of each the share of its way in all, summed over the joints."""
-    used = np.ones(len(recording.t))
+    unused = np.zeros(len(recording.t), dtype=bool)
     for start, stop in recording.excluded:
-        used[(recording.t >= start) & (recording.t <= stop)] = 0.0
+        unused |= (recording.t >= start) & (recording.t <= stop)
     out = np.zeros(len(windows))
     for column in recording.q.T:
-        steps = used * np.abs(np.diff(column, append=column[-1]))
+        steps = np.diff(column, append=column[-1])
+        np.abs(steps, out=steps)
+        steps[unused] = 0.0
         way = np.array([steps[slice(*window)].sum() for window in windows])
         out += way / max(float(way.sum()), 1e-300)
     return out

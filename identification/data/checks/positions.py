@@ -19,6 +19,8 @@ _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
 # A tail counts as standing still if it lasts this share of the record, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
+# Samples that are looked at together, from the end of a recording on.
+_PIECE = 10_000
 # Ratios of measured velocity to the derivative of the position that a wrong unit gives.
 _UNIT_RATIOS = {
     180 / np.pi: "deg/s against rad",
@@ -190,6 +192,16 @@ def _tolerance(
     return np.maximum(_wander(recording, prismatic, noise), 0.1 * least_motion)
 
 
+def _last_away(q: Float[Array, "N nv"], place: Float[Array, " nv"], far: Float[Array, " nv"]) -> int:
+    """The last sample at which some joint is away from a place; looked for from the end on, a piece at a time."""
+    for stop in range(len(q), 0, -_PIECE):
+        first = max(stop - _PIECE, 0)
+        away = np.flatnonzero((np.abs(q[first:stop] - place) > far).any(axis=1))
+        if len(away):
+            return first + int(away[-1])
+    return -1
+
+
 def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[Array, " nv"]) -> tuple[str, ...]:
     """Joints that never move, and a tail of the record in which none does."""
     out = []
@@ -202,12 +214,8 @@ def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[
         out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
     if still.all():
         return tuple(out)
-    last = np.median(q[-20:], axis=0)
-    moves = np.zeros(len(q), dtype=bool)
-    for column, place, far in zip(q.T, last, tolerance, strict=True):
-        moves |= np.abs(column - place) > far
-    moving = np.flatnonzero(moves)
-    start = t[moving[-1] + 1] if moving[-1] + 1 < len(t) else t[-1]
+    after = _last_away(q, np.median(q[-20:], axis=0), tolerance) + 1
+    start = t[after] if after < len(t) else t[-1]
     tail = t[-1] - start
     if tail >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):
         out.append(
