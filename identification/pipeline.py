@@ -69,6 +69,8 @@ class Prepared:
     started: float
 
 
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
 def prepared(
     robot: Robot,
     recordings: tuple[Recording, ...],
@@ -141,7 +143,6 @@ def diagnose(
     return diagnose_prepared(given, progress)
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
 @one_blas_thread()
 def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda _: None) -> Diagnosis:
     """As `diagnose`, of recordings that are prepared.

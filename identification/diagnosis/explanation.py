@@ -196,7 +196,8 @@ def _searched(
             break
         quiet, ratio = smaller_noise(search, tried, left)
         if ratio < 1.0:
-            filters = whitening_of(search.problem.columns, left)
+            # By the filters of the problem, whose products these are held against.
+            filters = whitening_of(search.problem.columns, noise)
             least = null_threshold(search, filters, filters.series(quiet), rules.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
             if claimed(lower, tried, chosen):

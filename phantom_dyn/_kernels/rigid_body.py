@@ -18,14 +18,14 @@ import pinocchio as pin
 from phantom_dyn._kernels import jit, pinocchio_loops
 from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
-from phantom_dyn._kernels.slope_loop import slope_loop, slope_room_of
+from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
 from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.errors import LogError, ParameterError
 
 Array = np.ndarray
 
-# Samples from which on the slopes of the torque are worth a loop of their own: compiling it takes three seconds, once,
-# and Pinocchio's loop a tenth of a second for fewer.
+# Samples from which on the slopes of the torque are worth a loop of their own: Pinocchio's is done with fewer long
+# before this one is compiled.
 _WORTH_COMPILING = 20_000
 
 
@@ -156,10 +156,10 @@ def torque_slopes(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Arra
         out = pinocchio_loops.torque_slopes(model, q, v, a)
     else:
         out = np.zeros((2, model.nv, model.nv, len(q)))
-        announce(slope_loop)
+        announce(torque_slope_loop)
         tree, gravity = arrays.kinematics, model.gravity.linear
         room = room_of(tree, gravity), slope_room_of(tree, gravity)
-        slope_loop(tree, arrays.inertias, *room, ready(q), ready(v), ready(a), out)
+        torque_slope_loop(tree, arrays.inertias, *room, ready(q), ready(v), ready(a), out)
     return out[0].transpose(2, 1, 0), out[1].transpose(2, 1, 0)
 
 

@@ -236,7 +236,7 @@ class NearFits:
             self._held_out_ends.append(end)
 
     def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
-        """How much further columns lower the loss in sample, to second order, those at a bound held; see `beside`."""
+        """How much further columns lower the loss in sample, to second order, with those at a bound held there."""
         problem, solved = self.problem, self._nearest(active)
         (found,) = self._minima(solved, active, held_out=False)
         if not found.settled:

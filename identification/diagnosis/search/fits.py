@@ -26,7 +26,7 @@ _MANY_MOVES = 120
 class Fits:
     """The explicit cache of a search: what a set of effects leaves of one problem.
 
-    Every fit starts from the same point, so that it depends on its set alone and not on the order of the calls.
+    A fit depends on its set alone and, but for rounding, not on the order of the calls.
 
     Args:
         problem: What is fitted.
@@ -75,7 +75,7 @@ class Fits:
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
         """Coefficients of any subset of some effects, of the fit without each fold and, last, of that to all blocks.
 
-        No losses are computed and nothing is kept, which takes a third of the time where many subsets are asked for.
+        No losses are computed and nothing is kept, as many subsets are asked for, each once.
         """
         problem, count = self.problem, len(self.problem.precision)
         if self._near is not None or not _linear(terms):

@@ -23,7 +23,7 @@ Array = np.ndarray
 
 
 class SlopeRoom(NamedTuple):
-    """Arrays of `slope_loop` alone: motions and forces about the origin of the root, the linear part first.
+    """Arrays of `torque_slope_loop` alone: motions and forces about the origin of the root, the linear part first.
 
     Attributes:
         s: Motion of each joint per unit of its velocity, ``(nt, 6)``.
@@ -54,7 +54,7 @@ def slope_room_of(tree: Kinematics, gravity: Array) -> SlopeRoom:
 
 
 @fused
-def slope_loop(
+def torque_slope_loop(
     tree: Kinematics, inertias: Array, room: Room, own: SlopeRoom, q: Array, v: Array, a: Array, out: Array
 ) -> None:
     """Slopes of the torque of N samples for joints of one degree of freedom.
