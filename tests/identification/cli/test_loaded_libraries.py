@@ -53,3 +53,20 @@ def test_a_diagnosis_of_one_joint_loads_what_it_needs(axis):
     haptics = {"phantom_dyn.haptics.experiments.frequency_identification"}
     assert loaded_by(diagnose, of_poses | haptics | OF_SCIPY | DRAWING) == set()
     assert (axis / "out" / "report.html").exists()
+
+
+def started(axis: Path, behind: str) -> str:
+    """What some code prints in the process of a check, when that is over."""
+    words = ["x", "check", str(axis / "axis.urdf"), str(axis / "log.csv")]
+    code = f"import sys\nsys.argv = {words!r}\nfrom identification.cli.__main__ import started\nstarted()\n{behind}"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_a_command_does_not_load_the_parts_of_numpy_that_only_their_names_are_asked_of(axis):
+    behind = "print('numpy.f2py' in sys.modules, 'numpy.f2py.f2py2e' in sys.modules)"
+    assert started(axis, behind).splitlines()[-1] == "True False"
+
+
+def test_such_a_part_of_numpy_loads_when_something_uses_it(axis):
+    behind = "import numpy\nprint(numpy.testing.assert_equal(1, 1), numpy.f2py.__all__)"
+    assert started(axis, behind).splitlines()[-1] == "None ['run_main', 'get_include']"
