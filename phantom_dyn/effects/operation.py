@@ -79,6 +79,12 @@ class Operation(Motion):
         out.__dict__["kept"] = self.kept
         return out
 
+    def for_a_while(self) -> Operation:
+        """The same; `partials` and what effects keep go with it, which of all recordings would be the most there is."""
+        out = self.again(self.expected, self.residual_of_fit)
+        out.__dict__["kept"] = dict(self.kept)
+        return out
+
     def made_of(self, parts: Sequence[Operation]) -> Operation:
         """The same, with what is known of the parts of its motion; parts of another robot tell nothing of it."""
         if any(part.robot is not self.robot for part in parts):
@@ -98,6 +104,11 @@ class Operation(Motion):
     def residual(self) -> Float[Array, "N nv"]:
         """Torque residual of the last fit, or of the given model before any fit; periodicities are looked for in it."""
         return self.logged - self.tau if self.residual_of_fit is None else self.residual_of_fit
+
+    @cached_property
+    def expected_rate(self) -> Float[Array, "N nv"]:
+        """Rate of the expected torque [N m/s or N/s], from the samples next to each."""
+        return np.gradient(self.expected, self.t, axis=0)
 
     @cached_property
     def own_friction(self) -> Float[Array, "N nv"]:

@@ -319,8 +319,7 @@ def _values(
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row, those that are kept as they are."""
     band = session.logs[log].band
-    # The slopes of its torque go with this copy: those of all logs together would be the most that is in memory.
-    operation = operation.again(operation.expected, operation.residual_of_fit)
+    operation = operation.for_a_while()
 
     def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))

@@ -147,11 +147,14 @@ class Supply(Rival):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
         tau = operation.tau
-        load = _scaled(lagging(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
+        key = ("load and power of all drives", shape[0])
+        if key not in operation.kept:
+            asked = np.abs(tau).sum(axis=1), np.maximum((tau * operation.v).sum(axis=1), 0.0)
+            operation.kept[key] = np.array([_scaled(lagging(x, operation.dt, shape[0])) for x in asked])
+        load, power = operation.kept[key]
         if joint is None:
             columns = np.stack([tau, tau * load[:, None]], axis=-1)
             return Signature(tuple(range(robot.nv)), columns, ("gain", "sag"), ("1", "1"))
-        power = _scaled(lagging(np.maximum((tau * operation.v).sum(axis=1), 0.0), operation.dt, shape[0]))
         own = _scaled(tau[:, row_of(robot, joint)])
         return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
 

@@ -143,7 +143,7 @@ def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[A
     if len(asked) < 2:
         return np.zeros_like(asked)
     # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
-    t, slopes = operation.t, np.gradient(asked, operation.t, axis=0)
+    t, slopes = operation.t, operation.expected_rate[:, list(rows)]
     later = np.minimum(t + delay, t[-1])
     k = np.clip(np.searchsorted(t, later, side="right") - 1, 0, len(t) - 2)
     step = (t[k + 1] - t[k])[:, None]

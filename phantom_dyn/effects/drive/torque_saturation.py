@@ -143,7 +143,10 @@ class TorqueSaturation(Effect):
 
 
 def _command(operation: Operation, row: int) -> Array:
-    return moving_average(operation.logged[:, row], operation.dt, _SECONDS)
+    key = ("command without noise", row)
+    if key not in operation.kept:
+        operation.kept[key] = moving_average(operation.logged[:, row], operation.dt, _SECONDS)
+    return operation.kept[key]
 
 
 def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:

@@ -206,23 +206,20 @@ def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
 
 
 def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
-    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first.
-
-    Each step is ``z -> clip(z + dq, -d, d)``. Two of them one after the other are again a shift and a clip, so that
-    all steps are put together in ``log2(N)`` passes over the samples.
-    """
+    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first."""
     d = max(displacement, _LEAST_DISPLACEMENT)
-    shift = np.diff(q, prepend=q[:1])
-    low, high = np.full(len(q), -d), np.full(len(q), d)
-    reach = 1
-    while reach < len(q):
-        later = shift[reach:], low[reach:], high[reach:]
-        new_low = np.clip(low[:-reach] + later[0], later[1], later[2])
-        new_high = np.clip(high[:-reach] + later[0], later[1], later[2])
-        shift = np.concatenate([shift[:reach], shift[:-reach] + later[0]])
-        low, high = np.concatenate([low[:reach], new_low]), np.concatenate([high[:reach], new_high])
-        reach *= 2
-    return np.clip(shift, low, high) / d
+    out = np.empty(len(q))
+    _deflect(np.ascontiguousarray(q, dtype=float), d, out)
+    return out / d
+
+
+@jit
+def _deflect(q: Array, d: float, out: Array) -> None:
+    """Fill ``out`` with the deflection, of which ``d`` is the largest, along the positions ``q``."""
+    z, last = 0.0, q[0]
+    for k in range(len(q)):
+        z, last = min(max(z + q[k] - last, -d), d), q[k]
+        out[k] = z
 
 
 def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
