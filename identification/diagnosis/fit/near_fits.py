@@ -23,7 +23,7 @@ from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 
-# Columns in which a set may differ from the solved one that it is computed from.
+# Columns and bounds in which a set may differ from the solved one that it is computed from.
 _FAR = 60
 # Solved sets that are kept, and fits of which it is known where they ended.
 _KEPT = 4
@@ -105,9 +105,22 @@ class _Solved:
         grams = self.problem.grams
         return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
 
-    def apart(self, wanted: Bool[Array, " K"]) -> int:
-        """Columns in which a set differs."""
-        return int(np.count_nonzero(self.inside != wanted))
+    @cached_property
+    def held(self) -> Bool[Array, " K"]:
+        """Which of all columns are in the set and at a bound."""
+        return _marked(self.columns[self.whole.held], len(self.problem.precision))
+
+    def apart(self, wanted: Bool[Array, " K"], end: _End | None) -> int:
+        """Columns that a set has more or less, and those of both that are at a bound in one of the two alone.
+
+        Args:
+            wanted: The columns of the set.
+            end: Where the fit of a similar set ended; None: where this one did.
+        """
+        other = self.inside != wanted
+        if end is not None:
+            other = other | (self.inside & wanted & end.known & (self.held != end.held))
+        return int(np.count_nonzero(other))
 
     def entering(self, columns: Int[Array, " m"]) -> Entering:
         """Columns that are not in the set, as they enter its fit."""
@@ -160,11 +173,15 @@ class _End:
         bits: Of a number, those of the columns of the set.
         index: The columns that ``x`` is of, ``(v,)``.
         x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
+        known: Which of all columns ``x`` is of, ``(K,)``.
+        held: Those of them that are at a bound in the fit to all blocks, ``(K,)``.
     """
 
     bits: int
     index: Int[Array, " v"]
     x: Float[Array, "G v"]
+    known: Bool[Array, " K"]
+    held: Bool[Array, " K"]
 
 
 class NearFits:
@@ -193,7 +210,9 @@ class NearFits:
             found = self._minima(solved, active, held_out=held_out)
         new, gone, index = _changes(solved, active)
         x = np.array([one.x for one in found])
-        self._keep(_End(self._bits(active), index, x))
+        at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
+        count = len(problem.precision)
+        self._keep(_End(self._bits(active), index, x, _marked(index, count), _marked(index[at_bound], count)))
         theta = np.zeros(len(problem.precision))
         theta[index] = x[-1]
         moves = slice(0, problem.nuisances)
@@ -259,9 +278,9 @@ class NearFits:
 
     def _nearest(self, active: Int[Array, " k"]) -> _Solved:
         """The nearest solved set; a set that is far from all is solved as a whole."""
-        wanted = _marked(active, len(self.problem.precision))
-        near = min(self._solved, key=lambda one: one.apart(wanted), default=None)
-        if near is None or near.apart(wanted) > _FAR:
+        wanted, end = _marked(active, len(self.problem.precision)), self._end_near(active, held_out=False)
+        near = min(self._solved, key=lambda one: one.apart(wanted, end), default=None)
+        if near is None or near.apart(wanted, end) > _FAR:
             return self._solve(active, near)
         self._solved = [*(one for one in self._solved if one is not near), near]
         return near

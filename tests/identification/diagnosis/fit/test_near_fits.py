@@ -84,3 +84,20 @@ def test_a_set_far_from_all_is_solved_as_a_whole(rough, monkeypatch):
         terms = terms_of(rough, places)
         found = fits.fit(active_columns(problem, terms), held_out=True)
         np.testing.assert_allclose(found.loss, fit(problem, terms).loss, rtol=1e-7)
+
+
+def test_a_solved_set_is_as_far_as_the_columns_and_the_bounds_in_which_a_fit_of_a_similar_set_differs(rough):
+    problem = rough.problem
+    fits = NearFits(problem, np.full(len(problem.precision), np.nan))
+    columns = [active_columns(problem, terms_of(rough, places)) for places in (FRICTION, ())]
+    for some in columns:
+        fits.fit(some, held_out=False)
+    # Without the friction that it lacks, the model moves to other bounds.
+    ends = [fit(problem, terms_of(rough, places), held_out=False).theta for places in (FRICTION, ())]
+    bound = [(theta <= problem.lower) | (theta >= problem.upper) for theta in ends]
+    elsewhere = np.count_nonzero((bound[0] != bound[1])[columns[1]])
+    assert elsewhere > 0
+    wanted = np.isin(np.arange(len(problem.precision)), columns[1])
+    (solved,), end = fits._solved, fits._ends[-1]
+    assert solved.apart(wanted, end) == len(columns[0]) - len(columns[1]) + elsewhere
+    assert solved.apart(wanted, None) == len(columns[0]) - len(columns[1])
