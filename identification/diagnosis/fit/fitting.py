@@ -184,6 +184,7 @@ def fit(
     gains = np.array([scaling.gain for scaling in scalings]) if scalings else np.ones(len(scaled))
     for _ in range(0 if scalings else 4):
         found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
+        near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
         theta = found.theta.copy()
@@ -261,6 +262,7 @@ def _point_mass(
     to its end with all bounds.
     """
     first = _fit_linear(problem, active, products, Point(payload=Load(payload, np.zeros(4))), near)
+    near = near.after(first, ())
     moments = first.theta[list(payload.columns[1:4])]
     far = max(float(np.linalg.norm(moments)), 1e-9)
     # Where no lever shows, the mass does by itself.
@@ -283,8 +285,8 @@ def _point_mass(
     start = min((reduced.followed(start) for start in starts), key=reduced.loss)
     for _ in range(STEPS):
         last = start
-        about = Point(payload=Load(payload, last))
-        start = _fit_linear(problem, active, products, about, near).theta[list(payload.columns[:4])]
+        found = _fit_linear(problem, active, products, Point(payload=Load(payload, last)), near)
+        near, start = near.after(found, ()), found.theta[list(payload.columns[:4])]
         if settled(start, last):
             break
     return start

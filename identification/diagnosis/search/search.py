@@ -68,6 +68,8 @@ def joint_of(term: Term) -> str | None:
 
 Array = np.ndarray
 
+# Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
+_MANY_JOINTS = 10
 # Effects of a set without which it is fitted, those that it would miss least.
 _MOST_TRIED = 12
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
@@ -102,6 +104,11 @@ class Search:
     threshold: Threshold
     rows: RowGaps
     spurious: dict[tuple[str, str | None], float]
+
+    @property
+    def many_joints(self) -> bool:
+        """True if effects on different joints are added, swapped and dropped in one step."""
+        return len(self.problem.columns.rows) > _MANY_JOINTS
 
     @cached_property
     def alone(self) -> dict[Term, frozenset[Term]]:
@@ -350,13 +357,19 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Backward elimination: remove, one by one, effects that are no longer needed.
 
-    Of many effects only those are tried that the fit would miss least.
+    Of many effects only those are tried that the fit would miss least. Of many joints the others of these go in the
+    same step, if they touch no joint that one before them touched.
     """
     while chosen:
-        least = min(least_missed(search, chosen), key=lambda term: search.score(chosen - {term}))
-        if claimed(search, chosen, chosen - {least}):
+        whole, touched = chosen, frozenset[int]()
+        for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
+            rows = rows_of(search.problem, term)
+            if rows.isdisjoint(touched) and not claimed(search, chosen, chosen - {term}):
+                chosen, touched = chosen - {term}, touched | rows
+            if not touched or not search.many_joints:
+                break
+        if chosen == whole:
             return chosen
-        chosen = chosen - {least}
     return chosen
 
 

@@ -25,8 +25,6 @@ from identification.diagnosis.search.swaps import simplified, swapped
 
 # Effects of one set at most, far more than any robot has: in all, and for each joint.
 _MOST_TERMS, _MOST_TERMS_EACH = 40, 6
-# Joints beyond which effects on different ones are added in one step: one by one takes too long.
-_MANY_JOINTS = 10
 # Rivals that are judged on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
 # The same for the best effect below the threshold of chance.
@@ -92,7 +90,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
         if best is None:
             return chosen
         chosen = with_term(chosen, best)
-        if rows > _MANY_JOINTS:
+        if search.many_joints:
             chosen = _with_other_joints(search, chosen, best, ranked)
         chosen = dropped(search, chosen)
         if chosen in seen:

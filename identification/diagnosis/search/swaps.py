@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import combinations
 
 import numpy as np
@@ -25,30 +26,60 @@ Array = np.ndarray
 
 # Swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8
+# The same of swaps that touch the same joints, where there are many joints.
+_TRIED_EACH = 3
 
 
 def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Replace single effects by better or simpler ones until no swap lowers the score."""
     for _ in range(20):
-        base, quick = search.score(chosen), search.quick(chosen) + search.price_of(chosen)
+        quick = search.quick(chosen) + search.price_of(chosen)
         tried = {
             replaced(chosen, term, others)
             for term in ordered(chosen)
             for others in relevant(search, chosen, term, 2 * rules.PARAMETER_PRICE)
         }
         ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
-        better = [
-            other
-            for other in ranked[:_WORTH_TRYING]
-            if search.quick(other) + search.price_of(other) < quick + rules.PARAMETER_PRICE
-            and search.score(other) < base - 1e-6
-            # A richer set has to earn its place as any new claim has, or dropping it would undo the swap.
-            and (search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen))
+        worth = [
+            other for other in ranked if search.quick(other) + search.price_of(other) < quick + rules.PARAMETER_PRICE
         ]
-        if not better:
+        if search.many_joints:
+            best = _swapped_everywhere(search, chosen, worth)
+        else:
+            better = [other for other in worth[:_WORTH_TRYING] if _is_better(search, other, chosen)]
+            best = min(better, key=lambda other: (search.score(other), _key(other)), default=chosen)
+        if best == chosen:
             return chosen
-        chosen = dropped(search, min(better, key=lambda other: (search.score(other), _key(other))))
+        chosen = dropped(search, best)
     return chosen
+
+
+def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) -> bool:
+    """True if another set has the lower score; a richer one has to earn its place as any new claim has.
+
+    Dropping what it has more would undo the swap otherwise.
+    """
+    cheap = search.price_of(other) <= search.price_of(chosen)
+    return search.score(other) < search.score(chosen) - 1e-6 and (cheap or claimed(search, other, chosen))
+
+
+def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
+    """The set after swaps on as many joints as gain by one, the best in sample of those that touch the same joints.
+
+    Args:
+        search: Rivals.
+        chosen: What is there.
+        ranked: Sets that differ from it by a swap, the most promising first.
+    """
+    now, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
+    for other in ranked:
+        changed = chosen ^ other
+        rows = frozenset[int]().union(*(rows_of(search.problem, term) for term in changed))
+        if rows.isdisjoint(touched) and tried[rows] < _TRIED_EACH:
+            tried[rows] += 1
+            if _is_better(search, now ^ changed, now):
+                now, touched = now ^ changed, touched | rows
+    return now
 
 
 def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
