@@ -38,6 +38,13 @@ def corrected_mjcf(corrected: CorrectedModel) -> str:
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
     """
+    root = corrected_elements(corrected)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
+    """The first element of that file; raises as `corrected_mjcf`."""
     root = ElementTree.fromstring(mjcf_text(corrected.robot))
     joints = {str(joint.get("name")): joint for joint in root.iter("joint")}
     bodies = {str(joint.get("name")): body for body in root.iter("body") for joint in body.findall("joint")}
@@ -52,8 +59,7 @@ def corrected_mjcf(corrected: CorrectedModel) -> str:
         _drive(motor, corrected, str(motor.get("joint")))
     add_cogging(root, corrected)
     add_couplings(root, corrected)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
+    return root
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:

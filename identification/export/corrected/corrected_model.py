@@ -80,10 +80,14 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
         if actuator.torque_limit is not None and robot.torque_source == "command"
     }
-    out = CorrectedModel(robot, robot, robot, np.eye(3), limits=stated)
+    return with_effects(CorrectedModel(robot, robot, robot, np.eye(3), limits=stated), effects)
+
+
+def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
+    """The same with further findings; raises as `corrected_model`."""
     for effect in effects:
-        out = _with_effect(out, effect)
-    return out
+        corrected = _with_effect(corrected, effect)
+    return corrected
 
 
 def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedModel:

@@ -15,8 +15,8 @@ import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Finding
-from identification.export.corrected.corrected_mjcf import corrected_mjcf
-from identification.export.corrected.corrected_model import corrected_model
+from identification.export.corrected.corrected_mjcf import corrected_elements
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, with_effects
 from identification.export.uses.randomisation import SIGMAS, Randomisation, found_range, unseen_effect, unseen_range
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
@@ -76,14 +76,14 @@ def mjcf_ranges(
     Raises:
         PhantomDynError: If the robot has no MJCF.
     """
-    mean = randomisation.values
-    base = _File.of(_mjcf(randomisation, known, mean))
-    std = randomisation.std
+    mean, std, given = randomisation.values, randomisation.std, corrected_model(randomisation.robot, known)
+    corrected = with_effects(given, _found(randomisation, mean))
+    base = _File.of(corrected_elements(corrected))
     slopes: dict[Field, Array] = {}
     for place in np.flatnonzero(std > 0):
         moved = mean.copy()
         moved[place] += std[place]
-        for at, change in _changes(_written(randomisation, known, moved), base).items():
+        for at, change in _changes(_written(given, _found(randomisation, moved)), base).items():
             slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
     half = {at: SIGMAS * float(np.linalg.norm(s @ randomisation.loadings)) for at, s in slopes.items()}
     low: dict[Field, float] = {}
@@ -95,7 +95,7 @@ def mjcf_ranges(
         # The upper end, the size that would have been seen, comes last.
         for size in unseen_range(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
-            there = None if effect is None else _written(randomisation, known, mean, (effect,))
+            there = None if effect is None else _written(corrected, (effect,))
             changes = _changes(there, base)
             for at, change in changes.items():
                 low[at] = min(low.get(at, 0.0), change)
@@ -166,31 +166,22 @@ def _element(root: ElementTree.Element, at: Field) -> ElementTree.Element | None
     return next((e for tag in tags for e in root.iter(tag) if e.get("name") == at[1]), None)
 
 
-def _written(
-    randomisation: Randomisation,
-    known: tuple[KnownEffect, ...],
-    values: Float[Array, " p"],
-    more: tuple[KnownEffect, ...] = (),
-) -> _File | None:
-    """The MJCF of a robot with some effects; None of one that cannot be."""
+def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File | None:
+    """The MJCF of a corrected robot with more effects; None of one that cannot be."""
     try:
-        return _File.of(_mjcf(randomisation, known, values, more))
+        return _File.of(corrected_elements(with_effects(corrected, more)))
     except PhantomDynError:
         return None
 
 
-def _mjcf(
-    randomisation: Randomisation,
-    known: tuple[KnownEffect, ...],
-    values: Float[Array, " p"],
-    more: tuple[KnownEffect, ...] = (),
-) -> ElementTree.Element:
+def _found(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
+    """The effects that were found, with these parameters."""
     effects, start = [], 0
     for effect in randomisation.found:
         stop = start + len(effect.theta)
         effects.append(KnownEffect(effect.effect, effect.joint, tuple(values[start:stop].tolist())))
         start = stop
-    return ElementTree.fromstring(corrected_mjcf(corrected_model(randomisation.robot, (*known, *effects, *more))))
+    return tuple(effects)
 
 
 def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
