@@ -11,7 +11,6 @@ import hashlib
 import secrets
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import BadZipFile
@@ -38,6 +37,8 @@ def place_of(robot: Robot, faces: int) -> Path | None:
 
     None where the files that they follow from are not all known: a model that is no URDF, a mesh that is missing.
     """
+    from importlib.metadata import version
+
     folder = platformdirs.user_cache_path("phantom-dyn") / "shapes"
     try:
         file = find_robot(robot.source)
@@ -51,7 +52,7 @@ def place_of(robot: Robot, faces: int) -> Path | None:
         code = sorted(Path(__file__).parent.glob("*.py"))
         parts = [content, *(one.read_bytes() for one in (*code, *meshes))]
         made_by = (faces, list(robot.model.names), [version(name) for name in _READERS])
-    except (OSError, RobotError, ElementTree.ParseError, PackageNotFoundError):
+    except (OSError, RobotError, ElementTree.ParseError, ModuleNotFoundError):
         return None
     digests = [hashlib.sha256(part).hexdigest() for part in (repr(made_by).encode(), *parts)]
     return folder / f"{hashlib.sha256(' '.join(digests).encode()).hexdigest()}.npz"

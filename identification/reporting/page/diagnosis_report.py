@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
@@ -116,6 +115,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         diagnosis: What is shown.
         robot: Drawn in three dimensions if it is given.
     """
+    from jinja2 import Environment, StrictUndefined
+
     poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
     badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
     diagnosis = as_told(diagnosis.of_torques)

@@ -11,10 +11,9 @@ import inspect
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect
@@ -22,6 +21,9 @@ from phantom_dyn.effects.user.trial import tried
 from phantom_dyn.errors import EffectError
 from phantom_dyn.model.plain_file import require_plain_file
 from phantom_dyn.model.robot import Robot
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = "phantom_dyn.effects"
 """Entry points under which an installed package offers effects."""
@@ -139,6 +141,8 @@ def _given(given: object) -> Iterator[_Offered]:
 
 def _installed() -> Iterator[_Offered]:
     """What installed packages offer: a class, an effect, or several of these."""
+    from importlib.metadata import entry_points
+
     for point in entry_points(group=GROUP):
         origin = _origin(point)
         try:
