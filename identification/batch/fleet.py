@@ -302,18 +302,19 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
     places = np.array([*steps, *(count + k for k in drifts)])
     mass = weights.sum(axis=1, keepdims=True)
     mean = (weights * values).sum(axis=1, keepdims=True) / mass
-    gains, starts, ends = [], [], []
-    for shape in shapes:
-        middle = (weights * shape).sum(axis=1, keepdims=True) / mass
-        square = (weights * (shape - middle) ** 2).sum(axis=1)
-        slope = (weights * (shape - middle) * values).sum(axis=1) / square
-        gains.append(slope**2 * square)
-        starts.append(mean[:, 0] - slope * middle[:, 0])
-        ends.append(starts[-1] + slope * shape[-1])
-    best, rows = np.argmax(gains, axis=0), np.arange(len(values))
-    levels = np.stack([np.array(starts)[best, rows], np.array(ends)[best, rows]], axis=1)
+    # About their plain means, so that little cancels in what is taken off for the weighted ones.
+    shape = np.array(shapes)
+    shape -= shape.mean(axis=1, keepdims=True)
+    middle = weights @ shape.T / mass
+    square = weights @ (shape**2).T - middle**2 * mass
+    slope = (weights * (values - mean)) @ shape.T / square
+    gains, starts = slope**2 * square, mean - slope * (middle - shape[:, 0])
+    ends = mean + slope * (shape[:, -1] - middle)
+    rows = np.arange(len(values))
+    best = np.argmax(gains, axis=1)
+    levels = np.stack([starts[rows, best], ends[rows, best]], axis=1)
     squares = (weights * (values - mean) ** 2).sum(axis=1) + known
-    return np.array(gains)[best, rows] / np.maximum(squares, 1e-300), places[best], levels
+    return gains[rows, best] / np.maximum(squares, 1e-300), places[best], levels
 
 
 def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
