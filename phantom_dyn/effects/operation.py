@@ -80,7 +80,10 @@ class Operation(Motion):
         return out
 
     def for_a_while(self) -> Operation:
-        """The same; `partials` and what effects keep go with it, which of all recordings would be the most there is."""
+        """A copy for a short use: its `partials` and what effects keep in it are freed with it.
+
+        Those of all recordings together would be the largest part of the memory.
+        """
         out = self.again(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)
         return out

@@ -111,7 +111,7 @@ class _Solved:
         return _marked(self.columns[self.whole.held], len(self.problem.precision))
 
     def apart(self, wanted: Bool[Array, " K"], end: _End | None) -> int:
-        """Columns that a set has more or less, and those of both that are at a bound in one of the two alone.
+        """Number of columns that only one of two sets has, or that are at a bound in only one of them.
 
         Args:
             wanted: The columns of the set.

@@ -357,8 +357,8 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Backward elimination: remove, one by one, effects that are no longer needed.
 
-    Of many effects only those are tried that the fit would miss least. Of many joints the others of these go in the
-    same step, if they touch no joint that one before them touched.
+    Of many effects only those are tried that the fit would miss least. On a robot of many joints several of these may
+    go in one step, as long as no two of them touch the same joint.
     """
     while chosen:
         whole, touched = chosen, frozenset[int]()

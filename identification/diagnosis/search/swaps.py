@@ -64,7 +64,7 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
 
 
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
-    """The set after swaps on as many joints as gain by one, the best in sample of those that touch the same joints.
+    """Swap effects on all joints that gain by it, in one step; the most promising swap of each joint is tried first.
 
     Args:
         search: Rivals.
