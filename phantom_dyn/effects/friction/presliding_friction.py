@@ -208,18 +208,16 @@ def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
 def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first."""
     d = max(displacement, _LEAST_DISPLACEMENT)
-    out = np.empty(len(q))
+    out = np.zeros(len(q))
     _deflect(np.ascontiguousarray(q, dtype=float), d, out)
     return out / d
 
 
 @jit
 def _deflect(q: Array, d: float, out: Array) -> None:
-    """Fill ``out`` with the deflection, of which ``d`` is the largest, along the positions ``q``."""
-    z, last = 0.0, q[0]
-    for k in range(len(q)):
-        z, last = min(max(z + q[k] - last, -d), d), q[k]
-        out[k] = z
+    """Fill ``out``, zero before, with the deflection along the positions ``q``; ``d`` is the largest one."""
+    for k in range(1, len(q)):
+        out[k] = min(max(out[k - 1] + q[k] - q[k - 1], -d), d)
 
 
 def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
