@@ -298,18 +298,17 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
     count = values.shape[1]
     at = np.arange(count)
     steps, drifts = range(2, count - 1), range(count - 3)
-    shapes = [*((at >= k).astype(float) for k in steps), *(np.maximum(at - k, 0.0) for k in drifts)]
+    shapes = np.array([*((at >= k).astype(float) for k in steps), *(np.maximum(at - k, 0.0) for k in drifts)])
+    # About their plain means, so that little cancels in what is taken off for the weighted ones.
+    shapes -= shapes.mean(axis=1, keepdims=True)
     places = np.array([*steps, *(count + k for k in drifts)])
     mass = weights.sum(axis=1, keepdims=True)
     mean = (weights * values).sum(axis=1, keepdims=True) / mass
-    # About their plain means, so that little cancels in what is taken off for the weighted ones.
-    shape = np.array(shapes)
-    shape -= shape.mean(axis=1, keepdims=True)
-    middle = weights @ shape.T / mass
-    square = weights @ (shape**2).T - middle**2 * mass
-    slope = (weights * (values - mean)) @ shape.T / square
-    gains, starts = slope**2 * square, mean - slope * (middle - shape[:, 0])
-    ends = mean + slope * (shape[:, -1] - middle)
+    middle = weights @ shapes.T / mass
+    square = weights @ (shapes**2).T - middle**2 * mass
+    slope = (weights * (values - mean)) @ shapes.T / square
+    gains = slope**2 * square
+    starts, ends = (mean + slope * (shapes[:, end] - middle) for end in (0, -1))
     rows = np.arange(len(values))
     best = np.argmax(gains, axis=1)
     levels = np.stack([starts[rows, best], ends[rows, best]], axis=1)

@@ -184,6 +184,7 @@ def fit(
     gains = np.array([scaling.gain for scaling in scalings]) if scalings else np.ones(len(scaled))
     for _ in range(0 if scalings else 4):
         found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
+        # About the next gain hardly any bound binds that did not.
         near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)

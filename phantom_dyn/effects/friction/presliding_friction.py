@@ -207,17 +207,18 @@ def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
 
 def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
     """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first."""
-    d = max(displacement, _LEAST_DISPLACEMENT)
     out = np.zeros(len(q))
-    _deflect(np.ascontiguousarray(q, dtype=float), d, out)
-    return out / d
+    _deflect(np.ascontiguousarray(q, dtype=float), displacement, out)
+    return out
 
 
 @jit
-def _deflect(q: Array, d: float, out: Array) -> None:
-    """Fill ``out``, zero before, with the deflection along the positions ``q``; ``d`` is the largest one."""
-    for k in range(1, len(q)):
-        out[k] = min(max(out[k - 1] + q[k] - q[k - 1], -d), d)
+def _deflect(q: Array, displacement: float, out: Array) -> None:
+    """Fill ``out`` with the deflection over the largest one: the torque of a bristle that pushes with one unit."""
+    z, last = 0.0, np.nan
+    for k in range(len(q)):
+        z, out[k] = bristle_law(last, z, q[k], -1.0, displacement)
+        last = q[k]
 
 
 def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:

@@ -74,3 +74,18 @@ def test_partials_are_those_of_pinocchio(planar, moving):
 def test_the_time_step_of_two_samples_is_what_lies_between_them(planar, moving):
     two = Operation.of(planar, Motion(*(x[:2] for x in (moving.t, moving.q, moving.v, moving.a))))
     assert two.dt == pytest.approx(0.05)
+
+
+def test_what_effects_keep_in_a_copy_for_a_while_is_not_kept_in_the_operation(moving):
+    moving.kept["before", 0] = moving.tau
+    short = moving.for_a_while()
+    short.kept["after", 0] = moving.tau
+    assert short.kept["before", 0] is moving.kept["before", 0]
+    assert ("after", 0) not in moving.kept
+
+
+def test_the_rate_of_the_expected_torque_is_that_of_the_last_fit(moving):
+    # Oracle: a torque that rises evenly.
+    rising = moving.again(np.outer(moving.t, np.arange(1.0, moving.tau.shape[1] + 1)))
+    assert moving.expected_rate is not rising.expected_rate
+    np.testing.assert_allclose(rising.expected_rate, np.arange(1.0, moving.tau.shape[1] + 1) * np.ones_like(moving.tau))
