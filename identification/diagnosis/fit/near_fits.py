@@ -17,7 +17,8 @@ import numpy as np
 from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gains_within
-from identification.diagnosis.numerics.tableau import Entering, Settled, Tableau, tableau
+from identification.diagnosis.numerics.tableau import Entering, Tableau, tableau
+from identification.diagnosis.numerics.tableau_changes import Settled, answers_among, changed
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Bool, Float, Int
 
@@ -237,7 +238,7 @@ class NearFits:
         if end is not None:
             near[:, end.index] = end.x[-len(near) :]
         parts = zip(tableaus, entering, near[:, index], strict=True)
-        return [one.changed(more, gone, bounds, start) for one, more, start in parts]
+        return [changed(one, more, gone, bounds, start) for one, more, start in parts]
 
     def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> _End | None:
         """Where the fit of the most similar set ended, the last one of those that are equally similar."""
@@ -322,9 +323,9 @@ class _Beside:
         back = np.empty((len(wanted), k))
         back[:, own[:k]] = answer[:, places[:k][own[:k]]]
         back[:, ~own[:k]] = across[:, places[:k][~own[:k]] - n]
-        square = solved.whole.answers(entered, found.flipped)[:, found.flipped]
+        square = answers_among(solved.whole, entered, found.flipped)
         self._cross, self._answer, self._there = cross[:, free], answer[:, free], there[:, :k]
-        self._made = np.linalg.solve(square.T, back.T).T
+        self._made = np.linalg.solve(square, back.T).T
         self._slope = (slope + there @ action) / self._scale
 
     def left(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:

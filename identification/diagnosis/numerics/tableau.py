@@ -1,14 +1,12 @@
-"""Minima within bounds of problems that differ from a solved one by some unknowns: what changes is solved for alone.
+"""What is kept of a problem that is solved within bounds: its principal pivot transform.
 
-The solved problem is kept as its principal pivot transform: what every unknown answers to a force on one that is free,
-or to a shift of one that is held. Unknowns that enter, leave, meet a bound or come off one are then a small system of
-their own (the Schur complement method for quadratic programs, Gill, Murray, Saunders and Wright, 1990), whose size is
-the number of changes and not that of the problem.
+It states what every unknown answers to a force on one that is free, or to a shift of one that is held. Minima of
+problems that differ from it by some unknowns follow from it: see `tableau_changes`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,19 +16,14 @@ from phantom_dyn.array_types import Bool, Float, Int
 Array = np.ndarray
 
 # What keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the digits that a solution does.
-_TWINS = 1e-11
-# Steps at most where one bound at a time is met or left, and exchanges of all that is amiss at once in a row that may
-# leave no less amiss than there ever was.
-_STEPS, _TRIES = 300, 3
-# Steps that take the rounding of an inverse out of what is kept of a solved problem; those at most that take it out of
-# a change of it, and what of a loss the last of these may gain.
-_REFINED, _CORRECTED, _SMALL = 3, 8, 0.01
-# A multiplier is of the wrong sign from this size on, or from this share of the largest product with the residual.
-_WRONG, _ROUNDING = 1e-9, 1e-12
+TWINS = 1e-11
+# Steps that take the rounding of an inverse out of what is kept of a solved problem.
+_REFINED = 3
+# A multiplier is of the wrong sign from this share of the largest product with the residual on.
+_ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
-class Entering:
+class Entering(NamedTuple):
     """Unknowns that a solved problem does not contain, in its scale.
 
     Attributes:
@@ -50,30 +43,7 @@ class Entering:
     scale: Float[Array, " m"]
 
 
-@dataclass(frozen=True)
-class Settled:
-    """The minimum of a changed problem.
-
-    Attributes:
-        x: All unknowns, those of the solved problem first, ``(n + m,)``.
-        slope: Of the loss by each, zero where it is free, ``(n + m,)``.
-        value: ``x a x - 2 b x`` of the changed problem.
-        settled: False where rounding is too large for this, or steps were not enough: it has to be solved as a whole.
-        flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
-        action: What makes the change: see `Tableau.answers`; beside those that are flipped those that are held
-            elsewhere.
-    """
-
-    x: Float[Array, " v"]
-    slope: Float[Array, " v"]
-    value: float
-    settled: bool
-    flipped: Int[Array, " k"]
-    action: tuple[Int[Array, " d"], Float[Array, " d"]]
-
-
-@dataclass(frozen=True)
-class Tableau:
+class Tableau(NamedTuple):
     """A solved problem ``x a x / 2 - b x`` within bounds, in units in which ``a`` has a diagonal of ones.
 
     Attributes:
@@ -123,208 +93,9 @@ class Tableau:
     ) -> Entering:
         """Further unknowns together, from their pieces and the products among them, priors included."""
         square = square * scale[:, None] * scale
-        square.flat[:: len(square) + 1] += _TWINS
+        square.flat[:: len(square) + 1] += TWINS
         free = ~self.held
         return Entering(cross, answer, square, square + cross[:, free] @ answer[:, free].T, slope, scale)
-
-    def changed(
-        self,
-        entering: Entering,
-        leaving: Int[Array, " l"],
-        bounds: tuple[Float[Array, " v"], Float[Array, " v"]],
-        near: Float[Array, " v"],
-    ) -> Settled:
-        """Minimum with unknowns that enter and without some that are there.
-
-        Args:
-            entering: The former, which come last.
-            leaving: Places of the latter, which are zero.
-            bounds: Lower and upper ones of all.
-            near: Minimum of a similar problem; the bounds that bind there are tried first. Where it is NaN, those that
-                bind in the solved problem.
-        """
-        n, m = len(self.x), len(entering.scale)
-        lower, upper = bounds
-        unit = np.concatenate([self.scale, entering.scale])
-        low, high = lower / unit, upper / unit
-        wrong = np.maximum(_WRONG * unit, self.rounding)
-        started = np.concatenate([self.held, np.ones(m, dtype=bool)])
-        held, gone = started.copy(), np.zeros(n + m, dtype=bool)
-        held[n:], gone[leaving] = False, True
-        known = ~np.isnan(near)
-        binds = known & ((near <= lower) | (near >= upper))
-        held[known] = binds[known]
-        value = np.concatenate([np.where(self.held, self.x, 0.0), np.zeros(m)])
-        value = np.where(binds, np.where(near <= lower, low, high), value)
-        held[leaving], value[leaving] = True, 0.0
-        found = self._at_once(entering, held, value, (low, high), gone, wrong)
-        if found is None:
-            inside = np.where(known & ~gone, np.clip(near / unit, low, high), value)
-            found = self._step_by_step(entering, held, np.where(held, value, inside), (low, high), gone, wrong)
-        x = np.where(gone, 0.0, np.clip(found.x, low, high))
-        end = np.where(x <= low, lower, np.where(x >= high, upper, x * unit))
-        return replace(found, x=np.where(gone, 0.0, end), slope=found.slope / unit)
-
-    def _at_once(
-        self,
-        entering: Entering,
-        held: Bool[Array, " v"],
-        value: Float[Array, " v"],
-        ends: tuple[Float[Array, " v"], Float[Array, " v"]],
-        gone: Bool[Array, " v"],
-        wrong: Float[Array, " v"],
-    ) -> Settled | None:
-        """Minimum by exchanging all that is amiss at once, in the tableau's units; None where that goes astray."""
-        fewest, tries = len(held) + 1, _TRIES
-        while tries >= 0:
-            found = self._minimum(entering, held, value)
-            amiss, outside = _amiss(found, held & ~gone, held, ends, wrong)
-            if not amiss.any():
-                # What is settled has to be so beyond rounding.
-                found = self._refined(entering, held, found)
-                if not found.settled:
-                    return found
-                amiss, outside = _amiss(found, held & ~gone, held, ends, wrong)
-            count = int(np.count_nonzero(amiss))
-            if count == 0:
-                return found
-            fewest, tries = (count, _TRIES) if count < fewest else (fewest, tries - 1)
-            value = np.where(amiss & outside, np.where(found.x < ends[0], *ends), value)
-            held = np.where(amiss, outside, held)
-        return None
-
-    def _step_by_step(
-        self,
-        entering: Entering,
-        held: Bool[Array, " v"],
-        x: Float[Array, " v"],
-        ends: tuple[Float[Array, " v"], Float[Array, " v"]],
-        gone: Bool[Array, " v"],
-        wrong: Float[Array, " v"],
-    ) -> Settled:
-        """The same by steps within the bounds, each of which lowers the loss, so that no set of bounds comes twice."""
-        held, x = held.copy(), x.copy()
-        found = self._minimum(entering, held, x)
-        for _ in range(_STEPS):
-            _, outside = _amiss(found, held & ~gone, held, ends, wrong)
-            if outside.any():
-                places = np.flatnonzero(outside)
-                end = np.where(found.x < ends[0], *ends)[places]
-                share = np.clip((end - x[places]) / (found.x - x)[places], 0.0, 1.0)
-                first = int(np.argmin(share))
-                x = np.clip(x + share[first] * (found.x - x), *ends)
-                x[places[first]] = end[first]
-                held[places[first]] = True
-            else:
-                x = np.where(gone, 0.0, np.clip(found.x, *ends))
-                pulls, _ = _amiss(replace(found, x=x), held & ~gone, held, ends, wrong)
-                if not pulls.any():
-                    # What is settled has to be so beyond rounding.
-                    found = self._refined(entering, held, found)
-                    x = np.where(gone, 0.0, np.clip(found.x, *ends))
-                    pulls, _ = _amiss(replace(found, x=x), held & ~gone, held, ends, wrong)
-                    if not found.settled or not pulls.any():
-                        return found
-                held[np.argmax(np.where(pulls, np.abs(found.slope), -1.0))] = False
-            found = self._minimum(entering, held, x)
-        return replace(self._refined(entering, held, found), settled=False)
-
-    def _minimum(self, entering: Entering, held: Bool[Array, " v"], value: Float[Array, " v"]) -> Settled:
-        """Minimum with some unknowns held at values, in the tableau's units, without its value."""
-        m = len(entering.scale)
-        started = np.concatenate([self.held, np.ones(m, dtype=bool)])
-        at = np.concatenate([np.where(self.held, self.x, 0.0), np.zeros(m)])
-        state = np.concatenate([self.state, entering.slope])
-        flipped = np.flatnonzero(held != started)
-        elsewhere = np.flatnonzero(held & started & (value != at))
-        places, k = np.concatenate([flipped, elsewhere]), len(flipped)
-        answers, shift = self.answers(entering, places), value[elsewhere] - at[elsewhere]
-        wanted = np.where(held[flipped], value[flipped], 0.0) - state[flipped] - shift @ answers[k:, flipped]
-        action = np.concatenate([np.linalg.solve(answers[:k, flipped].T, wanted), shift])
-        now = state + action @ answers
-        x = np.where(started, at, now)
-        # A shift moves what was held; a force on what was free is its slope.
-        x[places] += np.where(started[places], action, 0.0)
-        x[held] = value[held]
-        slope = np.where(started & held, now, 0.0)
-        forced = ~started[flipped]
-        slope[flipped[forced]] = action[:k][forced]
-        return Settled(x, slope, 0.0, False, flipped, (places, action))
-
-    def _refined(self, entering: Entering, held: Bool[Array, " v"], found: Settled) -> Settled:
-        """A minimum with the rounding of the tableau taken out, and its value; not settled where that fails."""
-        x, slope, value, settled, last = found.x, found.slope, found.value, False, np.inf
-        for _ in range(_CORRECTED):
-            slope, b = self._slope(entering, x)
-            step = self._correction(entering, np.where(held, 0.0, -slope), held, found.flipped)
-            # What keeps twins solvable is no part of the problem.
-            value = float(x @ (slope - b) + slope @ step - _TWINS * x @ x)
-            x = x + step
-            gained = abs(float(slope @ step))
-            settled = gained <= _SMALL
-            if settled or gained > last:
-                break
-            last = gained
-        return replace(found, x=x, slope=np.where(held, slope, 0.0), value=value, settled=settled)
-
-    def _slope(self, entering: Entering, x: Float[Array, " v"]) -> tuple[Float[Array, " v"], Float[Array, " v"]]:
-        """Slope of the loss by all unknowns, and the linear part of it."""
-        n = len(self.x)
-        own, more = x[:n], x[n:]
-        b = np.concatenate([self.b, entering.cross @ self.x - entering.slope])
-        made = self.a @ own + more @ entering.cross, entering.cross @ own + entering.square @ more
-        return np.concatenate(made) - b, b
-
-    def _correction(
-        self, entering: Entering, force: Float[Array, " v"], held: Bool[Array, " v"], flipped: Int[Array, " k"]
-    ) -> Float[Array, " v"]:
-        """What unknowns that are free answer to a force on each of them.
-
-        Args:
-            entering: Unknowns that have entered.
-            force: On all unknowns, zero where one is held.
-            held: Those that are.
-            flipped: Those that are held and were free, or the other way round.
-        """
-        n = len(self.x)
-        answers = self.answers(entering, flipped)
-        pushed = np.where(self.held, 0.0, force[:n])
-        state = np.concatenate([pushed @ self.answer, -entering.answer @ pushed])
-        action = np.linalg.solve(answers[:, flipped].T, force[flipped] - state[flipped])
-        out = state + action @ answers
-        started = np.concatenate([self.held, np.ones(len(held) - n, dtype=bool)])
-        freed = started[flipped]
-        out[started] = 0.0
-        out[flipped[freed]] = action[freed]
-        out[held] = 0.0
-        return out
-
-    def answers(self, entering: Entering, places: Int[Array, " d"]) -> Float[Array, "d v"]:
-        """What the states of all unknowns answer to an action on each of some: see `answer`."""
-        n = len(self.x)
-        out = np.empty((len(places), n + len(entering.scale)))
-        own, other = places < n, places[places >= n] - n
-        here = places[own]
-        out[own, :n] = self.answer[here]
-        # A slope answers to a force as what is free answers to a shift, with the other sign.
-        out[own, n:] = np.where(self.held[here], 1.0, -1.0)[:, None] * entering.answer[:, here].T
-        out[~own, :n] = entering.answer[other]
-        out[~own, n:] = entering.among[other]
-        return out
-
-
-def _amiss(
-    found: Settled,
-    bound: Bool[Array, " v"],
-    held: Bool[Array, " v"],
-    ends: tuple[Float[Array, " v"], Float[Array, " v"]],
-    wrong: Float[Array, " v"],
-) -> tuple[Bool[Array, " v"], Bool[Array, " v"]]:
-    """Unknowns that are outside their bounds or pull off the bound that holds them, and the former alone."""
-    x, slope, (low, high) = found.x, found.slope, ends
-    outside = ~held & ((x < low) | (x > high))
-    pulls = bound & (((x <= low) & (slope < -wrong)) | ((x >= high) & (slope > wrong)))
-    return outside | pulls, outside
 
 
 def tableau(
@@ -347,7 +118,7 @@ def tableau(
     x = bounded_solve(a, b, lower, upper, near) / unit
     held = (x <= lower / unit) | (x >= upper / unit)
     scaled, right = a * unit[:, None] * unit, b * unit
-    scaled.flat[:: len(scaled) + 1] += _TWINS
+    scaled.flat[:: len(scaled) + 1] += TWINS
     free, fixed = np.flatnonzero(~held), np.flatnonzero(held)
     inverse = _inverse(scaled[np.ix_(free, free)])
     across = scaled[np.ix_(free, fixed)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from identification.diagnosis.numerics.bounded import bounded_solve
 from identification.diagnosis.numerics.tableau import tableau
+from identification.diagnosis.numerics.tableau_changes import changed
 
 KNOWN, ALL = 40, 60
 
@@ -24,7 +23,7 @@ def problem(request):
     return a, b, -unit * rng.uniform(0.0, 2.0, ALL), unit * rng.uniform(0.0, 2.0, ALL), rng
 
 
-def changed(a, b, lower, upper, rng, near=np.nan):
+def change(a, b, lower, upper, rng, near=np.nan):
     """A solved problem of the first unknowns changed by some that enter and leave; which they are, and the rest."""
     known = tableau(a[:KNOWN, :KNOWN], b[:KNOWN], lower[:KNOWN], upper[:KNOWN], np.full(KNOWN, np.nan))
     new, gone = KNOWN + rng.permutation(ALL - KNOWN)[:7], rng.permutation(KNOWN)[:5]
@@ -32,14 +31,14 @@ def changed(a, b, lower, upper, rng, near=np.nan):
     entering = known.joined(*pieces, a[np.ix_(new, new)])
     index = np.concatenate([np.arange(KNOWN), new])
     start = np.where(rng.random(ALL) < 0.5, lower, upper)[index] * near
-    found = known.changed(entering, gone, (lower[index], upper[index]), start)
+    found = changed(known, entering, gone, (lower[index], upper[index]), start)
     return known, found, index, np.setdiff1d(index, gone)
 
 
 @pytest.mark.parametrize("near", [np.nan, 1.0])
 def test_the_minimum_of_a_changed_problem_is_that_of_the_problem_solved_as_a_whole(problem, near):
     a, b, lower, upper, rng = problem
-    _, found, index, kept = changed(a, b, lower, upper, rng, near)
+    _, found, index, kept = change(a, b, lower, upper, rng, near)
     expected = np.zeros(ALL)
     expected[kept] = bounded_solve(a[np.ix_(kept, kept)], b[kept], lower[kept], upper[kept])
     unit = np.sqrt(np.diag(a))
@@ -48,26 +47,26 @@ def test_the_minimum_of_a_changed_problem_is_that_of_the_problem_solved_as_a_who
 
 def test_the_value_of_a_change_is_that_of_the_quadratic_form_at_its_minimum(problem):
     a, b, lower, upper, rng = problem
-    _, found, index, _ = changed(a, b, lower, upper, rng)
+    _, found, index, _ = change(a, b, lower, upper, rng)
     x = found.x
     assert found.value == pytest.approx(x @ a[np.ix_(index, index)] @ x - 2.0 * b[index] @ x, rel=1e-9)
 
 
 def test_a_change_that_rounding_spoils_says_so(problem):
     a, b, lower, upper, rng = problem
-    known, found, _, _ = changed(a, b, lower, upper, rng)
+    known, found, _, _ = change(a, b, lower, upper, rng)
     # An inverse that is wrong by more than itself stands for one that has lost its digits.
-    spoilt = replace(known, answer=known.answer * (1.0 + 3.0 * rng.normal(size=known.answer.shape)))
+    spoilt = known._replace(answer=known.answer * (1.0 + 3.0 * rng.normal(size=known.answer.shape)))
     nothing = spoilt.joined(*spoilt.pieces(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
     gone = np.flatnonzero(~known.held)[:5]
-    again = spoilt.changed(nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
+    again = changed(spoilt, nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
     assert found.settled
     assert not again.settled
 
 
 def test_slopes_are_those_of_the_loss_where_a_bound_holds_and_zero_elsewhere(problem):
     a, b, lower, upper, rng = problem
-    _, found, index, kept = changed(a, b, lower, upper, rng)
+    _, found, index, kept = change(a, b, lower, upper, rng)
     unit = np.sqrt(np.diag(a))[index]
     free = (found.x > lower[index]) & (found.x < upper[index]) & np.isin(index, kept)
     np.testing.assert_allclose(
