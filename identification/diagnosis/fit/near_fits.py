@@ -235,7 +235,8 @@ class NearFits:
         entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
         near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
         end = self._end_near(active, held_out=held_out)
-        if end is not None:
+        # Where nothing changes, the bounds that bind are known.
+        if end is not None and len(new) + len(gone) > 0:
             near[:, end.index] = end.x[-len(near) :]
         parts = zip(tableaus, entering, near[:, index], strict=True)
         return [changed(one, more, gone, bounds, start) for one, more, start in parts]

@@ -117,28 +117,35 @@ def _changed(one: Tableau, more: Entering, leaving: Array, ends: Array) -> tuple
     bounds = _Held(ends[0] / unit, ends[1] / unit, np.zeros(v, dtype=np.bool_), np.maximum(_WRONG * unit, one.rounding))
     for place in leaving:
         bounds.gone[place] = True
-    held, value, inside = np.empty(v, dtype=np.bool_), np.zeros(v), np.zeros(v)
-    for i in range(v):
-        lower, upper, near = ends[0, i], ends[1, i], ends[2, i]
-        known, started = not np.isnan(near), i < n and one.held[i]
-        below, above = near <= lower, near >= upper
-        held[i] = bounds.gone[i] or (below or above if known else started)
-        if bounds.gone[i]:
-            continue
-        if below or above:
-            value[i] = bounds.low[i] if below else bounds.high[i]
-        elif started:
-            value[i] = one.x[i]
-        inside[i] = min(max(near / unit[i], bounds.low[i]), bounds.high[i]) if known and not held[i] else value[i]
-    found, total, settled, done = _at_once(one, more, held.copy(), value, bounds)
+    held, value = np.empty(v, dtype=np.bool_), np.empty(v)
+    _begin(one, bounds, ends[2] / unit, held, value)
+    found, total, settled, done = _at_once(one, more, held, value, bounds)
     if not done:
-        found, total, settled = _step_by_step(one, more, held, inside, bounds)
+        # Sets that are as similar may bind elsewhere: the solved problem is often nearer than the nearest of them.
+        _begin(one, bounds, np.full(v, np.nan), held, value)
+        found, total, settled, done = _at_once(one, more, held, value, bounds)
+    if not done:
+        _begin(one, bounds, ends[2] / unit, held, value)
+        found, total, settled = _step_by_step(one, more, held, value, bounds)
     x, slope = np.zeros(v), found.slope / unit
     for i in range(v):
         if not bounds.gone[i]:
             low, high = found.x[i] <= bounds.low[i], found.x[i] >= bounds.high[i]
             x[i] = ends[0, i] if low else ends[1, i] if high else found.x[i] * unit[i]
     return x, slope, total, settled, found.places, found.action, found.flipped
+
+
+@fused
+def _begin(one: Tableau, bounds: _Held, near: Array, held: Array, value: Array) -> None:
+    """Fill in which unknowns are held at first and at what, by ``near`` where it is a number, else as they were."""
+    for i in range(len(near)):
+        known, started = not np.isnan(near[i]), i < len(one.x) and one.held[i]
+        held[i], value[i] = started, one.x[i] if started else 0.0
+        if known:
+            value[i] = min(max(near[i], bounds.low[i]), bounds.high[i])
+            held[i] = value[i] == bounds.low[i] or value[i] == bounds.high[i]
+        if bounds.gone[i]:
+            held[i], value[i] = True, 0.0
 
 
 @fused
@@ -168,7 +175,7 @@ def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _H
             if amiss[i]:
                 held[i] = outside[i]
                 if outside[i]:
-                    value[i] = bounds.low[i] if found.x[i] < bounds.low[i] else bounds.high[i]
+                    value[i] = _met(found.x, bounds, i)
         found = _minimum(one, more, held, value)
 
 
@@ -177,33 +184,64 @@ def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _
     """The same by steps within the bounds, each of which lowers the loss, so that no set of bounds comes twice."""
     v = len(held)
     amiss, outside = np.empty(v, dtype=np.bool_), np.empty(v, dtype=np.bool_)
-    found = _minimum(one, more, held, x)
+    found, released = _within(one, more, held, x, bounds), -1
     for _ in range(_STEPS):
         _amiss(found.x, found.slope, held, bounds, amiss, outside)
         first, least = -1, 2.0
         for i in range(v):
             if outside[i]:
-                end = bounds.low[i] if found.x[i] < bounds.low[i] else bounds.high[i]
-                share = min(max((end - x[i]) / (found.x[i] - x[i]), 0.0), 1.0)
+                share = min(max((_met(found.x, bounds, i) - x[i]) / (found.x[i] - x[i]), 0.0), 1.0)
                 if share < least:
                     first, least = i, share
+        # What is let off its bound moves away from it, but for rounding.
+        if first >= 0 and first == released and least == 0.0:
+            break
         if first >= 0:
             for i in range(v):
                 x[i] = min(max(x[i] + least * (found.x[i] - x[i]), bounds.low[i]), bounds.high[i])
-            x[first] = bounds.low[first] if found.x[first] < bounds.low[first] else bounds.high[first]
-            held[first] = True
-        else:
+            x[first], held[first] = _met(found.x, bounds, first), True
+            found = _minimum(one, more, held, x)
+            continue
+        _end(found.x, bounds, x)
+        worst = _most_pulled(x, found.slope, held, bounds)
+        if worst < 0:
+            # What is settled has to be so beyond rounding.
+            found, total, settled = _refined(one, more, held, found)
             _end(found.x, bounds, x)
-            if _most_pulled(x, found.slope, held, bounds) < 0:
-                # What is settled has to be so beyond rounding.
-                found, total, settled = _refined(one, more, held, found)
-                _end(found.x, bounds, x)
-                if not settled or _most_pulled(x, found.slope, held, bounds) < 0:
-                    return found, total, settled
-            held[_most_pulled(x, found.slope, held, bounds)] = False
-        found = _minimum(one, more, held, x)
+            worst = _most_pulled(x, found.slope, held, bounds)
+            if not settled or worst < 0:
+                return found, total, settled
+        all_at_once = held.copy()
+        for i in range(v):
+            all_at_once[i] = held[i] and not _pulls(x[i], found.slope[i], bounds, i)
+        other = _within(one, more, all_at_once, x.copy(), bounds)
+        # Of a quadratic form the mean slope is that from one point to the other.
+        if np.sum((found.slope + other.slope) * (other.x - found.x)) < 0.0:
+            held, found = all_at_once, other
+        else:
+            held[worst], released = False, worst
+            found = _minimum(one, more, held, x)
     found, total, _ = _refined(one, more, held, found)
     return found, total, False
+
+
+@fused
+def _within(one: Tableau, more: Entering, held: Array, value: Array, bounds: _Held) -> _Found:
+    """A minimum with what is outside its bounds held there too, and what is then outside, until nothing is."""
+    while True:
+        found, outside = _minimum(one, more, held, value), 0
+        for i in range(len(held)):
+            if not held[i] and (found.x[i] < bounds.low[i] or found.x[i] > bounds.high[i]):
+                held[i], value[i] = True, _met(found.x, bounds, i)
+                outside += 1
+        if outside == 0:
+            return found
+
+
+@fused
+def _met(x: Array, bounds: _Held, i: int) -> float:
+    """The bound that an unknown that is outside them meets."""
+    return bounds.low[i] if x[i] < bounds.low[i] else bounds.high[i]
 
 
 @fused
