@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gains_within
-from identification.diagnosis.numerics.tableau import Entering, Tableau, tableau
+from identification.diagnosis.fit.solved_set import End, SolvedSet, marked, quadratic
+from identification.diagnosis.numerics.tableau import tableau
 from identification.diagnosis.numerics.tableau_changes import Settled, answers_among, changed
 from phantom_dyn._kernels.jit import fused
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
@@ -31,158 +30,6 @@ _KEPT = 4
 _ENDS = 100
 # Share of a move's largest possible part of a loss below which it is rounding.
 _NOTHING = 1e-14
-
-
-@dataclass(frozen=True)
-class _Pieces:
-    """What one column enters a tableau with, for several tableaus: see `Entering`."""
-
-    cross: Float[Array, "T n"]
-    answer: Float[Array, "T n"]
-    slope: Float[Array, " T"]
-    scale: Float[Array, " T"]
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """One set of columns, solved on all blocks and once without each fold.
-
-    Attributes:
-        problem: What is fitted.
-        columns: Of the set, ``(n,)``.
-        whole: Its fit.
-    """
-
-    problem: Problem
-    columns: Int[Array, " n"]
-    whole: Tableau
-    _entering: dict[int, _Pieces] = field(default_factory=dict)
-    _fold_entering: dict[int, _Pieces] = field(default_factory=dict)
-    _core_lines: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
-
-    @cached_property
-    def inside(self) -> Bool[Array, " K"]:
-        """Which of all columns are in the set."""
-        return _marked(self.columns, len(self.problem.precision))
-
-    @cached_property
-    def folds(self) -> tuple[Tableau, ...]:
-        """The fits that have not seen one fold each."""
-        problem, columns = self.problem, self.columns
-        a, b, lower, upper = _quadratic(problem, columns)
-        near = self.whole.x * self.whole.scale
-        less_a, less_b = problem.grams.fold_a.among(columns), problem.grams.by_fold(problem.grams.b[:, columns])
-        return tuple(tableau(a - x, b - y, lower, upper, near) for x, y in zip(less_a, less_b, strict=True))
-
-    @cached_property
-    def core(self) -> Float[Array, "B n n"]:
-        """Products over the core of each block."""
-        return self.problem.grams.core_a.among(self.columns)
-
-    @cached_property
-    def which(self) -> Int[Array, " B"]:
-        """The fit that each block is judged by: its fold's, or the last, which is that of all blocks."""
-        fold = self.problem.grams.fold
-        return np.where(fold < 0, len(self.folds), fold)
-
-    @cached_property
-    def at(self) -> Float[Array, "B n"]:
-        """Coefficients that each block is judged by."""
-        return np.stack([one.x * one.scale for one in (*self.folds, self.whole)])[self.which]
-
-    @cached_property
-    def core_slope(self) -> Float[Array, "B n"]:
-        """Half the slope of each block's loss there."""
-        return (self.core @ self.at[:, :, None])[:, :, 0] - self.problem.grams.core_b[:, self.columns]
-
-    @cached_property
-    def core_diagonal(self) -> Float[Array, " n"]:
-        """Products of each column with itself over all cores."""
-        return np.einsum("bkk->k", self.core)
-
-    @cached_property
-    def losses(self) -> Float[Array, " B"]:
-        """Loss of each block there."""
-        grams = self.problem.grams
-        return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
-
-    @cached_property
-    def held(self) -> Bool[Array, " K"]:
-        """Which of all columns are in the set and at a bound."""
-        return _marked(self.columns[self.whole.held], len(self.problem.precision))
-
-    def apart(self, wanted: Bool[Array, " K"], end: _End | None) -> int:
-        """Number of columns that only one of two sets has, or that are at a bound in only one of them.
-
-        Args:
-            wanted: The columns of the set.
-            end: Where the fit of a similar set ended; None: where this one did.
-        """
-        other = self.inside != wanted
-        if end is not None:
-            other = other | (self.inside & wanted & end.known & (self.held != end.held))
-        return int(np.count_nonzero(other))
-
-    def entering(self, columns: Int[Array, " m"]) -> Entering:
-        """Columns that are not in the set, as they enter its fit."""
-        problem = self.problem
-        square = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
-        return self.whole.joined(*self.pieces(columns), square)
-
-    def pieces(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
-        """The same without the products among them: see `Tableau.pieces`."""
-        known = self._entering
-        new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
-        if len(new):
-            problem = self.problem
-            diagonal = np.diag(problem.total_a)[new] + problem.precision[new]
-            parts = self.whole.pieces(problem.total_a[np.ix_(new, self.columns)], diagonal, problem.total_b[new])
-            known.update((column, _Pieces(*(part[k][None] for part in parts))) for k, column in enumerate(new.tolist()))
-        return _together(self.whole, [known[k] for k in columns.tolist()], 0)
-
-    def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
-        """The same for the fit without each fold."""
-        problem, known = self.problem, self._fold_entering
-        new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
-        whole = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
-        squares = whole - problem.grams.fold_a.among(columns)
-        if len(new):
-            cross = problem.total_a[np.ix_(new, self.columns)] - problem.grams.fold_a.between(new, self.columns)
-            b = problem.total_b[new] - problem.grams.by_fold(problem.grams.b[:, new])
-            diagonal = np.diag(problem.total_a)[new] + problem.precision[new] - problem.grams.fold_a.diagonal(new)
-            parts = [one.pieces(cross[fold], diagonal[fold], b[fold]) for fold, one in enumerate(self.folds)]
-            for k, column in enumerate(new.tolist()):
-                known[column] = _Pieces(*(np.array([part[i][k] for part in parts]) for i in range(4)))
-        pieces = [known[k] for k in columns.tolist()]
-        return [one.joined(*_together(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
-
-    def core_lines(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
-        """Products of further columns with those of the set over the core of each block."""
-        new = np.array([k for k in columns.tolist() if k not in self._core_lines], dtype=int)
-        if len(new):
-            lines = self.problem.grams.core_a.between(new, self.columns)
-            self._core_lines.update((column, lines[:, k]) for k, column in enumerate(new.tolist()))
-        shape = len(self.problem.grams.fold), 0, len(self.columns)
-        return np.stack([self._core_lines[k] for k in columns.tolist()], axis=1) if len(columns) else np.zeros(shape)
-
-
-@dataclass(frozen=True)
-class _End:
-    """Where the fits of one set ended.
-
-    Attributes:
-        bits: Of a number, those of the columns of the set.
-        index: The columns that ``x`` is of, ``(v,)``.
-        x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
-        known: Which of all columns ``x`` is of, ``(K,)``.
-        held: Those of them that are at a bound in the fit to all blocks, ``(K,)``.
-    """
-
-    bits: int
-    index: Int[Array, " v"]
-    x: Float[Array, "G v"]
-    known: Bool[Array, " K"]
-    held: Bool[Array, " K"]
 
 
 class NearFits:
@@ -196,24 +43,16 @@ class NearFits:
     def __init__(self, problem: Problem, start: Float[Array, " K"]):
         self.problem = problem
         self._start = start
-        self._solved: list[_Solved] = []
+        self._solved: list[SolvedSet] = []
         # Where the last fits ended: a similar one hardly differs.
-        self._ends, self._held_out_ends = deque[_End](maxlen=_ENDS), deque[_End](maxlen=_ENDS)
+        self._ends, self._held_out_ends = deque[End](maxlen=_ENDS), deque[End](maxlen=_ENDS)
         self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
     def fit(self, active: Int[Array, " k"], *, held_out: bool) -> Fitted:
         """Fit of some columns, as `fitting.fit`."""
-        problem, solved = self.problem, self._nearest(active)
-        found = self._minima(solved, active, held_out=held_out)
-        if not all(one.settled for one in found):
-            # Rounding of what is far from it is too large.
-            solved = self._solve(active)
-            found = self._minima(solved, active, held_out=held_out)
-        new, gone, index = _changes(solved, active)
-        x = np.array([one.x for one in found])
-        at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
-        count = len(problem.precision)
-        self._keep(_End(self._bits(active), index, x, _marked(index, count), _marked(index[at_bound], count)))
+        problem = self.problem
+        solved, found, x = self._coefficients(active, held_out=held_out)
+        new, gone, index = solved.changes(active)
         theta = np.zeros(len(problem.precision))
         theta[index] = x[-1]
         moves = slice(0, problem.nuisances)
@@ -227,9 +66,32 @@ class NearFits:
             fold_active = x[:-1, order]
         return Fitted(problem, Point(), theta, active, penalty, objective, loss, fold_active)
 
-    def _minima(self, solved: _Solved, active: Int[Array, " k"], *, held_out: bool) -> list[Settled]:
+    def coefficients(self, active: Int[Array, " k"]) -> Float[Array, "G K"]:
+        """Coefficients of the fit of some columns without each fold and, last, of that to all blocks."""
+        solved, _, x = self._coefficients(active, held_out=True)
+        out = np.zeros((len(x), len(self.problem.precision)))
+        out[:, solved.changes(active)[2]] = x
+        return out
+
+    def _coefficients(
+        self, active: Int[Array, " k"], *, held_out: bool
+    ) -> tuple[SolvedSet, list[Settled], Float[Array, "G v"]]:
+        """The set that a fit is computed from, its minima (see `_minima`), and their coefficients."""
+        problem, solved = self.problem, self._nearest(active)
+        found = self._minima(solved, active, held_out=held_out)
+        if not all(one.settled for one in found):
+            # Rounding of what is far from it is too large.
+            solved = self._solve(active)
+            found = self._minima(solved, active, held_out=held_out)
+        x, index = np.array([one.x for one in found]), solved.changes(active)[2]
+        at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
+        count = len(problem.precision)
+        self._keep(End(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
+        return solved, found, x
+
+    def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[Settled]:
         """Fits of some columns from a solved set: if they are held out without each fold first, and that of all."""
-        new, gone, index = _changes(solved, active)
+        new, gone, index = solved.changes(active)
         bounds = self.problem.lower[index], self.problem.upper[index]
         tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
         entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
@@ -241,7 +103,7 @@ class NearFits:
         parts = zip(tableaus, entering, near[:, index], strict=True)
         return [changed(one, more, gone, bounds, start) for one, more, start in parts]
 
-    def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> _End | None:
+    def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> End | None:
         """Where the fit of the most similar set ended, the last one of those that are equally similar."""
         wanted = self._bits(active)
         ends = self._held_out_ends if held_out else self._ends
@@ -249,9 +111,9 @@ class NearFits:
 
     def _bits(self, active: Int[Array, " k"]) -> int:
         """A number with the bit of each column set."""
-        return int.from_bytes(np.packbits(_marked(active, len(self.problem.precision))).tobytes())
+        return int.from_bytes(np.packbits(marked(active, len(self.problem.precision))).tobytes())
 
-    def _keep(self, end: _End) -> None:
+    def _keep(self, end: End) -> None:
         self._ends.append(end)
         if len(end.x) > 1:
             self._held_out_ends.append(end)
@@ -263,7 +125,7 @@ class NearFits:
         if not found.settled:
             solved = self._solve(active)
             (found,) = self._minima(solved, active, held_out=False)
-        new, _, _ = _changes(solved, active)
+        new, _, _ = solved.changes(active)
         inside = frozenset(active.tolist())
         own = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
         wanted = np.array(sorted({k for some in own.values() for k in some}), dtype=int)
@@ -278,22 +140,22 @@ class NearFits:
             gains.update(zip(same, depth.tolist(), strict=True))
         return gains
 
-    def _nearest(self, active: Int[Array, " k"]) -> _Solved:
+    def _nearest(self, active: Int[Array, " k"]) -> SolvedSet:
         """The nearest solved set; a set that is far from all is solved as a whole."""
-        wanted, end = _marked(active, len(self.problem.precision)), self._end_near(active, held_out=False)
+        wanted, end = marked(active, len(self.problem.precision)), self._end_near(active, held_out=False)
         near = min(self._solved, key=lambda one: one.apart(wanted, end), default=None)
         if near is None or near.apart(wanted, end) > _FAR:
             return self._solve(active, near)
         self._solved = [*(one for one in self._solved if one is not near), near]
         return near
 
-    def _solve(self, active: Int[Array, " k"], near: _Solved | None = None) -> _Solved:
+    def _solve(self, active: Int[Array, " k"], near: SolvedSet | None = None) -> SolvedSet:
         """A set solved as a whole, and kept: the one that was used last comes last."""
         start = self._start
         if near is not None:
             start = start.copy()
             start[near.columns] = near.whole.x * near.whole.scale
-        solved = _Solved(self.problem, active, tableau(*_quadratic(self.problem, active), start[active]))
+        solved = SolvedSet(self.problem, active, tableau(*quadratic(self.problem, active), start[active]))
         self._solved = [*self._solved, solved][-_KEPT:]
         return solved
 
@@ -308,7 +170,7 @@ class _Beside:
         wanted: The columns, in order.
     """
 
-    def __init__(self, solved: _Solved, new: Int[Array, " m"], found: Settled, wanted: Int[Array, " w"]):
+    def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: Settled, wanted: Int[Array, " w"]):
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
         cross, answer, slope, self._scale = solved.pieces(wanted)
         entered = solved.entering(new)
@@ -340,38 +202,7 @@ class _Beside:
         return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
 
 
-def _marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
-    """Which of all columns are among some."""
-    out = np.zeros(count, dtype=bool)
-    out[columns] = True
-    return out
-
-
-def _changes(solved: _Solved, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:
-    """Columns that enter a solved set, places of those that leave it, and all columns with those that enter last."""
-    new = active[~solved.inside[active]]
-    gone = np.flatnonzero(~_marked(active, len(solved.inside))[solved.columns])
-    return new, gone, np.concatenate([solved.columns, new])
-
-
-def _quadratic(problem: Problem, columns: Int[Array, " n"]) -> tuple[Array, Array, Array, Array]:
-    """Products of some columns with priors, those with the residual, and bounds."""
-    a = problem.total_a[np.ix_(columns, columns)]
-    a.flat[:: len(a) + 1] += problem.precision[columns]
-    return a, problem.total_b[columns], problem.lower[columns], problem.upper[columns]
-
-
-def _together(one: Tableau, pieces: list[_Pieces], which: int) -> tuple[Array, Array, Array, Array]:
-    """What several columns enter one of several tableaus with."""
-    n = len(one.x)
-    cross, answer = (
-        np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "answer")
-    )
-    slope, scale = (np.array([getattr(piece, name)[which] for piece in pieces]) for name in ("slope", "scale"))
-    return cross, answer, slope, scale
-
-
-def _losses(solved: _Solved, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:
+def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:
     """Loss of the core of each block by the fit that has not seen it, from that of the solved set."""
     grams, n = solved.problem.grams, len(solved.columns)
     x = x[solved.which]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
@@ -58,11 +60,23 @@ def smallest_seen(
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
     measured = sums(plain.problem, measured_torque(plain.problem)).rms()
-    for term in problem.columns.terms:
-        if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
-            continue
+    asked = {
+        term: term.effect
+        for term in problem.columns.terms
+        if isinstance(term.effect, Effect)
+        and term.place not in found
+        and not any(contains(other, term) for other in chosen)
+    }
+    probes = {
+        term: _probe(problem, operation, term, effect, base, inverse)
+        for term, effect in asked.items()
+        if term in tested and effect.seen_by != "neither"
+    }
+    energies = dict(zip(probes, _energies(problem, np.array([probe.theta for probe in probes.values()])), strict=True))
+    energy = _measured_energy(problem)
+    for term, effect in asked.items():
         joint = term.joint if term.joint is not None else "the robot"
-        if term.effect.seen_by == "neither":
+        if effect.seen_by == "neither":
             why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
@@ -70,31 +84,29 @@ def smallest_seen(
             why = f"{joint} moves too little: the effect leaves no trace in this recording"
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
-        name, direction = term.effect.probe(robot, operation, term.joint)
-        # Several orders of a cogging torque: one unit of the first.
-        direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
-        whole, beside = _information(problem, term, direction, base, inverse)
+        probe = probes[term]
+        name, direction = probe.parameter, probe.direction
         narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
-        index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
-        by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
-        least = least_gain(search, frozenset([term]), chosen, _energies(problem, index, parts))
+        index = np.concatenate([base, term.columns])
+        by_block = problem.grams.core_a.squares(index, np.tile(probe.theta[index], (len(problem.blocks), 1)))
+        least = least_gain(search, frozenset([term]), chosen, energies[term])
         size = max(
             deviations / np.sqrt(held_out * information) if information > 0 else np.inf
             for deviations, information in (
-                (_claimable(search, term, by_block, least), whole),
+                (_claimable(search, term, by_block, least), probe.information),
                 (_seen(plain, term, direction), narrow),
             )
         )
-        by_shape = term.effect.seen_by == "shape"
+        by_shape = effect.seen_by == "shape"
         # A real play may leave less than its law says, but no less than the share from which on it is taken for one.
-        if not size < (term.lower[0] if by_shape else _largest(search, term, direction)):
+        if not size < (term.lower[0] if by_shape else _largest(problem, energy, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
-        unit = term.effect.probe_unit(robot, term.joint, name)
-        why = None if by_shape else _beyond_sound_devices(robot, term.effect, term.joint, name, float(size))
+        unit = effect.probe_unit(robot, term.joint, name)
+        why = None if by_shape else _beyond_sound_devices(robot, effect, term.joint, name, float(size))
         if why is not None:
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
@@ -129,9 +141,10 @@ def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name:
 def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
     """Torque of an effect of size one over the measured torque, on the joint where that is most."""
     columns, out = problem.white, 0.0
-    for j, row in enumerate(columns.rows):
+    for j in _rows(problem, term):
+        row = columns.rows[j]
         own = [k for k, column in enumerate(row) if column in term.column_set]
-        if not own or measured[j] == 0.0:
+        if measured[j] == 0.0:
             continue
         parts = direction[[term.columns.index(row[k]) for k in own]]
         torque = [(x[j][:, own] @ parts)[u[:, j]] for x, u in zip(columns.values, columns.usable, strict=True)]
@@ -139,11 +152,47 @@ def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, d
     return out
 
 
-def _energies(problem: Problem, index: Array, parts: Float[Array, " k"]) -> Float[Array, " nv"]:
-    """Energy on each row of a sum of columns, over the noise there, ``(nv,)``."""
+@dataclass(frozen=True)
+class _Probe:
+    """An effect of size one with what nuisances and findings take of it.
+
+    Attributes:
+        parameter: What its size is of.
+        direction: Coefficients of its columns, ``(k,)``.
+        information: On its size, when nuisances and findings are fitted beside it.
+        theta: Coefficients of all columns, ``(K,)``.
+    """
+
+    parameter: str
+    direction: Float[Array, " k"]
+    information: float
+    theta: Float[Array, " K"]
+
+
+def _probe(
+    problem: Problem, operation: Operation, term: Term, effect: Effect, base: Array, inverse: Float[Array, "n n"]
+) -> _Probe:
+    name, direction = effect.probe(problem.session.robot, operation, term.joint)
+    # Several orders of a cogging torque: one unit of the first.
+    direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
+    information, beside = _information(problem, term, direction, base, inverse)
     theta = np.zeros(len(problem.precision))
-    theta[index] = parts
-    return np.array([theta[row.index] @ row.core_total[0] @ theta[row.index] for row in problem.grams.rows])
+    theta[base], theta[list(term.columns)] = beside, direction
+    return _Probe(name, direction, information, theta)
+
+
+def _energies(problem: Problem, theta: Float[Array, "t K"]) -> Float[Array, "t nv"]:
+    """Energy on each row of several sums of columns, over the noise there."""
+    out = np.zeros((len(theta), len(problem.grams.rows)))
+    for j, row in enumerate(problem.grams.rows if len(theta) else ()):
+        own = theta[:, row.index]
+        out[:, j] = np.einsum("tk,tk->t", own @ row.core_total[0], own)
+    return out
+
+
+def _rows(problem: Problem, term: Term) -> list[int]:
+    """Joints whose torque any column of an effect touches."""
+    return sorted(frozenset[int]().union(*(problem.touched[column] for column in term.columns)))
 
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
@@ -172,10 +221,9 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
 
 def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
     """The same to be visible: the squared residual of a joint grows by a share of what is noise there."""
-    own = set(term.columns)
     energy, samples = [0.0], [0.0]
-    for row in plain.problem.grams.rows:
-        at = np.array([k for k, column in enumerate(row.index) if int(column) in own], dtype=int)
+    for row in (plain.problem.grams.rows[j] for j in _rows(plain.problem, term)):
+        at = np.flatnonzero(np.isin(row.index, term.columns))
         part = direction[[term.columns.index(int(row.index[k])) for k in at]]
         energy.append(float(part @ square(row.a, at).sum(axis=0) @ part))
         samples.append(float(row.count.sum()))
@@ -198,17 +246,16 @@ def _information(
     return float(direction @ a[own][:, own] @ direction + cross @ beside), beside
 
 
-def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float:
+def _measured_energy(problem: Problem) -> Float[Array, " nv"]:
+    """Energy of the measured torque of each row, over the noise there."""
+    columns, out = problem.white, np.zeros(len(problem.white.rows))
+    for torque, residual, use in zip(columns.model_torque, columns.residual, columns.usable, strict=True):
+        out += (np.where(use, torque + residual, 0.0) ** 2).sum(axis=0) * problem.weights.per_sample
+    return out
+
+
+def _largest(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
     """Size at which the effect's torque would have the energy of all measured torque on the rows that it touches."""
-    problem = search.problem
     own = list(term.columns)
     energy = float(direction @ problem.total_a[own][:, own] @ direction)
-    rows = [j for j, index in enumerate(problem.columns.rows) if set(own) & set(index)]
-    measured = sum(
-        float(((torque[:, j] + residual[:, j])[use[:, j]] ** 2).sum() * problem.weights.per_sample[j])
-        for torque, residual, use in zip(
-            problem.white.model_torque, problem.white.residual, problem.white.usable, strict=True
-        )
-        for j in rows
-    )
-    return float(np.sqrt(measured / energy)) if energy > 0 else 0.0
+    return float(np.sqrt(measured[_rows(problem, term)].sum() / energy)) if energy > 0 else 0.0

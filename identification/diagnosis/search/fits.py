@@ -81,6 +81,8 @@ class Fits:
         if self._near is not None or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
+                if self._near is not None and _linear(chosen) and chosen not in self._held_out:
+                    return self._near.coefficients(active_columns(problem, ordered(chosen)))
                 found = self.held_out(chosen)
                 return np.vstack([found.fold_theta, found.theta])
 

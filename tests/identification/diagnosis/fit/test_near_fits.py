@@ -59,6 +59,14 @@ def test_a_fit_is_that_of_the_same_columns_solved_as_a_whole(rough, near, places
 
 
 @pytest.mark.parametrize("places", SETS)
+def test_coefficients_alone_are_those_of_the_fits(rough, near, places):
+    active = active_columns(rough.problem, terms_of(rough, places))
+    expected, found = near.fit(active, held_out=True), near.coefficients(active)
+    size = np.sqrt(np.diag(rough.problem.total_a) + rough.problem.precision)
+    np.testing.assert_allclose(found * size, np.vstack([expected.fold_theta, expected.theta]) * size, atol=1e-6)
+
+
+@pytest.mark.parametrize("places", SETS)
 def test_each_block_is_judged_by_the_fit_that_has_not_seen_it(rough, near, places):
     terms = terms_of(rough, places)
     found = near.fit(active_columns(rough.problem, terms), held_out=True)

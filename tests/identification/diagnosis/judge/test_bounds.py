@@ -13,6 +13,7 @@ from identification.diagnosis.judge.bounds import (
     _inverse,
     _largest,
     _lasting,
+    _measured_energy,
     _seen,
     smallest_seen,
 )
@@ -166,7 +167,8 @@ def test_the_largest_size_has_the_energy_of_all_measured_torque_on_its_joints(qu
     touched = [j for j, index in enumerate(white.rows) if set(index) & set(quiet.term(effect, joint).columns)]
     torque = np.where(white.usable[0], white.model_torque[0] + white.residual[0], 0.0)
     measured = np.sum((torque**2 * quiet.weights.per_sample)[:, touched])
-    found = _largest(quiet.search, quiet.term(effect, joint), np.ones(1))
+    problem = quiet.search.problem
+    found = _largest(problem, _measured_energy(problem), quiet.term(effect, joint), np.ones(1))
     assert found == pytest.approx(np.sqrt(measured / np.sum(column**2)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.numerics import tableau_changes
 from identification.diagnosis.numerics.bounded import bounded_solve
 from identification.diagnosis.numerics.tableau import tableau
 from identification.diagnosis.numerics.tableau_changes import changed
@@ -43,6 +44,34 @@ def test_the_minimum_of_a_changed_problem_is_that_of_the_problem_solved_as_a_who
     expected[kept] = bounded_solve(a[np.ix_(kept, kept)], b[kept], lower[kept], upper[kept])
     unit = np.sqrt(np.diag(a))
     np.testing.assert_allclose((found.x * unit[index]), (expected * unit)[index], atol=1e-8)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_steps_within_the_bounds_end_at_the_minimum_wherever_they_begin(problem, share):
+    # All unknowns begin at a bound, the share of them at the upper one: most are held at the wrong end.
+    a, b, lower, upper, rng = problem
+    known = tableau(a, b, lower, upper, np.full(ALL, np.nan))
+    nothing = known.joined(*known.pieces(np.zeros((0, ALL)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
+    low, high, free = lower / known.scale, upper / known.scale, np.zeros(ALL, dtype=bool)
+    bounds = tableau_changes._Held(low, high, free, np.full(ALL, known.rounding))
+    start = np.where(rng.random(ALL) < share, high, low)
+    found, _, settled = tableau_changes._step_by_step(known, nothing, ~free, start, bounds)
+    assert settled
+    np.testing.assert_allclose(found.x, bounded_solve(a, b, lower, upper) / known.scale, atol=1e-8)
+
+
+def test_twins_that_enter_leave_what_one_of_them_leaves(problem):
+    a, b, lower, upper, _ = problem
+    known = tableau(a[:KNOWN, :KNOWN], b[:KNOWN], lower[:KNOWN], upper[:KNOWN], np.full(KNOWN, np.nan))
+    left = []
+    for count in (1, 3):
+        new = np.full(count, KNOWN)
+        entering = known.joined(*known.pieces(a[new][:, :KNOWN], np.diag(a)[new], b[new]), a[np.ix_(new, new)])
+        # Without bounds of their own, so that three can do no more than one.
+        far = np.full(count, np.inf)
+        ends = np.append(lower[:KNOWN], -far), np.append(upper[:KNOWN], far)
+        left.append(changed(known, entering, np.zeros(0, dtype=int), ends, np.full(KNOWN + count, np.nan)).value)
+    assert left[1] == pytest.approx(left[0], rel=1e-9)
 
 
 def test_the_value_of_a_change_is_that_of_the_quadratic_form_at_its_minimum(problem):
