@@ -16,8 +16,9 @@ from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gains_within
 from identification.diagnosis.fit.solved_set import End, SolvedSet, marked, quadratic
+from identification.diagnosis.numerics.held_minimum import answers_among
 from identification.diagnosis.numerics.tableau import tableau
-from identification.diagnosis.numerics.tableau_changes import Settled, answers_among, changed
+from identification.diagnosis.numerics.tableau_changes import Settled, changed
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Float, Int
 

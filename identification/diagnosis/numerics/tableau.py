@@ -139,6 +139,8 @@ def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
     """Inverse of a positive definite matrix, by its Cholesky factor: half the work of a general one."""
     from scipy.linalg import get_lapack_funcs
 
+    if not len(a):  # LAPACK complains of that on the terminal
+        return a
     potrf, potri = get_lapack_funcs(("potrf", "potri"))
     factor, failed = potrf(a, lower=1)
     if failed:

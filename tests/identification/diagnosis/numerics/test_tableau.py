@@ -60,6 +60,13 @@ def test_steps_within_the_bounds_end_at_the_minimum_wherever_they_begin(problem,
     np.testing.assert_allclose(found.x, bounded_solve(a, b, lower, upper) / known.scale, atol=1e-8)
 
 
+def test_a_problem_without_a_free_unknown_is_solved_without_a_word_on_the_terminal(capfd):
+    # Closed form: each of three unknowns wants to be 2 and may be 1.
+    found = tableau(np.eye(3), np.full(3, 2.0), np.zeros(3), np.ones(3), np.full(3, np.nan))
+    np.testing.assert_allclose(found.x, 1.0)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_twins_that_enter_leave_what_one_of_them_leaves(problem):
     a, b, lower, upper, _ = problem
     known = tableau(a[:KNOWN, :KNOWN], b[:KNOWN], lower[:KNOWN], upper[:KNOWN], np.full(KNOWN, np.nan))
