@@ -120,10 +120,33 @@ def _decorated(decorator: Callable[..., Any], plain: Callable[..., Any], options
     # Nobody asks for an address that C could call; making one takes a tenth of a compilation.
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
-        return decorator(cache=True, **options)(plain)
+        return _loading_little(decorator(cache=True, **options)(plain))
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
         _say_that_nothing_is_kept()
         return decorator(**options)(plain)
+
+
+def _loading_little(made: Any) -> Any:
+    """Numba's function, which loads what is kept of it without all that numba can compile.
+
+    All of it takes a tenth of the time of a small command. Where something is compiled after all, numba loads it then.
+    """
+    try:
+        from numba.core.runtime.nrt import rtsys
+
+        kept = made._cache
+        load, undisturbed = kept._load_overload, kept._guard_against_spurious_io_errors
+    except (ImportError, AttributeError):  # another numba: it loads all
+        return made
+
+    def load_overload(signature: Any, target: Any) -> Any:
+        rtsys.initialize(target)  # memory of arrays: all that compiled functions need at hand
+        with undisturbed():
+            return load(signature, target)
+        return None
+
+    kept.load_overload = load_overload
+    return made
 
 
 @cache

@@ -23,6 +23,26 @@ print(spring_torque(0.5, 0.0, 2.0, 0.0, 0.0), hasattr(spring_torque, "signatures
 """
 
 
+# Squares in an array that the compiled function allocates, and whether numba's means of compiling are loaded then.
+SQUARES = """
+import sys
+import numpy as np
+from phantom_dyn._kernels.jit import jit, watched_compilation
+
+@jit
+def squares(x):
+    out = np.empty_like(x)
+    for i in range(len(x)):
+        out[i] = x[i] * x[i]
+    return out
+
+if __name__ == "__main__":
+    with watched_compilation() as count:
+        for kind in sys.argv[1:]:
+            print(squares(np.array([1, 2, 3], kind)).tolist(), count.functions > 0, "numba.np.linalg" in sys.modules)
+"""
+
+
 def twice(x: float) -> float:
     return 2 * x
 
@@ -122,3 +142,27 @@ def test_where_nothing_is_compiled_the_plain_function_stands_in():
     whole = jit.jit(lambda x: part(x))
     assert part(3.0) == 4.0
     assert whole(3.0) == (6.0 if jit.compiles() else 4.0)
+
+
+@pytest.fixture(scope="module")
+def squares(tmp_path_factory):
+    """What a fresh process prints that squares numbers of some kinds; a first one has kept what squares doubles."""
+    folder = tmp_path_factory.mktemp("kept")
+    (folder / "squares.py").write_text(SQUARES)
+
+    def printed(*kinds: str) -> list[str]:
+        words = [sys.executable, str(folder / "squares.py"), *kinds]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+        return subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
+
+    assert printed("float64") == ["[1.0, 4.0, 9.0] True True"]
+    return printed
+
+
+def test_a_kept_function_is_loaded_without_what_only_compiling_needs(squares):
+    assert squares("float64") == ["[1.0, 4.0, 9.0] False False"]
+
+
+def test_beside_a_kept_function_others_are_compiled(squares):
+    assert squares("float64", "int64") == ["[1.0, 4.0, 9.0] False False", "[1, 4, 9] True True"]
+    assert squares("int64", "float64") == ["[1, 4, 9] False False", "[1.0, 4.0, 9.0] False False"]
