@@ -97,7 +97,7 @@ def _changed(one: Tableau, more: Entering, leaving: Array, ends: Array) -> tuple
     held, value = np.empty(v, dtype=np.bool_), np.empty(v)
     _begin(one, bounds, ends[2] / unit, held, value)
     found, total, settled, done = _at_once(one, more, held, value, bounds)
-    if not done:
+    if not done and not np.isnan(ends[2]).all():
         # Sets that are as similar may bind elsewhere: the solved problem is often nearer than the nearest of them.
         _begin(one, bounds, np.full(v, np.nan), held, value)
         found, total, settled, done = _at_once(one, more, held, value, bounds)
@@ -160,13 +160,11 @@ def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _H
 def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _Held) -> tuple:
     """The same by steps within the bounds, each of which lowers the loss, so that no set of bounds comes twice."""
     v = len(held)
-    amiss, outside = np.empty(v, dtype=np.bool_), np.empty(v, dtype=np.bool_)
     found, released = _within(one, more, held, x, bounds), -1
     for _ in range(_STEPS):
-        _amiss(found.x, found.slope, held, bounds, amiss, outside)
         first, least = -1, 2.0
         for i in range(v):
-            if outside[i]:
+            if not held[i] and _outside(found.x[i], bounds, i):
                 share = min(max((_met(found.x, bounds, i) - x[i]) / (found.x[i] - x[i]), 0.0), 1.0)
                 if share < least:
                     first, least = i, share
@@ -208,7 +206,7 @@ def _within(one: Tableau, more: Entering, held: Array, value: Array, bounds: _He
     while True:
         found, outside = minimum(one, more, held, value), 0
         for i in range(len(held)):
-            if not held[i] and (found.x[i] < bounds.low[i] or found.x[i] > bounds.high[i]):
+            if not held[i] and _outside(found.x[i], bounds, i):
                 held[i], value[i] = True, _met(found.x, bounds, i)
                 outside += 1
         if outside == 0:
@@ -229,6 +227,12 @@ def _end(x: Array, bounds: _Held, out: Array) -> None:
 
 
 @fused
+def _outside(x: float, bounds: _Held, i: int) -> bool:
+    """True if an unknown is beyond one of its bounds."""
+    return x < bounds.low[i] or x > bounds.high[i]
+
+
+@fused
 def _pulls(x: float, slope: float, bounds: _Held, i: int) -> bool:
     """True if an unknown pulls off the bound that holds it."""
     below, above = x <= bounds.low[i] and slope < -bounds.wrong[i], x >= bounds.high[i] and slope > bounds.wrong[i]
@@ -240,7 +244,7 @@ def _amiss(x: Array, slope: Array, held: Array, bounds: _Held, amiss: Array, out
     """Mark unknowns that are outside their bounds or pull off the bound that holds them, and the former; how many."""
     count = 0
     for i in range(len(x)):
-        outside[i] = not held[i] and (x[i] < bounds.low[i] or x[i] > bounds.high[i])
+        outside[i] = not held[i] and _outside(x[i], bounds, i)
         amiss[i] = outside[i] or (held[i] and _pulls(x[i], slope[i], bounds, i))
         count += amiss[i]
     return count

@@ -166,3 +166,8 @@ def test_a_kept_function_is_loaded_without_what_only_compiling_needs(squares):
 def test_beside_a_kept_function_others_are_compiled(squares):
     assert squares("float64", "int64") == ["[1.0, 4.0, 9.0] False False", "[1, 4, 9] True True"]
     assert squares("int64", "float64") == ["[1, 4, 9] False False", "[1.0, 4.0, 9.0] False False"]
+
+
+def test_a_numba_whose_cache_is_another_is_left_as_it_is():
+    assert jit._loading_little(twice) is twice
+    assert not hasattr(twice, "load_overload")
