@@ -18,7 +18,6 @@ from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
-from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.soft_friction import SOFT
@@ -164,7 +163,10 @@ def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda 
     progress("comparing rivals")
     judgement, shown = judged(explanation, progress)
     progress("looking for a law of what is left")
-    judgement = with_law(judgement, shown)
+    if judgement.unexplained.structured:
+        from identification.diagnosis.law.find_law import with_law  # a dozen modules, which few runs need
+
+        judgement = with_law(judgement, shown)
     progress("simulating")
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))

@@ -13,7 +13,7 @@ from types import ModuleType
 
 # Between two rounds of the cyclic garbage collector, of which Python has 700 by default: while half a million objects
 # of libraries load, rounds that find nothing are a tenth of the time. Arrays go with their last name, without it.
-_NEW_OBJECTS = 100_000
+_NEW_OBJECTS = 1_000_000
 # SciPy asks NumPy for all its parts by name when it loads, and no command uses these.
 _UNUSED = {"numpy.f2py", "numpy.testing"}
 

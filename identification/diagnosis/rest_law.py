@@ -7,21 +7,6 @@ from dataclasses import dataclass, field
 Pair = tuple[float, float]
 
 
-def frequency_of(name: str) -> str:
-    """Name of the frequency as an input: the answer to an input has a gain and a phase that change with it."""
-    return f"freq({name})"
-
-
-def is_frequency(name: str) -> bool:
-    """True for the name of a frequency."""
-    return name.startswith("freq(") and name.endswith(")")
-
-
-def base_of(name: str) -> str:
-    """The input whose frequency a name says; any other name as it is."""
-    return name[len("freq(") : -1] if is_frequency(name) else name
-
-
 @dataclass(frozen=True)
 class Law:
     """The shortest formula that predicts what is left on one joint: the contract's ``unexplained.law``.

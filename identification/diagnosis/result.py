@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.diagnosis.rest_law import Dependence, Law
-from identification.geometry.result import GeometryResult
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
+
+if TYPE_CHECKING:
+    from identification.diagnosis.rest_law import Dependence, Law
+    from identification.geometry.result import GeometryResult
 
 Array = np.ndarray
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
 import numpy as np
@@ -13,10 +14,12 @@ from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, Unexplained
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
-from identification.geometry.result import GeometryResult
 from identification.geometry.terms import ZERO
 from phantom_dyn import __version__
 from phantom_dyn.model.robot import Robot
+
+if TYPE_CHECKING:
+    from identification.geometry.result import GeometryResult
 
 _AGREE = 3.0  # standard deviations within which two estimates of a zero are the same
 

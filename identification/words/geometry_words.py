@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
-from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import sureness
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 from identification.words.verdict_words import headline
+
+if TYPE_CHECKING:
+    from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
 
 _SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 _SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from identification.diagnosis.rest_law import Dependence, Law, base_of, is_frequency
+from typing import TYPE_CHECKING
+
+from identification.diagnosis.input_names import base_of, is_frequency
 from identification.diagnosis.result import Unexplained
 from identification.words.diagnosis_words import joined, place, share_words
 from identification.words.numbers_and_names import number, percent
+
+if TYPE_CHECKING:
+    from identification.diagnosis.rest_law import Dependence, Law
 
 _KINDS = {
     "q": "the position",

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.input_names import base_of, frequency_of
 from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.responses import delayed, resonator
 from identification.diagnosis.law.rest import Rest, RestLog
-from identification.diagnosis.rest_law import base_of, frequency_of
 from phantom_dyn.array_types import Float
 from phantom_dyn.signals.recursive import lagging
 

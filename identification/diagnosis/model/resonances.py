@@ -37,7 +37,7 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
 
 def _stiffness(log: Log, joint: str) -> float | None:
     """Stiffness of one transmission, None where the recording does not show it."""
-    from identification.experiments.transmission import joint_response
+    from identification.experiments.transmission_resonance import joint_response
 
     try:
         response = joint_response(log, joint)

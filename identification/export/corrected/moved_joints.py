@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,11 +16,13 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.pins import around, loops_of
-from identification.geometry.result import GeometryResult
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
+
+if TYPE_CHECKING:
+    from identification.geometry.result import GeometryResult
 
 Array = np.ndarray
 

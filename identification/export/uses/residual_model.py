@@ -7,15 +7,18 @@ import io
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identification.csv_cells import text_cell
-from identification.diagnosis.rest_law import ResidualModel, base_of
+from identification.diagnosis.input_names import base_of
 from identification.diagnosis.result import Diagnosis
 from identification.words.numbers_and_names import number, percent
 from phantom_dyn import __version__
+
+if TYPE_CHECKING:
+    from identification.diagnosis.rest_law import ResidualModel
 
 _PLACES = 41  # of the table over one input, of its two directions over a velocity
 _AXES = 2  # inputs of the table; others are in the middle of their range

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
-from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import geometry_words as words
 from identification.words.diagnosis_words import sureness
 from identification.words.numbers_and_names import percent
+
+if TYPE_CHECKING:
+    from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 
 Row = tuple[str, ...]
 _SOME = 400  # poses of a curve: more make the page large and the curve no clearer

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
-from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, base_of
+from identification.diagnosis.input_names import base_of
 from identification.diagnosis.result import Unexplained
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve, Ribbon
 from identification.words.diagnosis_words import capital
 from identification.words.law_words import dependence_sentences, input_words, inputs_words
 from identification.words.numbers_and_names import number, percent
+
+if TYPE_CHECKING:
+    from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law
 
 _ROWS = 8  # inputs and pairs that are shown
 

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.rest_law import Dependence
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
@@ -37,10 +37,13 @@ from identification.files import (
     require_writable_folder,
     temporary_beside,
 )
-from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import looks_like_robot
+
+if TYPE_CHECKING:
+    from identification.diagnosis.rest_law import Dependence
+    from identification.geometry.result import GeometryResult
 
 SCHEMA = "gap-diagnosis/2"
 
@@ -53,6 +56,7 @@ MODELS = (*ALWAYS, *OPTIONAL)
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
     """The content of ``diagnosis.json``: plain types, nothing rounded, null where a number is not finite."""
+    frames, in_poses, geometry = ({}, [], {}) if diagnosis.geometry is None else _of_poses(diagnosis.geometry)
     return {
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
@@ -60,8 +64,8 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "gap": _plain(asdict(diagnosis.gap)),
         "joints": [_plain(asdict(joint)) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
-        **({} if diagnosis.geometry is None else {"frames": _plain(frames_json(diagnosis.geometry))}),
-        "findings": [*(_finding(finding) for finding in diagnosis.findings), *_poses(diagnosis)],
+        **frames,
+        "findings": [*(_finding(finding) for finding in diagnosis.findings), *in_poses],
         "minor": [_finding(finding) for finding in diagnosis.minor],
         "adjusted": [_adjusted(adjusted) for adjusted in diagnosis.adjusted],
         "unexplained": _unexplained(diagnosis.unexplained),
@@ -72,13 +76,16 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "rollout": _plain(diagnosis.rollout),
         "seconds": _plain(diagnosis.seconds),
         "version": diagnosis.version,
-        **({} if diagnosis.geometry is None else {"geometry": _plain(geometry_json(diagnosis.geometry))}),
+        **geometry,
     }
 
 
-def _poses(diagnosis: Diagnosis) -> list[Json]:
-    """Findings in poses, behind those in torque; their shares are of the gap of the frames."""
-    return [] if diagnosis.geometry is None else [_plain(one) for one in findings_json(diagnosis.geometry.findings)]
+def _of_poses(found: GeometryResult) -> tuple[dict[str, Json], list[Json], dict[str, Json]]:
+    """What poses add: the gap of each frame, findings behind those in torque (shares of that gap), and evidence."""
+    from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
+
+    findings = [_plain(one) for one in findings_json(found.findings)]
+    return {"frames": _plain(frames_json(found))}, findings, {"geometry": _plain(geometry_json(found))}
 
 
 def json_text(diagnosis: Diagnosis) -> str:

@@ -20,7 +20,7 @@ from phantom_dyn.array_types import Complex, Float
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
-from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

@@ -26,8 +26,8 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse
 from phantom_dyn.haptics.experiments.relay import held_forces
-from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse
 from phantom_dyn.haptics.number_checks import (
     require_columns,
     require_not_negative,

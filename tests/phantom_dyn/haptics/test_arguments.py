@@ -15,8 +15,9 @@ from phantom_dyn.haptics.cheap.cheap_hardware import felt, phantom_tip_force, re
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, masses_from_resonance
 from phantom_dyn.haptics.device.drives import warming
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.experiments.frequency_response import estimate_frequency_response
 from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.white_noise import estimate_frequency_response, simulate_white_noise
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.haptics.number_checks import require_columns, require_whole, sample_count
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, simulate_loop

@@ -9,7 +9,8 @@ from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.device.published import LHIFAM, phantom_1_0
 from phantom_dyn.haptics.experiments.frequency_identification import NAMES, fit_two_mass, fit_two_mass_of_instants
-from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse, simulate_white_noise
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 
 T = 1e-3
 BAND = 2 * np.pi * 300

@@ -8,7 +8,8 @@ import pytest
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.device.published import LHIFAM
-from phantom_dyn.haptics.experiments.white_noise import estimate_frequency_response, simulate_white_noise
+from phantom_dyn.haptics.experiments.frequency_response import estimate_frequency_response
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 
 T = 1e-3
 

@@ -1,0 +1,82 @@
+"""Stiffness of a transmission from a resonance in a recording.
+
+Drive torque and motor position of one joint give an empirical transfer function, to which motor and link
+inertia, transmission stiffness and damping of a two-mass model are fitted. Its stiffness is that of the effect
+``transmission_compliance``, seen directly instead of through the model of the links. Wanted: a rich torque (noise, a
+chirp) up to well above the resonance while the other joints hold still, and an encoder on the motor. Dry friction and
+cogging lower the coherence; a joint that moves far changes its inertia with its posture, which a linear model cannot
+follow.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identification.data.log import Log
+from phantom_dyn.errors import LogError, RobotError
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
+
+if TYPE_CHECKING:
+    from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit
+
+# A torque "at an instant" is known to a per cent up to this share of the rate.
+_HIGHEST = 0.2
+# Segments of a recording: as many as this at least, each this long at most [s].
+_SEGMENTS = 12
+_LONGEST = 8.0
+
+
+def joint_response(log: Log, joint: str, *, segment: float | None = None) -> FrequencyResponse:
+    """Empirical transfer function of one joint, torque to position, up to a fifth of the sampling rate.
+
+    Args:
+        log: A recording in which this joint is driven by noise or a chirp.
+        joint: Its name.
+        segment: Length of the averaged segments [s]; a twelfth of the longest valid stretch, at most 8 s, by default.
+
+    Raises:
+        RobotError: If the recording has no such joint.
+        LogError: If its longest valid stretch is under 256 samples, or its torque is constant.
+    """
+    if joint not in log.joint_names:
+        raise RobotError(f"{log.file} has no joint {joint!r}: it has {', '.join(log.joint_names)}.")
+    column = log.joint_names.index(joint)
+    stretch = _longest_valid(log)
+    count = stretch.stop - stretch.start
+    if count < 256:
+        raise LogError(f"{log.file}: the longest valid stretch has {count} samples: record 256 or more without a gap.")
+    torque = log.tau[stretch, column]
+    if np.ptp(torque) == 0:
+        raise LogError(f"{log.file}: the torque of {joint} never changes: drive it with noise or a chirp.")
+    t = log.motion.t
+    period = float((t[-1] - t[0]) / (len(t) - 1))
+    position = (log.motion.q if log.raw_q is None else log.raw_q)[stretch, column]
+    length = min(count * period / _SEGMENTS, _LONGEST) if segment is None else segment
+    response = estimate_frequency_response(torque, position, period=period, segment=length)
+    return response.between(0.0, 2 * np.pi * _HIGHEST / period)
+
+
+def transmission_resonance(log: Log, joint: str, *, segment: float | None = None) -> TwoMassFit:
+    """Motor and link inertia, stiffness and dampings of one joint's transmission, with their covariance.
+
+    `TwoMassFit.values` are those of `phantom_dyn.haptics.experiments.frequency_identification.NAMES`; the fifth is
+    the stiffness. Arguments and errors are those of `joint_response`.
+
+    Raises:
+        EstimationError: If the recording shows no vibration, or no two-mass model fits it.
+    """
+    from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
+
+    return fit_two_mass_of_instants(joint_response(log, joint, segment=segment))
+
+
+def _longest_valid(log: Log) -> slice:
+    """The longest run of samples that may be used."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]).astype(int)))
+    if len(edges) == 0:
+        return slice(0, 0)
+    starts, stops = edges[::2], edges[1::2]
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]))
