@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from functools import cache
-from itertools import combinations
-from math import factorial
 
 import numpy as np
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.shapley import shapley_values
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.bootstrap_wins import block_counts
@@ -21,9 +19,6 @@ from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-_EXACT = 12  # findings: beyond, their orders are sampled
-_FEWEST, _MOST = 4, 100  # pairs of an order and its reverse
-_KNOWN = 0.005  # of the gap: standard error of a share at which no more orders are drawn
 _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
@@ -89,48 +84,3 @@ def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term,
         return float((base - left(chosen).loss(judge.floor, once)[0]) / gap)
 
     return shapley_values(ordered(named), closed)
-
-
-def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
-    """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
-
-    Exact to twelve players. Beyond, the mean over random orders and their reverses, as many as it takes to know each
-    value to half a percent: what acts on different joints hardly depends on the order.
-    """
-    count = len(players)
-    if count > _EXACT:
-        return _sampled(players, worth)
-    out = dict.fromkeys(players, 0.0)
-    for player in players:
-        others = [other for other in players if other is not player]
-        for size in range(count):
-            weight = factorial(size) * factorial(count - size - 1) / factorial(count)
-            for before in _sets(others, size):
-                out[player] += weight * (worth(before | {player}) - worth(before))
-    return out
-
-
-def _sets(players: Iterable[Term], size: int) -> Iterable[frozenset[Term]]:
-    return (frozenset(some) for some in combinations(players, size))
-
-
-def _sampled(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
-    rng = random_stream("orders of findings")
-    added: list[Float[Array, " k"]] = []
-    for pairs in range(1, _MOST + 1):
-        order = rng.permutation(len(players)).tolist()
-        added.append(0.5 * (_added(players, order, worth) + _added(players, order[::-1], worth)))
-        if pairs >= _FEWEST and np.std(added, axis=0, ddof=1).max() <= _KNOWN * np.sqrt(pairs):
-            break
-    return dict(zip(players, np.mean(added, axis=0).tolist(), strict=True))
-
-
-def _added(
-    players: tuple[Term, ...], order: list[int], worth: Callable[[frozenset[Term]], float]
-) -> Float[Array, " k"]:
-    """What each player adds to those before it."""
-    out, before = np.zeros(len(players)), frozenset[Term]()
-    for k in order:
-        out[k] = worth(before | {players[k]}) - worth(before)
-        before |= {players[k]}
-    return out

@@ -2,9 +2,10 @@ from __future__ import annotations
 
 from itertools import combinations
 
+import numpy as np
 import pytest
 
-from identification.diagnosis.judge.shares import shapley_values
+from identification.diagnosis.judge.shapley import shapley_values
 
 
 def test_what_two_explain_only_together_is_shared_alike():
@@ -48,6 +49,35 @@ def test_what_does_not_depend_on_the_order_is_not_asked_often():
 
     assert shapley_values(tuple(range(1, 19)), worth) == pytest.approx({k: float(k) for k in range(1, 19)})
     assert len(asked) <= 8 * 18 + 1
+
+
+@pytest.fixture(scope="module")
+def alliances() -> tuple[dict[frozenset, float], dict[int, float]]:
+    """A game of sixteen, worth one in all: what some sets add where they are complete, and each player's share.
+
+    Closed form: what a set adds is shared alike among its members.
+    """
+    rng = np.random.default_rng(7)
+    sets = [frozenset(rng.permutation(12)[: rng.integers(2, 6)].tolist()) for _ in range(30)]
+    adds = {some: float(size) for some, size in zip(sets, rng.uniform(-0.5, 1.0, len(sets)), strict=True)}
+    adds |= {frozenset([k]): 0.1 for k in range(12, 16)}
+    adds = {some: size / sum(adds.values()) for some, size in adds.items()}
+    return adds, {k: sum(size / len(some) for some, size in adds.items() if k in some) for k in range(16)}
+
+
+def test_where_the_order_matters_shares_are_known_to_half_a_percent(alliances):
+    # Closed form; four deviations of half a percent are allowed.
+    adds, shares = alliances
+    found = shapley_values(tuple(range(16)), lambda some: sum(size for one, size in adds.items() if one <= some))
+    assert found == pytest.approx(shares, abs=0.02)
+    assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_a_share_that_no_order_changes_is_exact_where_others_depend_on_it(alliances):
+    # Closed form: the last four players add the same to any others.
+    adds, shares = alliances
+    found = shapley_values(tuple(range(16)), lambda some: sum(size for one, size in adds.items() if one <= some))
+    assert [found[k] for k in range(12, 16)] == pytest.approx([shares[k] for k in range(12, 16)])
 
 
 def test_nobody_has_no_shares():
