@@ -17,16 +17,16 @@ Array = np.ndarray
 _EXACT = 12  # players: beyond, orders and sets are sampled
 _ORDERS = 4  # pairs of an order and its reverse
 _KNOWN = 0.005  # of the worth of all: standard error of a value at which no more is drawn
-_KNOWN_BY_ORDERS = 0.0025  # the same, where four pairs say how far they scatter
+_KNOWN_BY_ORDERS = 0.0025  # the same of one that keeps the mean over the orders beside others that do not
 _MOST = 100  # pairs of sets a player
 
 
 def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
     """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
 
-    Exact to twelve players. Beyond, the mean over four random orders and their reverses, which is enough where the
-    order hardly matters. Values that scatter over these come from a regression on random sets, as many as it takes to
-    know them to half a percent.
+    Exact to twelve players. Beyond, the mean over four random orders and their reverses, where that is known to half a
+    percent: what acts on different joints hardly depends on the order. Elsewhere values that scatter over these orders
+    come from a regression on random sets, as many as it takes to know them to half a percent.
 
     Args:
         players: All of them.
@@ -52,11 +52,12 @@ def _sets(players: Iterable[Term], size: int) -> Iterable[frozenset[Term]]:
 def _sampled(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> Float[Array, " k"]:
     rng = random_stream("orders of findings")
     orders = [rng.permutation(len(players)) for _ in range(_ORDERS)]
-    added = [0.5 * (_added(players, order, worth) + _added(players, order[::-1], worth)) for order in orders]
-    values = np.mean(added, axis=0)
-    uncertain = np.std(added, axis=0, ddof=1) > _KNOWN_BY_ORDERS * np.sqrt(_ORDERS)
-    # One value alone is what the others leave of the sum.
-    if np.count_nonzero(uncertain) > 1:
+    there, back = ([_added(players, order[::way], worth) for order in orders] for way in (1, -1))
+    pairs = 0.5 * np.add(there, back)
+    values = pairs.mean(axis=0)
+    if np.std(pairs, axis=0, ddof=1).max() > _KNOWN * np.sqrt(_ORDERS):
+        every = np.concatenate([there, back])
+        uncertain = np.std(every, axis=0, ddof=1) > _KNOWN_BY_ORDERS * np.sqrt(len(every))
         values[uncertain] = _regressed(players, worth, values, uncertain)
     return values
 

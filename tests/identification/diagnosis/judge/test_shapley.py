@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from itertools import combinations
 
-import numpy as np
 import pytest
 
 from identification.diagnosis.judge.shapley import shapley_values
@@ -53,15 +52,13 @@ def test_what_does_not_depend_on_the_order_is_not_asked_often():
 
 @pytest.fixture(scope="module")
 def alliances() -> tuple[dict[frozenset, float], dict[int, float]]:
-    """A game of sixteen, worth one in all: what some sets add where they are complete, and each player's share.
+    """A game of sixteen, worth one in all, and each one's share: pairs add where they are complete, and so do fives.
 
     Closed form: what a set adds is shared alike among its members.
     """
-    rng = np.random.default_rng(7)
-    sets = [frozenset(rng.permutation(12)[: rng.integers(2, 6)].tolist()) for _ in range(30)]
-    adds = {some: float(size) for some, size in zip(sets, rng.uniform(-0.5, 1.0, len(sets)), strict=True)}
-    adds |= {frozenset([k]): 0.1 for k in range(12, 16)}
-    adds = {some: size / sum(adds.values()) for some, size in adds.items()}
+    adds = {frozenset(some): 0.4 / 15 for some in combinations(range(6), 2)}
+    adds |= {frozenset(some): 0.4 / 6 for some in combinations(range(6, 12), 5)}
+    adds |= {frozenset([k]): 0.05 for k in range(12, 16)}
     return adds, {k: sum(size / len(some) for some, size in adds.items() if k in some) for k in range(16)}
 
 
@@ -70,6 +67,8 @@ def test_where_the_order_matters_shares_are_known_to_half_a_percent(alliances):
     adds, shares = alliances
     found = shapley_values(tuple(range(16)), lambda some: sum(size for one, size in adds.items() if one <= some))
     assert found == pytest.approx(shares, abs=0.02)
+    # Errors of six shares together: two deviations of half a percent times the root of six.
+    assert sum(found[k] for k in range(6)) == pytest.approx(0.4, abs=0.025)
     assert sum(found.values()) == pytest.approx(1.0)
 
 
