@@ -11,8 +11,8 @@ Array = np.ndarray
 
 # Below what any of these products is known to; it keeps exact twins solvable.
 _TWINS = 1e-12
-# Sweeps in all, and those in which all wrong multipliers are released at once.
-_SWEEPS, _AT_ONCE = 72, 12
+# Sweeps in which all bounds are exchanged at once, and steps at most of which each lowers the loss.
+_AT_ONCE, _STEPS = 10, 400
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
 # Rows that are taken out of all others at once.
@@ -48,8 +48,8 @@ def bounded_solve(
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
 
     First all violated bounds are taken in and all wrong multipliers released at once, sweep by sweep (the primal-dual
-    active set method of Hintermueller, Ito and Kunisch, 2002), which takes three to five sweeps. Where that does not
-    settle, multipliers are released one by one, which always does.
+    active set method of Hintermueller, Ito and Kunisch, 2002), which takes three to five sweeps. Where that goes in
+    circles, only steps are taken that lower the loss, which no step can go back.
 
     Args:
         a: Quadratic part.
@@ -81,7 +81,7 @@ def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) ->
     out = np.empty((max(len(less_a), 1), k))
     a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
     # Two matrices and some vectors to work in: compiling the allocation of each takes longer than compiling a loop.
-    room = np.empty((2, k, k)), np.empty((6, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
+    room = np.empty((2, k, k)), np.empty((8, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
     _minima(a, b, less_a, less_b, ends, out, room)
     return out
 
@@ -120,35 +120,105 @@ def _minima(
             for j in range(k):
                 matrices[0, i, j] = a[i, j] - less_a[part, i, j] if len(less_a) else a[i, j]
             fixed[i] = near[i] <= lower[i] or near[i] >= upper[i]
-            x[i] = near[i] if fixed[i] else 0.0
-        for sweep in range(_SWEEPS + 1):
+            x[i] = near[i]
+        settled = False
+        for _ in range(_AT_ONCE):
+            for i in range(k):
+                x[i] = x[i] if fixed[i] else 0.0
             _free_minimum(matrices, right, fixed, x, vectors, free)
             _slope(matrices, right, x, gradient)
-            left, released, worst, largest = 0, 0, 0, -1.0
+            wrong = 0
             for i in range(k):
                 outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
-                pulls = fixed[i] and (
-                    (x[i] <= lower[i] and gradient[i] < -_WRONG) or (x[i] >= upper[i] and gradient[i] > _WRONG)
-                )
-                left += outside[i]
-                released += pulls
-                size = abs(gradient[i]) if pulls else -1.0
-                if size > largest:
-                    worst, largest = i, size
-                if pulls and sweep < _AT_ONCE:
+                if fixed[i] and _pulls_inside(x[i], gradient[i], lower[i], upper[i]):
                     fixed[i] = False
-            if left + released == 0 or sweep == _SWEEPS:
+                    wrong += 1
+                wrong += outside[i]
+            settled = wrong == 0
+            if settled:
                 break
-            if sweep >= _AT_ONCE and left == 0:
-                fixed[worst] = False
             for i in range(k):
                 if outside[i]:
                     fixed[i] = True
                     x[i] = lower[i] if x[i] < lower[i] else upper[i]
-                elif not fixed[i]:
-                    x[i] = 0.0
+        if not settled:
+            _descend(matrices, right, lower, upper, fixed, vectors, free)
         for i in range(k):
             out[part, i] = min(max(x[i], lower[i]), upper[i])
+
+
+@inlined
+def _pulls_inside(x: float, slope: float, lower: float, upper: float) -> bool:
+    """True if the loss falls from a bound inwards."""
+    return (x <= lower and slope < -_WRONG) or (x >= upper and slope > _WRONG)
+
+
+@fused
+def _descend(
+    matrices: Array, right: Array, lower: Array, upper: Array, fixed: Array, vectors: Array, free: Array
+) -> None:
+    """Make the third vector the minimum within bounds, from a point between them; the loss falls from step to step."""
+    k = len(right)
+    gradient, x, trial, end = vectors[1], vectors[2], vectors[6], vectors[7]
+    least, last, worst = _loss(matrices, right, x, gradient), np.inf, -1
+    for _ in range(_STEPS):
+        for i in range(k):
+            trial[i] = x[i] if fixed[i] else 0.0
+        _free_minimum(matrices, right, fixed, trial, vectors, free)
+        left = 0
+        for i in range(k):
+            end[i] = trial[i] if fixed[i] else min(max(trial[i], lower[i]), upper[i])
+            left += end[i] != trial[i]
+        reached = _loss(matrices, right, end, gradient)
+        if left == 0:
+            # The least between the bounds that are held: release all that pull inside.
+            for i in range(k):
+                x[i] = end[i]
+            least = reached
+            if least >= last:
+                break  # by rounding
+            last, worst, largest = least, -1, 0.0
+            for i in range(k):
+                if fixed[i] and _pulls_inside(x[i], gradient[i], lower[i], upper[i]):
+                    fixed[i] = False
+                    gain = gradient[i] * gradient[i] / max(matrices[0, i, i], 1e-300)
+                    if gain > largest:
+                        worst, largest = i, gain
+            if worst < 0:
+                break
+        elif reached < least:
+            for i in range(k):
+                fixed[i] = fixed[i] or end[i] != trial[i]
+                x[i] = end[i]
+            least, worst = reached, -1
+        elif worst >= 0:
+            # They lead astray together: release the one that pulls most.
+            for i in range(k):
+                fixed[i] = i != worst and (x[i] <= lower[i] or x[i] >= upper[i])
+            worst = -1
+        else:
+            # All bounds at once lead astray: go to the first.
+            share, first = 1.0, -1
+            for i in range(k):
+                if end[i] != trial[i]:
+                    own = (end[i] - x[i]) / (trial[i] - x[i])
+                    if own <= share:
+                        share, first = own, i
+            for i in range(k):
+                if not fixed[i]:
+                    x[i] = min(max(x[i] + share * (trial[i] - x[i]), lower[i]), upper[i])
+            x[first], fixed[first] = end[first], True
+            least = _loss(matrices, right, x, gradient)
+
+
+@inlined
+def _loss(matrices: Array, b: Array, x: Array, slope: Array) -> float:
+    """``x a x / 2 - b x``, and the slope of it filled in."""
+    _slope(matrices, b, x, slope)
+    total = 0.0
+    for i in range(len(x)):
+        total += 0.5 * x[i] * (slope[i] - b[i])
+    return total
 
 
 @inlined

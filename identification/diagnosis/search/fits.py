@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import cached_property
 
@@ -21,6 +22,8 @@ Chosen = frozenset[Term]
 
 # Moves of the model from which on fits are computed from the nearest one: of few, each is made as quickly by itself.
 _MANY_MOVES = 120
+# Of fewer moves: the last sets that were fitted, among which is one that differs little from the next.
+_RECENT = 40
 
 
 class Fits:
@@ -39,6 +42,7 @@ class Fits:
         self._in_sample: dict[Chosen, float] = {}
         self._points: dict[Chosen, Point] = {}
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
+        self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
 
     def held_out(self, chosen: Chosen) -> Fitted:
         """Fit of a set on all blocks, and once without each fold."""
@@ -120,15 +124,19 @@ class Fits:
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
         if found.point.moved:
             self._points[chosen] = found.point
+        self._recent.append((chosen, found))
         return found
 
     def _beginning(self, chosen: Chosen) -> Near:
-        """Where a fit begins: of many moves at the bounds that bind without the laws that are not linear."""
-        if self._near is None:
+        """Where a fit begins: at the bounds that bind in a similar one, as most do in both."""
+        if self._near is not None:
+            others = ordered(term for term in chosen if _linear(frozenset([term])))
+            similar = self._near.fit(active_columns(self.problem, others), held_out=False)
+        elif self._recent:
+            _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
+        else:
             return self._start
-        others = ordered(term for term in chosen if _linear(frozenset([term])))
-        found = self._near.fit(active_columns(self.problem, others), held_out=False)
-        return Near(Near.nothing(self.problem).after(found, ()).theta, self._start.payload)
+        return Near(Near.nothing(self.problem).after(similar, ()).theta, self._start.payload)
 
     @cached_property
     def _start(self) -> Near:

@@ -1,4 +1,4 @@
-"""Minima within bounds, compiled: against the same in plain NumPy and LAPACK, and the same without a start."""
+"""Minima within bounds, compiled: against plain NumPy and LAPACK, and by the conditions of a minimum."""
 
 from __future__ import annotations
 
@@ -23,6 +23,22 @@ def test_the_compiled_minimum_is_that_of_lapack(problem, monkeypatch):
     monkeypatch.setattr(bounded, "_minima", getattr(bounded._minima, "py_func", bounded._minima))
     monkeypatch.setattr(bounded, "_free_minimum", bounded._free_minimum_plain)
     np.testing.assert_allclose(compiled, bounded_solve(*problem), rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_unknown_lowers_the_loss_where_unknowns_are_nearly_alike(seed):
+    # Oracle: the conditions of a minimum. Exchanging all bounds at once goes in circles in many of these.
+    rng = np.random.default_rng(seed)
+    size = 60
+    x = rng.normal(size=(80, 12)) @ rng.normal(size=(12, size)) + 1e-2 * rng.normal(size=(80, size))
+    a, b = x.T @ x, x.T @ (30.0 * rng.normal(size=80))
+    lower, upper = -rng.random(size), rng.random(size)
+    start = np.where(rng.random(size) < 0.4, lower, np.where(rng.random(size) < 0.5, upper, np.nan))
+    found = bounded_solve(a, b, lower, upper, start)
+    slope, square = a @ found - b, np.diag(a)
+    step = np.clip(found - slope / square, lower, upper) - found
+    assert ((found >= lower) & (found <= upper)).all()
+    assert -(slope * step + 0.5 * square * step**2).min() < 1e-9 * abs(found @ (slope - b))
 
 
 def test_where_a_minimum_starts_does_not_change_it(problem, rng):
