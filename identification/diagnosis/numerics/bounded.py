@@ -177,13 +177,7 @@ def _descend(
             least = reached
             if least >= last:
                 break  # by rounding
-            last, worst, largest = least, -1, 0.0
-            for i in range(k):
-                if fixed[i] and _pulls_inside(x[i], gradient[i], lower[i], upper[i]):
-                    fixed[i] = False
-                    gain = gradient[i] * gradient[i] / max(matrices[0, i, i], 1e-300)
-                    if gain > largest:
-                        worst, largest = i, gain
+            last, worst = least, _release(matrices, gradient, x, lower, upper, fixed)
             if worst < 0:
                 break
         elif reached < least:
@@ -197,18 +191,37 @@ def _descend(
                 fixed[i] = i != worst and (x[i] <= lower[i] or x[i] >= upper[i])
             worst = -1
         else:
-            # All bounds at once lead astray: go to the first.
-            share, first = 1.0, -1
-            for i in range(k):
-                if end[i] != trial[i]:
-                    own = (end[i] - x[i]) / (trial[i] - x[i])
-                    if own <= share:
-                        share, first = own, i
-            for i in range(k):
-                if not fixed[i]:
-                    x[i] = min(max(x[i] + share * (trial[i] - x[i]), lower[i]), upper[i])
-            x[first], fixed[first] = end[first], True
+            # All bounds at once lead astray.
+            _go_to_first_bound(x, trial, end, lower, upper, fixed)
             least = _loss(matrices, right, x, gradient)
+
+
+@inlined
+def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array, fixed: Array) -> int:
+    """Let go of all that pull inside; the one that lowers the loss most by itself, -1 if there is none."""
+    worst, largest = -1, 0.0
+    for i in range(len(x)):
+        if fixed[i] and _pulls_inside(x[i], slope[i], lower[i], upper[i]):
+            fixed[i] = False
+            gain = slope[i] * slope[i] / max(matrices[0, i, i], 1e-300)
+            if gain > largest:
+                worst, largest = i, gain
+    return worst
+
+
+@inlined
+def _go_to_first_bound(x: Array, to: Array, end: Array, lower: Array, upper: Array, fixed: Array) -> None:
+    """Move straight towards a point, ``end`` within bounds, until an unknown is at its bound, and hold that one."""
+    share, first = 1.0, -1
+    for i in range(len(x)):
+        if end[i] != to[i]:
+            own = (end[i] - x[i]) / (to[i] - x[i])
+            if own <= share:
+                share, first = own, i
+    for i in range(len(x)):
+        if not fixed[i]:
+            x[i] = min(max(x[i] + share * (to[i] - x[i]), lower[i]), upper[i])
+    x[first], fixed[first] = end[first], True
 
 
 @inlined
