@@ -11,8 +11,8 @@ Array = np.ndarray
 
 # Below what any of these products is known to; it keeps exact twins solvable.
 _TWINS = 1e-12
-# Sweeps in which all bounds are exchanged at once, and steps at most of which each lowers the loss.
-_AT_ONCE, _STEPS = 10, 400
+# Steps in which all bounds are exchanged at once, and steps at most behind them, of which each lowers the loss.
+_AT_ONCE, _DESCENDING = 10, 400
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
 # Rows that are taken out of all others at once.
@@ -113,114 +113,92 @@ def _minima(
     matrices, vectors, flags, free = room
     lower, upper, near = ends[0], ends[1], ends[2]
     fixed, outside = flags[0], flags[1]
-    right, gradient, x = vectors[0], vectors[1], vectors[2]
+    right, x, trial, end, gradient = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     for part in range(len(out)):
         for i in range(k):
             right[i] = b[i] - less_b[part, i] if len(less_b) else b[i]
             for j in range(k):
                 matrices[0, i, j] = a[i, j] - less_a[part, i, j] if len(less_a) else a[i, j]
-            fixed[i] = near[i] <= lower[i] or near[i] >= upper[i]
-            x[i] = near[i]
-        settled = False
-        for _ in range(_AT_ONCE):
+            x[i], fixed[i] = near[i], near[i] <= lower[i] or near[i] >= upper[i]
+        # While the loss has to fall: where it is now, and where it was when bounds were last released, one of which
+        # pulled most.
+        least, last, most = np.inf, np.inf, -1
+        for step in range(_AT_ONCE + _DESCENDING):
+            descending = step >= _AT_ONCE
             for i in range(k):
-                x[i] = x[i] if fixed[i] else 0.0
-            _free_minimum(matrices, right, fixed, x, vectors, free)
-            _slope(matrices, right, x, gradient)
-            wrong = 0
-            for i in range(k):
-                outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
-                if fixed[i] and _pulls_inside(x[i], gradient[i], lower[i], upper[i]):
-                    fixed[i] = False
-                    wrong += 1
-                wrong += outside[i]
-            settled = wrong == 0
-            if settled:
+                trial[i] = x[i] if fixed[i] else 0.0
+            _free_minimum(matrices, right, fixed, trial, vectors, free)
+            left = _brought_back(trial, lower, upper, fixed, outside, end)
+            reached = _loss(matrices, right, end if descending else trial, gradient)
+            if descending and left:
+                if reached < least:
+                    _hold(outside, end, fixed, x)
+                    least, most = reached, -1
+                elif most >= 0:
+                    # What was released leads astray together: release what pulls most.
+                    for i in range(k):
+                        fixed[i] = i != most and (x[i] <= lower[i] or x[i] >= upper[i])
+                    most = -1
+                else:
+                    _go_to_first_bound(outside, trial, end, fixed, x)
+                continue
+            settled = descending and reached >= last  # but for rounding
+            most = _release(matrices, gradient, trial, lower, upper, fixed)
+            _hold(outside, end, fixed, x)
+            if left == 0 and (settled or most < 0):
                 break
-            for i in range(k):
-                if outside[i]:
-                    fixed[i] = True
-                    x[i] = lower[i] if x[i] < lower[i] else upper[i]
-        if not settled:
-            _descend(matrices, right, lower, upper, fixed, vectors, free)
+            if descending:
+                least, last = reached, reached
         for i in range(k):
             out[part, i] = min(max(x[i], lower[i]), upper[i])
 
 
 @inlined
-def _pulls_inside(x: float, slope: float, lower: float, upper: float) -> bool:
-    """True if the loss falls from a bound inwards."""
-    return (x <= lower and slope < -_WRONG) or (x >= upper and slope > _WRONG)
+def _brought_back(x: Array, lower: Array, upper: Array, fixed: Array, outside: Array, out: Array) -> int:
+    """Fill in a point with what has left its bounds at them; how many have."""
+    count = 0
+    for i in range(len(x)):
+        outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
+        out[i] = min(max(x[i], lower[i]), upper[i]) if outside[i] else x[i]
+        count += outside[i]
+    return count
 
 
-@fused
-def _descend(
-    matrices: Array, right: Array, lower: Array, upper: Array, fixed: Array, vectors: Array, free: Array
-) -> None:
-    """Make the third vector the minimum within bounds, from a point between them; the loss falls from step to step."""
-    k = len(right)
-    gradient, x, trial, end = vectors[1], vectors[2], vectors[6], vectors[7]
-    least, last, worst = _loss(matrices, right, x, gradient), np.inf, -1
-    for _ in range(_STEPS):
-        for i in range(k):
-            trial[i] = x[i] if fixed[i] else 0.0
-        _free_minimum(matrices, right, fixed, trial, vectors, free)
-        left = 0
-        for i in range(k):
-            end[i] = trial[i] if fixed[i] else min(max(trial[i], lower[i]), upper[i])
-            left += end[i] != trial[i]
-        reached = _loss(matrices, right, end, gradient)
-        if left == 0:
-            # The least between the bounds that are held: release all that pull inside.
-            for i in range(k):
-                x[i] = end[i]
-            least = reached
-            if least >= last:
-                break  # by rounding
-            last, worst = least, _release(matrices, gradient, x, lower, upper, fixed)
-            if worst < 0:
-                break
-        elif reached < least:
-            for i in range(k):
-                fixed[i] = fixed[i] or end[i] != trial[i]
-                x[i] = end[i]
-            least, worst = reached, -1
-        elif worst >= 0:
-            # They lead astray together: release the one that pulls most.
-            for i in range(k):
-                fixed[i] = i != worst and (x[i] <= lower[i] or x[i] >= upper[i])
-            worst = -1
-        else:
-            # All bounds at once lead astray.
-            _go_to_first_bound(x, trial, end, lower, upper, fixed)
-            least = _loss(matrices, right, x, gradient)
+@inlined
+def _hold(outside: Array, end: Array, fixed: Array, x: Array) -> None:
+    """Go to a point, and hold what has left its bounds."""
+    for i in range(len(x)):
+        x[i] = end[i]
+        fixed[i] = fixed[i] or outside[i]
 
 
 @inlined
 def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array, fixed: Array) -> int:
-    """Let go of all that pull inside; the one that lowers the loss most by itself, -1 if there is none."""
-    worst, largest = -1, 0.0
+    """Let go of all that pull inwards; the one that lowers the loss most by itself, -1 if there is none."""
+    most, largest = -1, 0.0
     for i in range(len(x)):
-        if fixed[i] and _pulls_inside(x[i], slope[i], lower[i], upper[i]):
+        inwards = (x[i] <= lower[i] and slope[i] < -_WRONG) or (x[i] >= upper[i] and slope[i] > _WRONG)
+        if fixed[i] and inwards and lower[i] < upper[i]:
             fixed[i] = False
             gain = slope[i] * slope[i] / max(matrices[0, i, i], 1e-300)
             if gain > largest:
-                worst, largest = i, gain
-    return worst
+                most, largest = i, gain
+    return most
 
 
 @inlined
-def _go_to_first_bound(x: Array, to: Array, end: Array, lower: Array, upper: Array, fixed: Array) -> None:
-    """Move straight towards a point, ``end`` within bounds, until an unknown is at its bound, and hold that one."""
+def _go_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: Array) -> None:
+    """Move straight towards a point until the first unknown is at its bound, and hold that one."""
     share, first = 1.0, -1
     for i in range(len(x)):
-        if end[i] != to[i]:
+        if outside[i]:
             own = (end[i] - x[i]) / (to[i] - x[i])
             if own <= share:
                 share, first = own, i
     for i in range(len(x)):
-        if not fixed[i]:
-            x[i] = min(max(x[i] + share * (to[i] - x[i]), lower[i]), upper[i])
+        # What leaves its bounds later is not moved beyond them, whatever rounding does.
+        moved = x[i] + share * (to[i] - x[i])
+        x[i] = moved if not outside[i] or (moved < end[i]) == (x[i] < end[i]) else end[i]
     x[first], fixed[first] = end[first], True
 
 
@@ -256,7 +234,7 @@ def _free_minimum_plain(
 
 def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
     """The same, by ``L D L^T`` without an order of pivots, which a positive definite matrix does not need."""
-    scale, right, moved = vectors[3], vectors[4], vectors[5]
+    scale, right, moved = vectors[5], vectors[6], vectors[7]
     _slope(matrices, b, x, moved)
     # Not a plain zero: a function that is called with one is compiled for it alone, and once more for any number.
     count = np.int64(0)

@@ -33,6 +33,7 @@ def test_no_unknown_lowers_the_loss_where_unknowns_are_nearly_alike(seed):
     x = rng.normal(size=(80, 12)) @ rng.normal(size=(12, size)) + 1e-2 * rng.normal(size=(80, size))
     a, b = x.T @ x, x.T @ (30.0 * rng.normal(size=80))
     lower, upper = -rng.random(size), rng.random(size)
+    lower[:3] = upper[:3]  # no unknown at all
     start = np.where(rng.random(size) < 0.4, lower, np.where(rng.random(size) < 0.5, upper, np.nan))
     found = bounded_solve(a, b, lower, upper, start)
     slope, square = a @ found - b, np.diag(a)
