@@ -1,4 +1,4 @@
-"""Fits of robots with many moves: against those of the same sets on robots with few, each made by itself."""
+"""Fits of sets of effects: each against the same fit made in another way, or by itself."""
 
 from __future__ import annotations
 
@@ -43,6 +43,16 @@ def test_what_a_set_leaves_of_each_row_is_the_same_with_and_without_fits_that_ho
     chosen = frozenset(rough.term(*place) for place in places)
     alone, both = Fits(rough.problem), Fits(rough.problem)
     np.testing.assert_allclose(alone.row_losses(chosen), both.held_out(chosen).row_losses, rtol=1e-9)
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_a_fit_does_not_depend_on_the_fits_before_it(rough, places):
+    chosen = frozenset(rough.term(*place) for place in places)
+    alone, later = Fits(rough.problem), Fits(rough.problem)
+    for term in rough.problem.columns.terms:
+        later.in_sample(frozenset({term}))
+    assert later.in_sample(chosen) == pytest.approx(alone.in_sample(chosen), rel=1e-9)
+    np.testing.assert_allclose(later.held_out(chosen).loss, alone.held_out(chosen).loss, rtol=1e-7)
 
 
 def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
