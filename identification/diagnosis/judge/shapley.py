@@ -26,7 +26,8 @@ def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]],
 
     Exact to twelve players. Beyond, the mean over four random orders and their reverses, where that is known to half a
     percent: what acts on different joints hardly depends on the order. Elsewhere values that scatter over these orders
-    come from a regression on random sets, as many as it takes to know them to half a percent.
+    come from a regression on random sets, as many as it takes to know them to half a percent, up to a hundred pairs of
+    sets a player.
 
     Args:
         players: All of them.
@@ -79,7 +80,7 @@ def _regressed(
     values: Float[Array, " k"],
     unknown: Bool[Array, " k"],
 ) -> Float[Array, " u"]:
-    """Some of the values, where the others are known, with standard errors of half a percent.
+    """Some of the values, where the others are known, from pairs of sets.
 
     Shapley values are the coefficients that fit best, over all sets of players by the weight of their size, what a set
     is worth beyond its complement as the sum of its players' values less those of the others (Lundberg and Lee, "A

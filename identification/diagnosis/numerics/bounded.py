@@ -48,8 +48,8 @@ def bounded_solve(
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
 
     First all violated bounds are taken in and all wrong multipliers released at once, sweep by sweep (the primal-dual
-    active set method of Hintermueller, Ito and Kunisch, 2002), which takes three to five sweeps. Where that goes in
-    circles, only steps are taken that lower the loss, which no step can go back.
+    active set method of Hintermueller, Ito and Kunisch, 2002), which takes few sweeps where it settles. Where it goes
+    in circles, as among near twins, only steps are taken that lower the loss, so that no set of bounds comes twice.
 
     Args:
         a: Quadratic part.
