@@ -18,7 +18,7 @@ from identification.data.joint_torque import external_torque
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from phantom_dyn._kernels.fir import filtered
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError
@@ -233,6 +233,22 @@ def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Floa
     padded = np.concatenate([x[half:0:-1], x, x[-2 : -half - 2 : -1]])
     flat = np.asarray(padded, dtype=float).reshape(len(padded), -1)
     return filtered(kernel / kernel.sum(), flat, 1).reshape(x.shape)
+
+
+def smoothed_where(
+    x: Float[Array, "n ..."], valid: Bool[Array, " n"], rate_hz: float, cutoff_hz: float
+) -> Float[Array, "n ..."]:
+    """``x`` without what lies above ``cutoff_hz``, each stretch of valid samples by itself; zero between them.
+
+    What stands where nothing was recorded is made up, and would be carried to the samples beside it.
+    """
+    if valid.all():
+        return smoothed(x, rate_hz, cutoff_hz)
+    out = np.zeros(x.shape)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]])))
+    for start, stop in ends.reshape(-1, 2).tolist():
+        out[start:stop] = smoothed(x[start:stop], rate_hz, cutoff_hz)
+    return out
 
 
 def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:

@@ -52,7 +52,9 @@ def made_up_rest(
     y = law(inputs) + noise * rng.normal(size=len(t))
     column = np.zeros((len(t), 0)) if free is None else free(inputs)[:, None]
     count = column.shape[1]
-    log = RestLog(t, inputs, Band(RATE, 25.0, np.ones(1), 1), 25.0, slice(None), y, np.ones(len(t)), column)
+    log = RestLog(
+        t, inputs, Band(RATE, 25.0, np.ones(1), 1), 25.0, np.ones(len(t), bool), slice(None), y, np.ones(len(t)), column
+    )
     blocks = np.minimum((t // 1.5).astype(int), int(seconds / 1.5) - 1)
     return Rest(
         joint="j1",

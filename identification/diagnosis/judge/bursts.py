@@ -14,6 +14,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import near_reversals
 from identification.diagnosis.result import Burst, JointGap
 from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -57,10 +58,12 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
             ]
         )
         # What the drive gives less than the model needs is pushed from outside.
-        t = log.motion.t[log.samples]
-        # Behind the ends of a recording a filter sees the mirror image of the motion.
-        inside = (t > t[0] + 1.0 / session.cutoff_hz) & (t < t[-1] - 1.0 / session.cutoff_hz)
-        found = bursts_in(t, -residual[k], expected, columns.usable[k] & inside[:, None], log.joint_names)
+        # Behind the ends of what was recorded a filter sees the mirror image of the motion.
+        reach = int(rate / session.cutoff_hz) + 1
+        outside = np.pad(~log.valid_in_band, reach, constant_values=True)
+        inside = ~highest(outside, 2 * reach + 1)[reach:-reach]
+        usable = columns.usable[k] & inside[:, None]
+        found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Derivatives and filters are no better than this.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
         least = dict(zip(log.joint_names, rules.MODEL_SHARE * sizes, strict=True))

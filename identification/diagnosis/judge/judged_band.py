@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
@@ -92,21 +91,20 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     """
     session = search.problem.session
 
-    def below(x: Float[Array, "n ..."], log: int, row: int) -> Float[Array, "n ..."]:
-        band = session.logs[log].band
-        return x if edges[row] >= 0.99 * band.cutoff_hz else smoothed(x, band.rate_hz / band.step, edges[row])
-
     def each(series: Series) -> Series:
         return tuple(
             part
             if (edges >= 0.99 * session.logs[k].band.cutoff_hz).all()
-            else np.column_stack([below(x, k, j) for j, x in enumerate(part.T)])
+            else np.column_stack([session.log_below(x, k, edges[j]) for j, x in enumerate(part.T)])
             for k, part in enumerate(series)
         )
 
     narrow = replace(
         columns,
-        values=tuple(tuple(below(x, k, j) for j, x in enumerate(rows)) for k, rows in enumerate(columns.values)),
+        values=tuple(
+            tuple(session.log_below(x, k, edges[j]) for j, x in enumerate(rows))
+            for k, rows in enumerate(columns.values)
+        ),
         residual=each(columns.residual),
         model_torque=each(columns.model_torque),
     )

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.log import Band, Log
-from identification.data.signals import smoothed
+from identification.data.signals import smoothed_where
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.diagnosis.model.blocks import Block
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
@@ -38,6 +38,7 @@ class RestLog:
         inputs: Series by name at the full rate, ``(N,)`` each.
         band: Its filter.
         cutoff_hz: Edge of the judged band.
+        valid: False for samples in the band that touch what was not recorded or is left out, ``(m,)``.
         kept: Which of the samples in the band are kept.
         residual: Measured less modelled torque of these samples in the judged band, by fits that have not seen them,
             ``(n,)``.
@@ -49,6 +50,7 @@ class RestLog:
     inputs: Mapping[str, Float[Array, " N"]]
     band: Band
     cutoff_hz: float
+    valid: Bool[Array, " m"]
     kept: slice
     residual: Float[Array, " n"]
     weight: Float[Array, " n"]
@@ -58,7 +60,7 @@ class RestLog:
         """Kept samples in the judged band of a series at the full rate."""
         wide = self.band(x)
         if self.cutoff_hz < 0.99 * self.band.cutoff_hz:
-            wide = smoothed(wide, self.band.rate_hz / self.band.step, self.cutoff_hz)
+            wide = smoothed_where(wide, self.valid, self.band.rate_hz / self.band.step, self.cutoff_hz)
         return wide[self.kept]
 
     def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
@@ -169,7 +171,11 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
         inputs = inputs_of(robot, log, columns.operations[k], row, near)
         t = log.motion.t - log.motion.t[0]
         rest = residual[k][kept, row]
-        logs.append(RestLog(t, inputs, log.band, session.cutoff_hz, kept, rest, weight, freedom.columns[k][kept]))
+        logs.append(
+            RestLog(
+                t, inputs, log.band, session.cutoff_hz, log.valid_in_band, kept, rest, weight, freedom.columns[k][kept]
+            )
+        )
         numbers.append(_block_numbers(session.blocks, k, len(log.samples))[kept])
     logs = _without_twins(logs, joint)
     names = tuple(robot.joint_names[k] for k in near)

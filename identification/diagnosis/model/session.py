@@ -9,7 +9,7 @@ import numpy as np
 from identification.data.changes import Change
 from identification.data.log import Log
 from identification.data.recording import Recording
-from identification.data.signals import process_all, smoothed, within_limits
+from identification.data.signals import process_all, smoothed_where, within_limits
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.operations import operate
@@ -62,10 +62,14 @@ class Session:
 
     def log_in_judged_band(self, series: Float[Array, "n ..."], log: int) -> Float[Array, "n ..."]:
         """The same for a series of one log."""
+        return self.log_below(series, log, self.cutoff_hz)
+
+    def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:
+        """In-band series of one log without what lies above a frequency, the same series if its band ends there."""
         band = self.logs[log].band
-        if self.cutoff_hz >= 0.99 * band.cutoff_hz:
+        if edge_hz >= 0.99 * band.cutoff_hz:
             return series
-        return smoothed(series, band.rate_hz / band.step, self.cutoff_hz)
+        return smoothed_where(series, self.logs[log].valid_in_band, band.rate_hz / band.step, edge_hz)
 
 
 def session_of_logs(

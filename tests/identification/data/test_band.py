@@ -18,6 +18,7 @@ from identification.data.signals import (
     process,
     process_all,
     smoothed,
+    smoothed_where,
 )
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
@@ -88,6 +89,16 @@ def test_what_is_shorter_than_the_kernel_is_smoothed_by_its_middle(rng):
     kernel = low_pass(10.0, RATE).kernel[32:49]
     around = np.concatenate([x[4:0:-1], x, x[7:3:-1]])
     assert smoothed(x, RATE, 10.0)[4] == pytest.approx(kernel @ around / kernel.sum())
+
+
+def test_each_stretch_between_holes_is_smoothed_as_if_it_were_a_recording_of_its_own(rng):
+    x, valid = rng.normal(size=(401, 2)), np.ones(401, dtype=bool)
+    valid[150:160] = valid[300] = False
+    x[~valid] = 1e6  # made up, and carried nowhere
+    out = smoothed_where(x, valid, RATE, 10.0)
+    for part in (slice(0, 150), slice(160, 300), slice(301, 401)):
+        np.testing.assert_array_equal(out[part], smoothed(x[part], RATE, 10.0))
+    assert not out[~valid].any()
 
 
 def test_one_sample_stays_as_it_is():

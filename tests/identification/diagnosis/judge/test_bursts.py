@@ -133,6 +133,15 @@ def test_a_push_that_was_measured_is_no_gap(planar2, pushed):
     assert (found.verdict, found.data_warnings) == ("no_gap", ())
 
 
+def test_a_hole_in_a_recording_is_no_event(planar2, lacking):
+    whole = lacking(("coulomb_friction", "elbow", (0.8,)), seed=4)
+    kept = (whole.t < 9.0) | (whole.t > 11.0)
+    found = diagnose(planar2, (replace(whole, t=whole.t[kept], q=whole.q[kept], tau=whole.tau[kept]),))
+    assert (found.verdict, found.data_warnings) == ("explained", ())
+    # Of the noise that was put in, there is as much beside the hole as elsewhere.
+    assert all(joint.rms_after < 1.05 * joint.noise_floor for joint in found.joints)
+
+
 def test_a_judgement_holds_the_bursts(planar2, pushed):
     recording, force = pushed
     judgement, _ = judged(explained(session_of(planar2, (recording,))), lambda _: None)

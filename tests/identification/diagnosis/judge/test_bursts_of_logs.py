@@ -89,6 +89,21 @@ def test_a_push_from_outside_is_what_the_drive_lacks_inside_one_period_of_the_ed
     assert 0 < (~inside).sum() < 0.2 * len(t)
 
 
+def test_beside_a_hole_nothing_is_looked_for_within_one_period_of_the_edge(twice, asked):
+    log = twice.session.logs[0]
+    t, valid = log.motion.t, np.ones(len(log.motion.t), dtype=bool)
+    valid[len(t) // 2] = False
+    holed = replace(log, valid=valid)
+    problem = replace(twice, session=replace(twice.session, logs=(holed, holed)))
+    bursts_of(problem, twice.columns.residual, still(twice))
+    at, period = t[log.samples], 1.0 / problem.session.cutoff_hz
+    outside = np.flatnonzero(~holed.valid_in_band)
+    before, behind = at[outside[0] - 1], at[outside[-1] + 1]
+    inside = (at > at[0] + period) & (at < before - period) | (at > behind + period) & (at < at[-1] - period)
+    for _, _, _, usable, _ in asked["found"]:
+        np.testing.assert_array_equal(usable.any(axis=1), inside)
+
+
 def test_a_joint_without_usable_samples_is_expected_to_be_anything(twice, asked):
     use = np.ones_like(twice.columns.usable[0])
     use[:, 1] = False
