@@ -43,11 +43,12 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
     Each row's residual is predicted by a ladder of models from plain to flexible: the given one, laws of the motion,
-    with these the moves within the tolerances and other linear laws, with these all laws of the joint's own motion and
-    powers of its state, all columns, and all columns with the flexible features. The one that errs least on blocks that
-    it has not seen leaves the noise: where a recording is short, hundreds of columns foresee less than twenty, and only
-    powers go on where a block moves faster than all others. What foresees a little of the loud noise above the judged
-    band may be far off inside it, so that the best one is chosen for both.
+    with these the moves within the tolerances and other linear laws, with these powers of the joint's state, all
+    columns, and all columns with the flexible features. The one that errs least on blocks that it has not seen leaves
+    the noise: where a recording is short, hundreds of columns foresee less than twenty, and only powers go on where a
+    block moves faster than all others. Laws with a shape wait for the last rungs, as all blocks chose their shapes.
+    What foresees a little of the loud noise above the judged band may be far off inside it, so that the best one is
+    chosen for both.
 
     Returns:
         What the best predictor in the whole band leaves, and what the best one in the judged band leaves.
@@ -56,9 +57,9 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
         use = [u[:, j] for u in columns.usable]
         y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
-        order, (of_motion, moved, own) = _plain_first(columns, j, session.robot.joint_names[j])
+        order, (of_motion, moved) = _plain_first(columns, j)
         plain = [
-            np.column_stack([values[j][:, order[:own]], state_powers(log, j), values[j][:, order[own:]]])
+            np.column_stack([values[j][:, order[:moved]], state_powers(log, j), values[j][:, order[moved:]]])
             for values, log in zip(columns.values, session.logs, strict=True)
         ]
         every = plain[0].shape[1]
@@ -68,7 +69,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
         ]
         whole, inside = y, y
         least, least_inside = rms(_used(y, use)), _inside(session, y, use)
-        first = (of_motion, moved, own + every - len(order), every)
+        first = (of_motion, moved, moved + every - len(order), every)
         for predicted, _ in ridge_predictions(rich, y, use, session.blocks, session.folds, first):
             error = [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
             left, left_inside = rms(_used(error, use)), _inside(session, error, use)
@@ -112,12 +113,11 @@ def _inside(session: Session, parts: Sequence[Float[Array, " n"]], use: Sequence
     return rms(_used([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use))
 
 
-def _plain_first(columns: Columns, row: int, joint: str) -> tuple[Int[Array, " k"], tuple[int, int, int]]:
-    """Order of a row's columns from plain to rich, and where the first three rungs of the ladder end.
+def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
+    """Order of a row's columns from plain to rich, and where the first two rungs of the ladder end.
 
     First the laws of friction, couplings and the like, whose columns are made of the recorded motion alone; then the
-    moves within the tolerances and the other laws without a shape; then the laws of the motion with a shape that sit on
-    this joint; then all the rest.
+    moves within the tolerances and the other laws without a shape; then all the rest.
     """
     rung = dict.fromkeys(range(len(columns.nuisances)), 1)
     for term in columns.terms:
@@ -129,11 +129,8 @@ def _plain_first(columns: Columns, row: int, joint: str) -> tuple[Int[Array, " k
             rung |= dict.fromkeys(term.columns, 0)
         elif not term.shape:
             rung |= dict.fromkeys(term.columns, 1)
-        elif of_motion and term.joint == joint:
-            rung |= dict.fromkeys(term.columns, 2)
-    place = np.array([rung.get(column, 3) for column in columns.rows[row]])
-    of_motion_end, moved_end, own_end = (int((place <= k).sum()) for k in range(3))
-    return np.argsort(place, kind="stable"), (of_motion_end, moved_end, own_end)
+    place = np.array([rung.get(column, 2) for column in columns.rows[row]])
+    return np.argsort(place, kind="stable"), (int((place == 0).sum()), int((place <= 1).sum()))
 
 
 def weights_of(white: Columns, noise: Series) -> Weights:
