@@ -19,7 +19,7 @@ from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
-from identification.data.checks.readings import Reading
+from identification.data.checks.readings import Reading, varies
 from identification.data.checks.suspects import Suspect
 from identification.data.checks.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.recording import Fault, Recording
@@ -322,12 +322,12 @@ def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     felt = reading.tau + reading.external
     ones, low = np.ones(len(felt)), np.array([0.0, 0.0, 0.0, -np.inf])
-    out = np.full(felt.shape[1], np.nan)
+    out, vary = np.full(felt.shape[1], np.nan), varies(felt)
     for j in range(felt.shape[1]):
         variance = float(felt[:, j].var())
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
         size = np.linalg.norm(columns, axis=0)
-        if variance > 0:
+        if vary[j]:
             scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
             factor = np.asarray(np.linalg.qr(scaled, mode="r"))
             x = bounded_fit(factor[:, :-1], factor[:, -1], low, np.full(4, np.inf))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.bounded_fit import bounded_fit
-from identification.data.checks.readings import Reading
+from identification.data.checks.readings import Reading, varies
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
 from phantom_dyn.model.inertia import payload_body
@@ -70,7 +70,7 @@ def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
     whole = felt.var(axis=0)
     for k, rows in enumerate((slice(None, half), slice(half, None))):
         variance = felt[rows].var(axis=0)
-        said = (variance > _QUIET * whole) & (variance > 0)
+        said = (variance > _QUIET * whole) & varies(felt[rows])
         if said.any():
             out[k, said] = _left(columns, felt, rows, np.flatnonzero(said)) / variance[said]
     return out

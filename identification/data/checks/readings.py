@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 
@@ -19,6 +19,8 @@ _ROWS = 400  # samples in a regression: enough for its thirty coefficients in ea
 _FEWEST = 60
 # The band reaches twice as high as this share of each joint's velocity: above, accelerations are mostly noise.
 _MOVING, _MARGIN = 0.99, 2.0
+# Standard deviation of a torque over its largest value up to which it is constant: a low pass rounds to 1e-13.
+_CONSTANT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,11 @@ def _moving_edge(smooth: Smooth) -> float:
         if column.sum() > 0
     ]
     return min(_MARGIN * float(max(edges, default=np.inf)), smooth.cutoff_hz)
+
+
+def varies(tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
+    """True for torques that vary; one that is constant to its rounding says nothing of what the joint needs."""
+    return tau.std(axis=0) > _CONSTANT * np.abs(tau).max(axis=0)
 
 
 def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:

@@ -14,6 +14,7 @@ import numpy as np
 
 from identification.data.checks.readings import (
     Reading,
+    varies,
     with_order,
     with_positions_plus,
     with_positions_times,
@@ -177,7 +178,9 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """Torques from which the weight of the links was taken out, on the joints on which it matters."""
     weight = gravity_torque(robot, reading.motion.q)
-    joints = tuple(np.flatnonzero(weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)).tolist())
+    matters = weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)
+    # A joint that is held has a constant torque, whether its weight was taken out or a brake bears it.
+    joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     if not joints or felt_gravity(robot, reading, joints) > _FELT * float(np.linalg.norm(robot.model.gravity.linear)):
         return []
     return [
@@ -193,7 +196,7 @@ def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> float:
-    """Size of the gravity, in whatever direction, that the torques of some joints feel [m/s^2].
+    """Size of the gravity, in whatever direction, that the varying torques of some joints feel [m/s^2].
 
     A least-squares fit of all of them with one gravity for the robot; what is not weight, friction and an offset have
     a coefficient for each joint. A robot that stands askew feels its weight from elsewhere; a compensated one does not.

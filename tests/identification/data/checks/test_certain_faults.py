@@ -13,7 +13,7 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.suspects import felt_gravity
+from identification.data.checks.suspects import compensated_suspects, felt_gravity
 from identification.data.reading import read_recording
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
@@ -293,6 +293,15 @@ def test_the_gravity_that_the_torques_feel(clean, planar2, taken, felt):
     tau = recording.tau - taken * gravity_torque(planar2, recording.q)
     reading = reading_of(smoothed(replace(recording, tau=tau)))
     assert felt_gravity(planar2, reading, (0, 1)) == pytest.approx(felt, abs=0.1)
+
+
+@pytest.mark.parametrize("constant", [0.0, 1.5])
+def test_a_joint_that_a_brake_holds_says_nothing_about_the_weight(clean, planar2, constant):
+    # Closed form: the other joint lacks all of its weight; a torque that does not vary is no sign of either.
+    recording = clean(robot=planar2)
+    tau = recording.tau - gravity_torque(planar2, recording.q)
+    reading = reading_of(smoothed(replace(recording, tau=np.column_stack([np.full(len(tau), constant), tau[:, 1]]))))
+    assert [suspect.joints for suspect in compensated_suspects(planar2, reading)] == [(1,)]
 
 
 def test_a_torque_without_sign_is_not_taken_for_one_with_the_wrong_sign(clean, arm):
