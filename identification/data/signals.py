@@ -71,6 +71,8 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     if not power.any() or low >= high:
         return None
     centre, level = _sixth_octaves(f, power, low, high)
+    if not len(centre):
+        return None
     edge = _edge_above_floor(centre, level)
     return _edge_above_encoder_noise(centre, level, rate_hz) if edge is None else edge
 

@@ -16,10 +16,13 @@ Array = np.ndarray
 LONGEST = 600.0
 """Seconds up to which a recording is used from end to end."""
 _STRETCH, _COUNT = 20.0, 15  # seconds of each stretch of a longer one, and how many there are
+# Samples that a stretch has at least. The band ends at 6 % of the rate at most, so that its filter takes two periods of
+# that, 33 samples, from either end, and the least that a fit needs fills another 133: a stretch has twice that.
+_SAMPLES = 400
 
 
 def stretches(recording: Recording) -> tuple[Recording, ...]:
-    """The recording, or if it is long, stretches of it from its beginning to its end, five minutes together.
+    """The recording, or if it is long, stretches of it from its beginning to its end, mostly five minutes together.
 
     The recording is cut into as many equal parts as there are stretches; of each part the stretch is taken in which the
     joints move most. What a joint does counts relative to what it does in all, so that one that seldom moves is seen.
@@ -37,7 +40,7 @@ def stretches(recording: Recording) -> tuple[Recording, ...]:
 
 
 def busiest(recording: Recording) -> Recording:
-    """The recording, or if it is long, the five minutes in a row in which its joints move most."""
+    """The recording, or if it is long, the fifteen stretches in a row in which its joints move most."""
     if not is_long(recording):
         return recording
     windows = _windows(recording)
@@ -55,7 +58,7 @@ def note_on_length(recording: Recording) -> str:
     """A sentence on what is used of a long recording."""
     return (
         f"{recording.file} lasts {recording.t[-1] - recording.t[0]:.0f} s: fits and figures are of {_COUNT} stretches "
-        f"of {_STRETCH:g} s from its beginning to its end, those in which the joints move most."
+        f"of {_length(recording):.3g} s from its beginning to its end, those in which the joints move most."
     )
 
 
@@ -83,11 +86,16 @@ def part_of(recording: Recording, rows: slice) -> Recording:
     )
 
 
+def _length(recording: Recording) -> float:
+    """Length of a stretch [s], longer where samples come so slowly that too few would be in it."""
+    return max(_STRETCH, _SAMPLES * float(np.median(np.diff(recording.t))))
+
+
 def _windows(recording: Recording) -> list[tuple[int, int]]:
     """First row and one after the last of each stretch, those left out that a gap leaves less than half of."""
-    t = recording.t
-    starts = np.append(np.searchsorted(t, np.arange(t[0], t[-1], _STRETCH)), len(t)).tolist()
-    return [(a, b) for a, b in pairwise(starts) if b > a and t[b - 1] - t[a] > 0.5 * _STRETCH]
+    t, length = recording.t, _length(recording)
+    starts = np.append(np.searchsorted(t, np.arange(t[0], t[-1], length)), len(t)).tolist()
+    return [(a, b) for a, b in pairwise(starts) if b > a and t[b - 1] - t[a] > 0.5 * length]
 
 
 def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Array, " w"]:

@@ -44,6 +44,13 @@ def test_a_joint_that_never_moves_has_no_edge():
     assert acceleration_edge(np.full(len(T), 0.3), RATE) is None
 
 
+@pytest.mark.parametrize("samples", range(4, 11))
+def test_a_handful_of_samples_has_no_edge(samples):
+    # Closed form: three periods of up to eight second differences are no less than 0.375 of the rate, and from there
+    # to 0.4 of it there is no sixth of an octave.
+    assert acceleration_edge(np.sin(np.arange(float(samples))), RATE) is None
+
+
 def test_a_coarser_encoder_lowers_the_edge(rng):
     f = np.arange(0.2, 60.0, 0.2)
     phase = rng.uniform(0, 2 * np.pi, len(f))

@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
+from identification.data.signals import low_pass, shortest_recording
 from identification.data.stretches import busiest, note_on_length, stretches
 
 RATE = 20.0
 
 
-def made(seconds: float, moves: tuple[tuple[float, float], ...], gap: tuple[float, float] = (0.0, 0.0)) -> Recording:
+def made(
+    seconds: float, moves: tuple[tuple[float, float], ...], gap: tuple[float, float] = (0.0, 0.0), rate: float = RATE
+) -> Recording:
     """Two joints: the first swings now and then, the second only in these stretches."""
-    t = np.arange(round(seconds * RATE)) / RATE
+    t = np.arange(round(seconds * rate)) / rate
     t = t[(t < gap[0]) | (t >= gap[1])]
     swings = np.sin(t) * (t % 300.0 < 150.0)
     seldom = sum((np.sin(2 * t) * ((t >= a) & (t < b)) for a, b in moves), np.zeros(len(t)))
@@ -34,6 +37,20 @@ def test_two_hours_become_fifteen_stretches_from_beginning_to_end():
     assert all(part.t[-1] - part.t[0] == pytest.approx(20.0, abs=2 / RATE) for part in parts)
     assert parts[0].t[0] < 480.0
     assert parts[-1].t[0] >= 14 * 480.0 - 20.0
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0, 5.0])
+def test_a_stretch_of_a_slow_recorder_has_samples_enough_for_a_fit(rate):
+    # Oracle: what a recording must last by the band that its rate allows at most.
+    parts = stretches(made(20 * 400 / rate, (), rate=rate))
+    assert len(parts) == 15
+    shortest = shortest_recording(low_pass(0.06 * rate, rate))
+    assert all(part.t[-1] - part.t[0] > 1.9 * shortest for part in parts)
+
+
+def test_a_slow_recording_of_few_samples_is_used_from_end_to_end():
+    recording = made(2000.0, (), rate=2.0)
+    assert stretches(recording) == (recording,)
 
 
 def test_a_joint_that_moves_once_in_two_hours_is_in_a_stretch():
