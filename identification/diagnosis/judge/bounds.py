@@ -211,10 +211,12 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     whole = float(by_block.sum())
     if whole <= 0:
         return needed
+    # Shares, as the square of the information on a law that the motion all but leaves out is too small for a number.
+    shares = by_block / whole
     # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
-    room = 1.0 - rules.SIGNIFICANT_ERRORS**2 * len(by_block) * float(by_block.var()) / whole**2
+    room = 1.0 - rules.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
     from_block_to_block = 4.0 * rules.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
-    share_without_best = float(np.sort(by_block)[: -rules.BEST_BLOCKS].sum()) / whole
+    share_without_best = float(np.sort(shares)[: -rules.BEST_BLOCKS].sum())
     without_the_best = needed / share_without_best if share_without_best > 0 else np.inf
     return min(from_block_to_block, without_the_best, rules.LARGE_GAIN * needed)
 

@@ -45,6 +45,12 @@ def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]
     return np.maximum(beyond, _LEAST_GAP * base)
 
 
+def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
+    """How often each block is drawn in bootstrap replicates of the gap closed; one without any samples is left out."""
+    drawn = block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
+    return drawn[(drawn @ counted.counts).any(axis=1)]
+
+
 def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
     """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
 
@@ -61,8 +67,7 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
         base = within.loss(judge.floor, weights)
         return (base - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
 
-    drawn = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
-    low, high = np.percentile(closed(drawn), [2.5, 97.5])
+    low, high = np.percentile(closed(drawn_blocks(within)), [2.5, 97.5])
     return Gap(float(closed(once)[0]), (float(low), float(high)))
 
 

@@ -269,7 +269,8 @@ def _repeated(rest: Rest, columns: Columns, chosen: Chosen) -> tuple[dict[str, f
     wanted = Counter(columns.library[k].kind for k in chosen)
     for _ in range(_REPLICATES):
         counts = np.bincount(rng.choice(seen, len(seen)), minlength=len(rest.folds)).astype(float)
-        found = stepwise(columns.terms, columns.products.freed(counts, columns.free), len(chosen))[-1]
+        # A replicate that draws blocks without any samples only chooses no term.
+        found = extended(columns.terms, columns.products.freed(counts, columns.free), (), len(chosen))[-1]
         drawn = Counter(columns.library[k].kind for k in found)
         same += drawn == wanted
         kinds.update(set(drawn))

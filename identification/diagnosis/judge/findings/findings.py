@@ -16,11 +16,10 @@ from identification.diagnosis.judge.findings.missing_parts import missing_part_w
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
 from identification.diagnosis.judge.moved_by_noise import shown_by_motion
-from identification.diagnosis.judge.shares import gap_of, shares_of
+from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.rival_sets import (
     NONE_BARRED,
     Place,
@@ -36,7 +35,6 @@ from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -288,7 +286,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, .
     robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
-    counts = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
+    drawn = drawn_blocks(within)
     once = np.ones((1, len(within.counts)))
     shares = shares_of(judge, plain, shown.named)
     out = []
@@ -305,7 +303,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, .
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         standing = shown.standings[term]
-        low, high = np.percentile(closed(counts), [2.5, 97.5])
+        low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,

@@ -119,6 +119,12 @@ def test_what_is_seen_in_few_blocks_has_to_gain_more(by_block, gain):
     assert _lasting(by_block, 20.0) == pytest.approx(gain)
 
 
+def test_what_a_motion_all_but_leaves_out_needs_what_its_blocks_share():
+    # Closed form: a factor changes no share; the square of this one is too small for a number.
+    by_block = np.array([10.0] + 10 * [1.0])
+    assert _lasting(1e-244 * by_block, 20.0) == pytest.approx(_lasting(by_block, 20.0))
+
+
 def test_where_nothing_is_known_nothing_more_is_needed():
     assert _lasting(np.zeros(5), 20.0) == 20.0
 

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identification.diagnosis.law.formula_search import best_size, chance, columns_of, search_formula, without_law
+from identification.diagnosis.law.formula_search import (
+    _repeated,
+    best_size,
+    chance,
+    columns_of,
+    search_formula,
+    without_law,
+)
 from identification.diagnosis.law.selection import gains
 from rests import made_up_rest
 
@@ -45,3 +54,15 @@ def test_without_a_law_the_model_moves_to_its_bound_and_no_further():
     rest = made_up_rest(lambda x: 3.0 * x["tl.j1"], noise=0.01, free=lambda x: x["tl.j1"], bound=1.0)
     left = without_law(rest, columns_of(rest)).sum()
     assert left == pytest.approx(4.0 * np.sum(rest.series("tl.j1") ** 2), rel=1e-3)
+
+
+def test_replicates_that_draw_no_sample_choose_no_term():
+    # Closed form: all samples are in one of sixteen blocks, which (1 - 1/16)^16 of the replicates do not draw.
+    rest = made_up_rest(lambda x: 3.0 * x["tl.j1"])
+    log = rest.logs[0]
+    rest = replace(rest, logs=(replace(log, weight=(rest.blocks == 0).astype(float)),))
+    columns = columns_of(rest)
+    chosen = (next(k for k, term in enumerate(columns.library) if term.inputs == {"tl.j1"}),)
+    input_votes = _repeated(rest, columns, chosen)[2]
+    drawn = 1.0 - (1.0 - 1.0 / 16.0) ** 16
+    assert max(input_votes.values()) == pytest.approx(drawn, abs=3.0 * np.sqrt(drawn * (1.0 - drawn) / 40))
