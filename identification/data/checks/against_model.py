@@ -115,14 +115,15 @@ def unexplained_shares(data: Sample, model: Float[Array, "N nv"]) -> Float[Array
 
 def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Torques whose sign is opposite to what the model or friction needs."""
-    out = []
-    for joint, found in zip(recording.joint_names, regress_joints(data, model), strict=True):
+    out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
+    for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:
             continue
         # Friction that clearly opposes motion vouches for the sign, unless the model explains most of the torque.
         vouched = found.friction > 0.3 and found.model_share < 0.5
         against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not vouched
-        against_friction = found.model_share < 0.1 and found.friction < -0.7
+        # Of a joint that moves one way, friction and offset are one column, and the sign of either is chance.
+        against_friction = both_ways[j] and found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:
             what = "the model needs" if against_model else "friction needs"
             out.append(

@@ -19,6 +19,8 @@ _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
 # A tail counts as standing still if it lasts this share of the record, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
+# Steps of the encoder, and changes of their number from sample to sample, below which nothing is read off them.
+_FEWEST_STEPS = 20
 # Samples that are looked at together, from the end of a recording on.
 _PIECE = 10_000
 # Ratios of measured velocity to the derivative of the position that a wrong unit gives.
@@ -36,11 +38,15 @@ _PASSIVE_SHARE = 0.01
 
 
 def quantum(q: Float[Array, " N"]) -> float:
-    """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step."""
+    """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step.
+
+    Nor is there one where they hardly ever change: at constant speed all differences are the same without any encoder.
+    """
     q = np.ascontiguousarray(q)
-    steps = np.abs(np.diff(q))
+    differences = np.diff(q)
+    steps = np.abs(differences)
     steps = steps[steps > 1e-12 * max(np.max(np.abs(q)), 1e-9)]
-    if len(steps) < 20:
+    if len(steps) < _FEWEST_STEPS:
         return 0.0
     step = float(np.min(steps))
     for _ in range(3):
@@ -51,7 +57,9 @@ def quantum(q: Float[Array, " N"]) -> float:
             return 0.0
     small = steps[steps < 50 * step]
     off = np.abs(small / step - np.round(small / step))
-    return step if len(small) >= 20 and np.percentile(off, 95) < 0.05 else 0.0
+    if len(small) < _FEWEST_STEPS or np.percentile(off, 95) >= 0.05:
+        return 0.0
+    return step if np.count_nonzero(np.diff(np.round(differences / step))) >= _FEWEST_STEPS else 0.0
 
 
 def _noise(q: Float[Array, " N"]) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from identification.data.checks.against_model import Sample, check_flipped
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.positions import quantum
 from identification.data.checks.smoothed_copy import smoothed
@@ -21,6 +22,7 @@ from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 
 def only(warnings: tuple[str, ...]) -> str:
@@ -254,6 +256,23 @@ def test_the_encoder_step_is_read_off_the_positions(step):
 
 def test_a_continuous_position_has_no_encoder_step(rng):
     assert quantum(np.sin(np.arange(5000) / 300) + 1e-4 * rng.standard_normal(5000)) == 0.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_constant_speed_is_no_encoder_step(rng, noise):
+    # Closed form: a line has equal differences from sample to sample, wherever it is read.
+    assert quantum(1.2e-3 * np.arange(3000) + noise * rng.standard_normal(3000)) == 0.0
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_torque(clean, rng, direction):
+    # Closed form: at constant speed friction is one column with an offset, which may have either sign.
+    t = np.arange(300) / 100
+    zeros = np.zeros((300, 3))
+    v = np.tile([0.3 * direction, 0.1 * direction, -0.3 * direction], (300, 1))
+    tau = np.array([-0.5, 0.5, -0.5]) + 0.01 * rng.standard_normal((300, 3))
+    data = Sample(Motion(t, t[:, None] * v, v, zeros), tau, np.sign(v))
+    assert check_flipped(clean(), data, zeros) == ()
 
 
 def test_a_torque_without_sign_is_told(clean, arm, changed):
