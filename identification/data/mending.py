@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
+from identification.data.times import when
 from phantom_dyn.array_types import Float
 from phantom_dyn.motion import read_only
 
@@ -30,7 +31,6 @@ _BACK, _AWAY = 0.2, 0.5
 _LEAST_ANGLE, _LEAST_LENGTH, _LEAST_TORQUE = 0.02, 0.002, 0.5
 # Share of the samples from which on there is more to it than a few bad samples: then nothing is cut.
 _MOST = 0.01
-_NAMED = 5  # times in a sentence
 
 
 def mended(recording: Recording, prismatic: Array) -> Recording:
@@ -70,8 +70,8 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
             values[:, j] = column - _TURN * np.round(np.median(column - q[:, j]) / _TURN)
         times = "once" if len(at) == 1 else f"{len(at)} times"
         warnings.append(
-            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns {times} ({_when(recording, at)}): "
-            "its turns were put together."
+            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns {times} "
+            f"({when(recording.t[at])}): its turns were put together."
         )
     if not warnings:
         return recording
@@ -153,13 +153,7 @@ def _spike_warnings(recording: Recording, what: str, found: list[list[tuple[int,
             out.append(
                 f"{recording.file}: {what} of {joint} has {len(runs)} {'spike' if one else 'spikes'} or "
                 f"{'dropout' if one else 'dropouts'} of {samples} {'sample' if samples == 1 else 'samples'} in all "
-                f"({_when(recording, np.array([start for start, _ in runs]))}): {'it was' if one else 'they were'} cut "
+                f"({when(recording.t[[start for start, _ in runs]])}): {'it was' if one else 'they were'} cut "
                 "out."
             )
     return out
-
-
-def _when(recording: Recording, at: Array) -> str:
-    """Times of some samples, the first few of them."""
-    more = f" and {len(at) - _NAMED} more" if len(at) > _NAMED else ""
-    return "at t = " + ", ".join(f"{time:.6g}" for time in recording.t[at[:_NAMED]]) + f" s{more}"

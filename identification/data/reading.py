@@ -19,6 +19,7 @@ from identification.data.readers.presets import fitting_presets
 from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
+from identification.data.times import time_text
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only, side_by_side
@@ -108,8 +109,8 @@ def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Arra
         if abs(length[row] - 1.0) > _UNIT:
             raise LogError(
                 f"{table.file}: the orientation of {frame} is a quaternion of length {length[row]:.3g} at "
-                f"t = {table.columns['t'][row]:.6g} s, wanted 1: give qx, qy, qz and qw of a rotation, or delete the "
-                "row."
+                f"t = {time_text(table.columns['t'][row])} s, wanted 1: give qx, qy, qz and qw of a "
+                "rotation, or delete the row."
             )
         turns[frame] = read_only(turn / length[:, None])
     return positions, turns
@@ -123,8 +124,8 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
             raise LogError(f"the excluded stretch {start:g}:{stop:g} ends before it begins: write T0:T1 with T0 < T1.")
         if stop < t[0] or start > t[-1]:
             raise LogError(
-                f"the excluded stretch {start:g}:{stop:g} lies outside {table.file}, which goes from {t[0]:.6g} s to "
-                f"{t[-1]:.6g} s: give times of the log."
+                f"the excluded stretch {time_text(start)}:{time_text(stop)} lies outside {table.file}, which "
+                f"goes from {time_text(t[0])} s to {time_text(t[-1])} s: give times of the log."
             )
     left = (
         int(np.sum(~np.any([(t >= start) & (t <= stop) for start, stop in excluded], axis=0))) if excluded else len(t)

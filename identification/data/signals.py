@@ -17,6 +17,7 @@ from identification.data.compensation import friction_taken
 from identification.data.joint_torque import external_torque
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
+from identification.data.times import time_text
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -180,8 +181,8 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
     if t[-1] - t[0] > 3 * len(t) * step:
         k = int(np.argmax(steps))
         raise LogError(
-            f"{recording.file}: the time jumps from {t[k]:g} to {t[k + 1]:g} s, a gap longer than the recording: "
-            "give each part in a file of its own."
+            f"{recording.file}: the time jumps from {time_text(t[k])} to {time_text(t[k + 1])} s, a gap longer "
+            "than the recording: give each part in a file of its own."
         )
     if np.max(np.abs(steps - step)) > 1e-3 * step:
         grid = np.arange(t[0], t[-1] + 1e-9 * step, step)

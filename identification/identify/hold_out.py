@@ -12,6 +12,7 @@ from identification.data.checks.positions import still_joints
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import choose_cutoff, process, uniform, within_limits
+from identification.data.times import time_text
 from identification.estimators.fit import Fit
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor
@@ -161,7 +162,7 @@ def _end_of(log: Log, cutoff_hz: float) -> Split:
         raise LogError(f"{log.file}: every sample is excluded: leave some of them.")
     start = float(np.quantile(usable, 1 - SHARE))
     before = log.motion.t < start
-    words = f"the last {100 * SHARE:.0f} % of {Path(log.file).name} (from {start:.3g} s on)"
+    words = f"the last {100 * SHARE:.0f} % of {Path(log.file).name} (from {time_text(round(start, 1))} s on)"
     train, test = replace(log, valid=log.valid & before), replace(log, valid=log.valid & ~before)
     return Split((train,), (test,), words, cutoff_hz)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
+from identification.data.times import time_text
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
@@ -94,8 +95,8 @@ def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...
 def _words(one: Engaged, unit: str) -> str:
     return (
         f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
-        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {one.t:.4g} s, where the recording keeps it: "
-        "a stop may have held it there, and the simulation has none."
+        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the "
+        "recording keeps it: a stop may have held it there, and the simulation has none."
     )
 
 
@@ -128,8 +129,8 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[str, ...]:
             unit = robot.position_units[j]
             out.append(
                 f"{log.file}: {joint} goes up to {beyond.max():.3g} {unit} past the model's limits of {lower:.4g} to "
-                f"{upper:.4g} {unit}, first at t = {log.motion.t[first]:.4g} s: a simulator that keeps limits would "
-                "stop it there. Correct the limits in the robot file."
+                f"{upper:.4g} {unit}, first at t = {time_text(log.motion.t[first])} s: a simulator that keeps "
+                "limits would stop it there. Correct the limits in the robot file."
             )
     return tuple(out)
 

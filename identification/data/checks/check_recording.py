@@ -19,6 +19,7 @@ from identification.data.checks.filtered_torques import check_filtered, filtered
 from identification.data.checks.positions import (
     check_coarse_step,
     check_frozen,
+    check_jumps,
     check_sampling,
     check_stillness,
     check_velocity,
@@ -64,6 +65,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     prismatic = None if robot is None else robot.prismatic
     noise = position_noise(recording)
     out = [*check_timing(recording), *check_sampling(recording, prismatic, noise)]
+    out += check_jumps(recording, prismatic, noise)
     out += check_stillness(recording, prismatic, noise)
     out += check_clipping(recording)
     recording = busiest(recording)

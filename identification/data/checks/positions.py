@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
+from identification.data.times import time_text, when
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
@@ -21,6 +22,10 @@ _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
 # Steps of the encoder, and changes of their number from sample to sample, below which nothing is read off them.
 _FEWEST_STEPS = 20
+# A jump is this many times as fast as each of so many steps on either side, by which the joint moves the other way.
+_JUMP, _BESIDE = 6.0, 5
+# It is no less than this [rad or m] and than a few steps of the encoder; it and the motion are so many times the noise.
+_LEAST_ANGLE, _LEAST_LENGTH, _JUMP_STEPS, _BEYOND_NOISE = 0.02, 0.002, 5.0, 10.0
 # Samples that are looked at together, from the end of a recording on.
 _PIECE = 10_000
 # Ratios of measured velocity to the derivative of the position that a wrong unit gives.
@@ -132,9 +137,54 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
             out.append(
                 f"{recording.file}: q of {joint} repeats {frozen} samples ({100 * share:.2g} % of those in motion) and "
                 f"then jumps, the longest time for {longest[1] - longest[0] + 1} samples at "
-                f"t = {recording.t[longest[0]]:.6g} s: the encoder is read more slowly than it is logged, or stalls."
+                f"t = {time_text(recording.t[longest[0]])} s: the encoder is read more slowly than it is "
+                "logged, or stalls."
             )
     return tuple(out)
+
+
+def check_jumps(
+    recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
+) -> tuple[str, ...]:
+    """Positions that jump back from one sample to the next, as behind a gear where the encoder of the motor wraps."""
+    out, kept = [], included(recording)
+    linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
+    least = np.where(linear, _LEAST_LENGTH, _LEAST_ANGLE)
+    for j, joint in enumerate(recording.joint_names):
+        q = np.ascontiguousarray(recording.q[:, j])
+        at = jumps(recording.t, q, max(float(least[j]), _JUMP_STEPS * quantum(q)), float(noise[j]))
+        at = at[kept[at]]
+        if len(at):
+            size = float(np.abs(q[at] - q[at - 1]).max())
+            times = "once" if len(at) == 1 else f"{len(at)} times"
+            out.append(
+                f"{recording.file}: q of {joint} jumps by up to {size:.3g} {'m' if linear[j] else 'rad'} from one "
+                f"sample to the next, {times} ({when(recording.t[at])}), against the motion before and after: its "
+                "encoder starts anew there or loses counts; give a position that goes on."
+            )
+    return tuple(out)
+
+
+def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: float) -> Array:
+    """Samples before which a position jumps: one step far faster than those beside it, which go the other way.
+
+    Args:
+        t: Time [s].
+        q: Position [rad or m].
+        least: Least jump that counts.
+        noise: Standard deviation of the position.
+    """
+    steps = np.diff(q)
+    speeds = np.abs(steps) / np.diff(t)
+    out = []
+    for k in np.flatnonzero(np.abs(steps) > max(least, _BEYOND_NOISE * noise)) + 1:
+        if not _BESIDE < k < len(q) - _BESIDE:
+            continue
+        beside = np.concatenate([speeds[k - 1 - _BESIDE : k - 1], speeds[k : k + _BESIDE]])
+        ways = np.array([q[k - 1] - q[k - 1 - _BESIDE], q[k + _BESIDE] - q[k]])
+        if speeds[k - 1] > _JUMP * beside.max() and np.all(-np.sign(steps[k - 1]) * ways > _BEYOND_NOISE * noise):
+            out.append(k)
+    return np.array(out, dtype=int)
 
 
 def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, ...]) -> tuple[str, ...]:
@@ -227,8 +277,8 @@ def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[
     tail = t[-1] - start
     if tail >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):
         out.append(
-            f"{recording.file}: no joint moves from t = {start:.6g} s to the end at t = {t[-1]:.6g} s: leave it out "
-            f"with --exclude {start:.6g}:{t[-1]:.6g}."
+            f"{recording.file}: no joint moves from t = {time_text(start)} s to the end at t = {time_text(t[-1])} s: "
+            f"leave it out with --exclude {time_text(start)}:{time_text(t[-1])}."
         )
     return tuple(out)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import included
 from identification.data.recording import Recording
+from identification.data.times import time_text
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -19,6 +20,8 @@ _GAP = 2.5
 
 # A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
+# Samples in a row at the extreme value below which it is the peak of a motion without noise that is repeated.
+_SHORTEST_RUN = 2
 # A smooth peak, however coarsely rounded, has at most 2.4 times as many samples in its top level as in the next.
 _TOP_HEAVY = 4
 
@@ -47,7 +50,7 @@ def check_timing(recording: Recording) -> tuple[str, ...]:
         noun = "gap" if gap.sum() == 1 else "gaps"
         out.append(
             f"{recording.file}: {int(gap.sum())} {noun} in time; the longest lasts {1e3 * steps[worst]:.3g} ms at "
-            f"t = {starts[worst]:.6g} s, where a step is {1e3 * step:.3g} ms."
+            f"t = {time_text(starts[worst])} s, where a step is {1e3 * step:.3g} ms."
         )
     return tuple(out)
 
@@ -65,7 +68,8 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]])))
     run = int(np.max(edges[1::2] - edges[::2]))
     share = float(np.mean(at_top))
-    if (share >= _CLIPPED_SHARE or run >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
+    often = share >= _CLIPPED_SHARE and run >= _SHORTEST_RUN
+    if (often or run >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
         return top, share, run
     return None
 

@@ -14,7 +14,7 @@ import pytest
 
 from identification.data.checks.against_model import Sample, check_flipped
 from identification.data.checks.check_recording import check_recording
-from identification.data.checks.positions import quantum
+from identification.data.checks.positions import jumps, quantum
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping
 from identification.data.checks.torque_lag import lags_and_low_passes
@@ -230,6 +230,37 @@ def test_the_rounded_peak_of_a_slow_sine_is_not_clipped(digits, frequency):
     t = np.arange(20000) / 1000
     tau = (5.03 * np.sin(2 * np.pi * frequency * t)).round(digits)[:, None]
     assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
+
+
+def test_a_torque_that_repeats_its_peak_without_noise_is_not_clipped():
+    # Known truth: a quarter of the rate is sampled at its peaks, each once.
+    t = np.arange(4000) / 100
+    tau = np.tile([0.0, 2.12, 0.0, -2.12], 1000)[:, None]
+    assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
+
+
+@pytest.mark.parametrize(("parts", "times"), [(2, 4.0), (10, 4.0), (50, 1.0)])
+def test_a_motor_encoder_that_wraps_behind_a_gear_is_told(clean, arm, changed, parts, times):
+    recording = clean()
+    q, wrap = recording.q.copy(), 2 * np.pi / parts
+    turned = 1.0 + times * q[:, 1]
+    q[:, 1] = np.mod(turned, wrap)
+    wraps = np.count_nonzero(np.diff(turned // wrap))
+    told = [
+        w for w in check_recording(replace(changed(recording, q=q), v=None), arm) if "from one sample to the next" in w
+    ]
+    assert f"q of tilt jumps by up to {wrap:.3g}"[:-1] in only(tuple(told))
+    # Where it turns back at once, a jump is not counted.
+    assert 0.9 * wraps <= int(re.search(r"next, (\d+) times", told[0]).group(1)) <= wraps
+
+
+def test_steps_of_a_coarse_encoder_and_ways_across_a_gap_are_no_jumps(rng):
+    t = np.arange(5000) / 500
+    q = np.sin(2 * np.pi * 0.3 * t)
+    coarse = np.round(q, 1) + 1e-6 * rng.standard_normal(len(q))
+    here = (t < 3.0) | (t > 3.4)
+    assert len(jumps(t, coarse, 0.02, 1e-6)) == 0
+    assert len(jumps(t[here], q[here], 0.02, 0.0)) == 0
 
 
 def test_a_coarse_encoder_is_told_with_its_step(clean, arm, changed):

@@ -1,0 +1,22 @@
+"""Times of a recording as sentences give them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.array_types import Float
+
+Array = np.ndarray
+
+_NAMED = 5  # times in a sentence
+
+
+def time_text(t: float) -> str:
+    """A time [s] to six digits, and to a millisecond at least: clocks that count from 1970 differ in the last ones."""
+    return f"{t:.6g}" if abs(t) < 1e3 else f"{t:.3f}".rstrip("0").rstrip(".")
+
+
+def when(t: Float[Array, " n"]) -> str:
+    """Several times [s], the first few of them."""
+    more = f" and {len(t) - _NAMED} more" if len(t) > _NAMED else ""
+    return "at t = " + ", ".join(time_text(time) for time in t[:_NAMED]) + f" s{more}"
