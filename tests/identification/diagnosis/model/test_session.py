@@ -1,0 +1,40 @@
+"""Which recordings a session takes. Oracle: where a made recording has gaps is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.recording import Recording
+from identification.diagnosis.model.session import session_of
+from phantom_dyn.errors import LogError
+
+
+@pytest.fixture
+def whole(lab, planar2) -> Recording:
+    """Twenty seconds without a gap."""
+    return lab.recording(planar2, lab.motion(2, 4, seconds=20.0))
+
+
+def with_rows(recording: Recording, kept: np.ndarray) -> Recording:
+    """Some samples of a recording."""
+    assert recording.tau is not None
+    return replace(recording, t=recording.t[kept], q=recording.q[kept], tau=recording.tau[kept])
+
+
+def test_blocks_of_samples_shorter_than_the_filter_are_refused_with_both_lengths(whole, planar2):
+    blocks = with_rows(whole, whole.t % 0.32 < 0.16)
+    told = (
+        r"sim\.csv: the longest stretch without a gap or an excluded time lasts 0\.16 s, wanted .*: record without gaps"
+    )
+    with pytest.raises(LogError, match=told):
+        session_of(planar2, (blocks,))
+
+
+def test_one_stretch_that_is_long_enough_is_used(whole, planar2):
+    session = session_of(planar2, (with_rows(whole, (whole.t % 0.32 < 0.16) | (whole.t > 5.0)),))
+    used = session.logs[0].motion.t[session.logs[0].samples[session.logs[0].valid_in_band]]
+    assert len(used)
+    assert used.min() > 5.0
