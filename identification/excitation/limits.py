@@ -63,10 +63,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
     )
     lower[~(np.abs(lower) < _HUGE)] = -np.inf
     upper[~(np.abs(upper) < _HUGE)] = np.inf
-    torque = _or_none(np.array(model.effortLimit))[list(robot.tree_rows)]
-    for row, drive in enumerate(robot.actuators):
-        if drive.torque_limit is not None:
-            torque[row] = drive.torque_limit
+    torque = stated_torque_limits(robot)
     notes = []
     for name, low, high in zip(names, lower, upper, strict=True):
         if not low < high:
@@ -79,6 +76,15 @@ def stated_limits(robot: Robot) -> StatedLimits:
         notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: none is kept there.")
     linear = linear_joints(model)
     return StatedLimits(names, linear, lower, upper, _or_none(np.array(model.velocityLimit)), torque, tuple(notes))
+
+
+def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
+    """Largest torque of each drive: its ``torque_limit``, else that of the robot's file; infinite where none is stated."""
+    torque = _or_none(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
+    for row, drive in enumerate(robot.actuators):
+        if drive.torque_limit is not None:
+            torque[row] = drive.torque_limit
+    return torque
 
 
 def require_excitable(robot: Robot, frames: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from identification.diagnosis.model.terms import KnownEffect
+from identification.excitation.limits import stated_torque_limits
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.described import Coupling, ModelNumbers
@@ -32,7 +33,7 @@ class CorrectedModel:
         springs: Stiffness and the position where the spring is relaxed.
         offsets: Constant torques.
         gains: True torque over logged torque.
-        limits: Torque beyond which a drive gives no more.
+        limits: Torque beyond which a drive gives no more, as found or as the configuration states it.
         delays, lags: Times [s] by which drives are late, and time constants.
         plays: Full width of plays.
         compliances: Stiffness of transmissions.
@@ -81,6 +82,15 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
         if actuator.torque_limit is not None and robot.torque_source == "command"
     }
     return with_effects(CorrectedModel(robot, robot, robot, np.eye(3), limits=stated), effects)
+
+
+def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
+    """Largest torque by joint: as found, else as the configuration or the robot's file states it.
+
+    What the file alone states is no part of `CorrectedModel.limits`: files that are edited have it already.
+    """
+    stated = zip(corrected.given.joint_names, stated_torque_limits(corrected.given).tolist(), strict=True)
+    return {joint: limit for joint, limit in stated if np.isfinite(limit)} | corrected.limits
 
 
 def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:

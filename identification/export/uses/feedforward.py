@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from identification.csv_cells import text_cell
 from identification.diagnosis.result import Diagnosis
-from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.corrected_model import CorrectedModel, torque_limits
 from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
 from phantom_dyn.array_types import Float
@@ -140,7 +140,7 @@ def _constants(corrected: CorrectedModel) -> dict[str, object]:
         "JOINTS": robot.joint_names,
         "LEAD": tuple(late),
         "GAINS": tuple(corrected.gains.get(joint, 1.0) for joint in robot.joint_names),
-        "LIMITS": _Limits(corrected.limits.get(joint, np.inf) for joint in robot.joint_names),
+        "LIMITS": _Limits(torque_limits(corrected).get(joint, np.inf) for joint in robot.joint_names),
         "GRAVITY": _plain(robot.model.gravity.linear),
         "BODIES": _bodies(robot),
         "SLOPE": _plain(slope),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification.export.corrected.corrected_mjcf import zeros_in_file
-from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.corrected_model import CorrectedModel, torque_limits
 from phantom_dyn.effects.catalogue import effect_named
 
 
@@ -68,7 +68,7 @@ def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
         "rotor inertia": dict(zip(names, map(float, robot.rotor_inertia), strict=True)),
         "viscous friction": dict(zip(names, map(float, robot.viscous_friction), strict=True)),
         "Coulomb friction": dict(zip(names, map(float, robot.coulomb_friction), strict=True)),
-        "torque limit": corrected.limits,
+        "torque limit": torque_limits(corrected),
         "delay": corrected.delays,
         "spring": {joint: stiffness for joint, (stiffness, _) in corrected.springs.items()},
         "spring rest": {joint: rest for joint, (_, rest) in corrected.springs.items()},

@@ -103,6 +103,17 @@ def test_headroom_is_the_limit_less_the_torque(planar, none):
     assert law["headroom"]([0.3, 0.2], [0.0, 0.0], [0.0, 0.0])[1] == pytest.approx(2.0 - abs(asked[1]))
 
 
+def test_limits_are_those_of_the_file_where_none_was_found(planar, none):
+    # Oracle: the effort of planar2.urdf.
+    effects = (KnownEffect("torque_saturation", "elbow", (2.0,)),)
+    assert loaded(feedforward_code(corrected_model(planar, effects), none))["LIMITS"] == (40.0, 2.0)
+
+
+def test_a_limit_of_the_configuration_goes_before_that_of_the_file(planar, none):
+    stated = replace(planar, actuators=(replace(planar.actuators[0], torque_limit=7.0), planar.actuators[1]))
+    assert loaded(feedforward_code(corrected_model(stated, ()), none))["LIMITS"] == (7.0, 20.0)
+
+
 def test_a_drive_that_is_late_has_a_lead(planar, none):
     effects = (KnownEffect("input_delay", None, (0.01,)), KnownEffect("actuator_lag", "elbow", (0.02,)))
     assert loaded(feedforward_code(corrected_model(planar, effects), none))["LEAD"] == (0.01, 0.03)

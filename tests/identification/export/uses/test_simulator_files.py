@@ -52,7 +52,7 @@ def test_friction_rotors_and_limits_of_isaac_lab_are_the_corrected_ones(groups, 
     assert elbow["armature"] == pytest.approx(planar.rotor_inertia[1] + 0.05)
     assert shoulder["viscous_friction"] == pytest.approx(planar.viscous_friction[0] + 0.3)
     assert shoulder["effort_limit"] == 9.0
-    assert "effort_limit" not in elbow
+    assert elbow["effort_limit"] == 20.0  # as its URDF states
 
 
 def test_a_delay_is_in_whole_physics_steps_of_its_joint_alone(groups):
@@ -81,7 +81,14 @@ def test_each_section_has_the_numbers_that_its_simulator_holds(corrected, planar
     elbow = found["gazebo"]["joints"]["elbow"]
     assert (elbow["friction"], elbow["spring_stiffness"], elbow["spring_reference"]) == (friction, 3.0, 0.2)
     assert found["drake"]["joints"]["elbow"]["rotor_inertia"] == pytest.approx(planar.rotor_inertia[1] + 0.05)
-    assert found["ros2_control"]["joint_limits"] == {"shoulder": {"has_effort_limits": True, "max_effort": 9.0}}
+    assert found["ros2_control"]["joint_limits"]["shoulder"] == {"has_effort_limits": True, "max_effort": 9.0}
+
+
+def test_limits_of_the_given_file_are_there_where_none_was_found(corrected):
+    # Oracle: the effort of planar2.urdf.
+    found = yaml.safe_load(simulators_text(corrected, "arm"))
+    assert found["ros2_control"]["joint_limits"]["elbow"] == {"has_effort_limits": True, "max_effort": 20.0}
+    assert [found[name]["joints"]["elbow"]["effort"] for name in ("gazebo", "drake")] == [20.0, 20.0]
 
 
 def test_each_section_says_what_it_has_no_place_for(corrected):
