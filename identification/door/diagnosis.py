@@ -18,6 +18,7 @@ from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, value_words
+from phantom_dyn.arguments import FOLDER, NAMES, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot
@@ -182,6 +183,7 @@ class Diagnosis:
             attrs={"long_name": "measured less modelled torque", "band_hz": list(self.result.band_hz)},
         )
 
+    @takes(joints=or_none(NAMES))
     def plot(self, joints: str | list[str] | None = None) -> np.ndarray:
         """Draw the residual before and after over time, one panel a joint.
 
@@ -212,6 +214,7 @@ class Diagnosis:
         axes[-1, 0].set_xlabel("time [s]")
         return axes[:, 0]
 
+    @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:
         """Write ``report.html``, ``diagnosis.json`` and the corrected model into a folder; the files written.
 
@@ -232,6 +235,7 @@ class Diagnosis:
         )
 
     @classmethod
+    @takes(file=path_of("the path of a diagnosis.json or of its folder"))
     def load(cls, file: str | Path) -> Diagnosis:
         """A diagnosis from its ``diagnosis.json`` or the folder of it; it can be printed, tabled and compared.
 

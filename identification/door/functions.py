@@ -14,6 +14,7 @@ from identification.data.recording import Recording
 from identification.door.diagnosed import diagnosis_of_changes, diagnosis_of_recordings, paths_of
 from identification.door.diagnosis import Diagnosis
 from identification.door.inputs import (
+    COLUMNS,
     RecordingsLike,
     RobotLike,
     described,
@@ -37,6 +38,20 @@ from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
 from identification.reporting import comparison
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from phantom_dyn.arguments import (
+    FLAG,
+    NAMES,
+    NUMBER,
+    NUMBERS,
+    SEED,
+    STRETCHES,
+    TEXT,
+    TOLD,
+    WHOLE,
+    or_none,
+    path_of,
+    takes,
+)
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
@@ -58,6 +73,14 @@ EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float |
 {"torque": 0.3})``."""
 
 
+@takes(
+    columns=or_none(COLUMNS),
+    topic=or_none(TEXT),
+    ref_topic=or_none(TEXT),
+    exclude=STRETCHES,
+    torque_needed=FLAG,
+    anyway=FLAG,
+)
 def read_recording(
     path: str | Path,
     robot: RobotLike,
@@ -103,6 +126,12 @@ def read_recording(
     )
 
 
+@takes(
+    changes=or_none(path_of("the path of a recordings.yaml")),
+    columns=or_none(COLUMNS),
+    motion_only=FLAG,
+    progress=TOLD,
+)
 def diagnose(
     robot: RobotLike,
     recordings: RecordingsLike,
@@ -143,6 +172,7 @@ def diagnose(
     return diagnosis_of_recordings(loaded, recordings, hold_out, added, columns, progress, motion_only=motion_only)
 
 
+@takes(estimator=TEXT, friction=NAMES, rotors=FLAG, columns=or_none(COLUMNS), progress=TOLD)
 def identify(
     robot: RobotLike,
     recordings: RecordingsLike,
@@ -187,6 +217,7 @@ def identify(
     return Identification(found, loaded)
 
 
+@takes(duration=NUMBER, rate=NUMBER, harmonics=WHOLE, share=NUMBER, seed=SEED, progress=TOLD)
 def excite(
     robot: RobotLike,
     *,
@@ -226,6 +257,7 @@ def excite(
     return Reference(design, rate)
 
 
+@takes(columns=or_none(COLUMNS), topic=or_none(TEXT), ref_topic=or_none(TEXT))
 def check(
     robot: RobotLike | Recording,
     recording: str | Path | Recording | None = None,
@@ -319,6 +351,14 @@ def simulate(
     return SimulatedRecording(loaded, made)
 
 
+@takes(
+    grid=TEXT,
+    quantities=NAMES,
+    frame=or_none(TEXT),
+    q0=or_none(NUMBERS),
+    stiffness=or_none(NUMBERS),
+    jobs=or_none(WHOLE),
+)
 def map_workspace(
     robot: RobotLike,
     grid: str,

@@ -10,6 +10,8 @@ from identification.data.readers.lerobot import with_episodes
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.files import is_lerobot, looks_like_log, require_not_swapped
+from phantom_dyn import arguments
+from phantom_dyn.arguments import parts_of, path_of
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -21,6 +23,7 @@ RecordingLike = str | Path | Recording
 """A recording as a user may give it: a file, or what `read_recording` returned."""
 RecordingsLike = RecordingLike | Iterable[RecordingLike]
 """One recording or several."""
+COLUMNS = path_of("the path of a column map or the name of one that is shipped")
 
 _ROBOT_WANTED = "wanted a URDF or MJCF file, example:NAME, a built-in name, or a robot from load_robot"
 _LOG_WANTED = "wanted the path of a log, a recording from read_recording, or a list of them"
@@ -82,10 +85,9 @@ def _episodes(given: object) -> list[object]:
 
 
 def listed(given: object) -> tuple[object, ...]:
-    """One or several as a tuple; a text is one."""
-    if isinstance(given, Iterable) and not isinstance(given, str | bytes | dict):
-        return tuple(given)
-    return (given,)
+    """One or several as a tuple; a text is one, and so is a table."""
+    parts = parts_of(given)
+    return (given,) if parts is None else parts
 
 
 def described(given: object) -> str:
@@ -94,9 +96,7 @@ def described(given: object) -> str:
         return f"the robot {given.name}"
     if isinstance(given, Recording):
         return f"the recording {given.file}"
-    text = " ".join(repr(given).split())
-    kind = type(given).__name__
-    return f"{text if len(text) <= 40 else text[:39] + '…'} ({kind})"
+    return arguments.described(given)
 
 
 def _recording(given: object, robot: Robot, columns: str | Path | None, torque_needed: bool) -> Recording:

@@ -17,6 +17,7 @@ from identification.identify.identification import Identification as Found
 from identification.identify.identification import Parameter
 from identification.identify.identification_files import write_outputs
 from identification.identify.identification_words import headline, summary
+from phantom_dyn.arguments import FILE, FOLDER, NUMBER, SEED, takes
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
@@ -69,6 +70,7 @@ class Identification:
         rows = [{name: getattr(parameter, name) for name in names} for parameter in self.parameters]
         return pandas.DataFrame(rows, columns=list(names))
 
+    @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:
         """Write ``identification.json``, ``report.html`` and the corrected models into a folder; the files written.
 
@@ -116,6 +118,7 @@ class Reference:
         pandas = optional_library("pandas")
         return pandas.DataFrame(self.columns())
 
+    @takes(file=FILE)
     def save(self, file: str | Path) -> Path:
         """Write the columns as CSV, NPZ or Parquet, by ending.
 
@@ -157,6 +160,7 @@ class SimulatedRecording:
         pandas = optional_library("pandas")
         return pandas.DataFrame(self.columns())
 
+    @takes(file=FILE)
     def save(self, file: str | Path) -> Path:
         """Write a log as CSV, NPZ or Parquet, by ending.
 
@@ -166,6 +170,7 @@ class SimulatedRecording:
         write_log(Path(file), self.columns())
         return Path(file)
 
+    @takes(position_noise=NUMBER, torque_noise=NUMBER, seed=SEED)
     def recording(self, *, position_noise: float = 0.0, torque_noise: float = 0.0, seed: int = 0) -> Recording:
         """The same as a recording to diagnose, with white noise of these standard deviations [rad or m, N m or N].
 

@@ -16,6 +16,7 @@ from identification.door.inputs import described, listed
 from identification.door.results import Reference
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.export.corrected.found_effects import effect_of, lasting_findings
+from phantom_dyn.arguments import NUMBERS
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
@@ -147,6 +148,8 @@ def _stated(robot: Robot, given: object) -> Cause:
     if not isinstance(given, tuple | list) or len(given) != 3 or not isinstance(given[2], dict):
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     name, joint, parameters = given
+    if not (joint is None or isinstance(joint, str)) or not all(map(NUMBERS.holds, parameters.values())):
+        raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     values = {str(key): tuple(np.atleast_1d(np.asarray(value, dtype=float))) for key, value in parameters.items()}
     named = name if isinstance(name, str) else getattr(name, "name", repr(name))
     found = degradation(robot, named, joint, values)

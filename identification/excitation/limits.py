@@ -79,7 +79,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
 
 
 def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque of each drive: its ``torque_limit``, else that of the robot's file; infinite where none is stated."""
+    """Largest torque of each drive: its ``torque_limit``, else that of the robot's file; infinite without either."""
     torque = _or_none(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
     for row, drive in enumerate(robot.actuators):
         if drive.torque_limit is not None:

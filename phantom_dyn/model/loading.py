@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
+from phantom_dyn.arguments import or_none, path_of, takes
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.model.inertia import breaks_triangle, impossible_because
@@ -58,6 +59,10 @@ _DRIVE = (
 """Keys of a joint in robot.yaml that only a driven joint has a use for."""
 
 
+@takes(
+    source=path_of("a URDF or MJCF file, example:NAME, or a built-in name"),
+    config=or_none(path_of("the path of a robot.yaml")),
+)
 def load_robot(source: str | Path, *, config: str | Path | None = None) -> Robot:
     """Robot from a URDF or MJCF file, ``example:NAME``, or a built-in name.
 

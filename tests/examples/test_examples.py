@@ -23,7 +23,7 @@ from identification.cli.main import main
 from identification.data.readers.column_map import read_column_map
 from identification.scenarios.recordings_file import read_changes
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.model.robot_config import RobotConfig, read_robot_config
 from phantom_dyn.motion import Motion
@@ -59,21 +59,6 @@ def demo(monkeypatch):
     return importlib.import_module("demo")
 
 
-@pytest.fixture
-def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
-    """Folder with ``robot.urdf`` and a ``log.csv`` of a pendulum that has 1.5 N m of Coulomb friction more than it."""
-    robot = load_robot(PENDULUM)
-    t = np.arange(0, 20, 0.002)
-    w, size = 2 * np.pi * np.array([0.13, 0.41, 0.97]), np.array([0.6, 0.4, 0.15])
-    phase = np.outer(t, w)
-    q, v, a = ((f * size).sum(axis=1)[:, None] for f in (np.sin(phase), np.cos(phase) * w, -np.sin(phase) * w**2))
-    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + 1.5 * np.sign(v) + 0.05 * rng.normal(size=q.shape)
-    columns = np.column_stack([t, q, tau])
-    (tmp_path / "robot.urdf").write_text(PENDULUM.read_text())
-    np.savetxt(tmp_path / "log.csv", columns, fmt="%.9g", delimiter=",", header="t,q.pin,tau.pin", comments="")
-    return tmp_path
-
-
 def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum, monkeypatch, capsys):
     # Known truth: Coulomb friction on the pin.
     (block,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
@@ -99,36 +84,6 @@ def test_the_notebook_runs_and_finds_what_it_simulates(tmp_path, monkeypatch, ca
     sizes = [names[name].findings[0].parameters["torque"].value for name in ("diagnosis", "later")]
     assert sizes == pytest.approx([1.5, 2.1], rel=0.1)
     assert "1 of 1 findings changed." in capsys.readouterr().out
-
-
-@pytest.fixture
-def large_work(rubbing_pendulum, monkeypatch) -> list[str]:
-    """The snippets of the page on large work, in a folder with the files that they name: one log under two names."""
-    shutil.copy(rubbing_pendulum / "log.csv", rubbing_pendulum / "one.csv")
-    shutil.copy(rubbing_pendulum / "log.csv", rubbing_pendulum / "two.csv")
-    monkeypatch.chdir(rubbing_pendulum)
-    return re.findall(r"```python\n(.*?)```", (DOCS / "large_work.md").read_text(), flags=re.DOTALL)
-
-
-def test_the_page_on_large_work_diagnoses_each_log_on_dask(large_work):
-    # Known truth: Coulomb friction on the pin. A scheduler of this process stands for that of the page.
-    names = {}
-    exec(large_work[0].replace('"scheduler:8786"', "processes=False, dashboard_address=None"), names)
-    names["client"].close()
-    assert {row.document["findings"][0]["effect"] for row in names["result"].rows} == {"coulomb_friction"}
-
-
-def test_the_page_on_large_work_fits_logs_that_it_reads_one_by_one(large_work):
-    # Closed form: a log that is there twice gives the estimate of one, with deviations smaller by the root of two.
-    fits = []
-    for snippet in (large_work[1], large_work[1].replace(', "two.csv"', "")):
-        names = {}
-        exec(snippet, names)
-        fits.append(names["fit"])
-    both, one = fits
-    assert both.names == ("rod.mx", "rod.mz", "rod.Iyy")
-    np.testing.assert_allclose(both.theta, one.theta)
-    np.testing.assert_allclose(both.std() * np.sqrt(2), one.std(), rtol=1e-3)  # a degree of freedom less in one
 
 
 def test_own_robot_finds_the_friction_that_was_put_in(rubbing_pendulum):

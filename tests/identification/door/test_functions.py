@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import phantom_dyn as dyn
@@ -143,6 +144,36 @@ def test_a_wrong_argument_gets_one_helpful_sentence(call, said):
     with pytest.raises(PhantomDynError, match=said) as refusal:
         call()
     assert "\n" not in str(refusal.value)
+
+
+WRONG_KINDS = {
+    "seed": lambda: dyn.excite(PENDULUM, seed=-1),
+    "harmonics": lambda: dyn.excite(PENDULUM, harmonics=2.5),
+    "duration": lambda: dyn.excite(PENDULUM, duration="10"),
+    "exclude": lambda: dyn.read_recording("log.csv", PENDULUM, exclude=(1, 2)),
+    "source": lambda: dyn.load_robot(None),
+    "config": lambda: dyn.load_robot(PENDULUM, config={"gravity": [0, 0, 0]}),
+    "changes": lambda: dyn.diagnose(PENDULUM, "log.csv", changes={"a": 1}),
+    "grid": lambda: dyn.map_workspace(PENDULUM, {"q.pin": 3}),
+    "file": lambda: dyn.Diagnosis.load(None),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_KINDS)
+def test_an_argument_of_the_wrong_kind_is_named_with_what_is_wanted(name):
+    with pytest.raises(UsageError, match=rf"^.* \(\w+\) was given as {name}, wanted .*\.$"):
+        WRONG_KINDS[name]()
+
+
+def test_a_diagnosis_cannot_be_saved_into_nothing(diagnosis):
+    with pytest.raises(UsageError, match=r"^None \(NoneType\) was given as folder, wanted the path of a folder\.$"):
+        diagnosis.save(None)
+
+
+def test_a_table_in_the_place_of_a_recording_is_said_to_be_one():
+    table = pd.DataFrame({"t": [0.0, 0.1], "q.pin": [0.0, 0.1]})
+    with pytest.raises(UsageError, match=r"\(DataFrame\) was given as a recording, wanted the path of a log"):
+        dyn.diagnose(PENDULUM, table)
 
 
 def test_a_recording_of_other_joints_is_refused(rubbing):

@@ -1,0 +1,122 @@
+"""Arguments of public functions: what each takes, in words, and one check of all of them before the function runs."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from phantom_dyn.errors import UsageError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What an argument may be.
+
+    Attributes:
+        wanted: In words, the end of a sentence.
+        holds: True for a value that may be given.
+    """
+
+    wanted: str
+    holds: Callable[[object], bool]
+
+
+def path_of(what: str) -> Kind:
+    """A path, or a name that stands for one; ``what`` says of which."""
+    return Kind(what, lambda given: isinstance(given, str | Path))
+
+
+def or_none(kind: Kind) -> Kind:
+    """The same, or None."""
+    return Kind(f"{kind.wanted}, or None", lambda given: given is None or kind.holds(given))
+
+
+def parts_of(given: object) -> tuple[object, ...] | None:
+    """The parts of a list or other iterable; None for one thing: a text, or what names its parts, as a table does."""
+    if isinstance(given, Iterable) and not isinstance(given, str | bytes) and not hasattr(given, "keys"):
+        return tuple(given)
+    return None
+
+
+def _is_number(given: object) -> bool:
+    return isinstance(given, Real) and not isinstance(given, bool)
+
+
+def _is_text(given: object) -> bool:
+    return isinstance(given, str)
+
+
+def _are_numbers(given: object) -> bool:
+    parts = parts_of(given)
+    return all(map(_is_number, (given,) if parts is None else parts))
+
+
+def _are_names(given: object) -> bool:
+    return isinstance(given, str) or (isinstance(given, list | tuple) and all(map(_is_text, given)))
+
+
+def _are_stretches(given: object) -> bool:
+    if not isinstance(given, list | tuple | np.ndarray):
+        return False
+    return all(isinstance(one, list | tuple | np.ndarray) and len(one) == 2 and _are_numbers(one) for one in given)
+
+
+def _is_whole(given: object) -> bool:
+    return isinstance(given, Integral) and not isinstance(given, bool)
+
+
+def _is_seed(given: object) -> bool:
+    return isinstance(given, Integral) and _is_whole(given) and int(given) >= 0
+
+
+NUMBER = Kind("a number", _is_number)
+WHOLE = Kind("a whole number", _is_whole)
+SEED = Kind("a whole number of 0 or more", _is_seed)
+FLAG = Kind("True or False", lambda given: isinstance(given, bool | np.bool_))
+TEXT = Kind("a text", _is_text)
+NAMES = Kind("a name or a list of names", _are_names)
+NUMBERS = Kind("a number or a list of numbers", _are_numbers)
+STRETCHES = Kind("a list of starts and ends such as [(0, 1.5)]", _are_stretches)
+TOLD = Kind("a function that takes a text, such as print", callable)
+FILE = path_of("the path of a file")
+FOLDER = path_of("the path of a folder")
+
+
+def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A function that refuses an argument of the wrong kind with a `UsageError` of one sentence.
+
+    Args:
+        kinds: By name of the argument what it may be; arguments that the function checks itself are left out.
+    """
+
+    def checking(function: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = signature.bind(*args, **kwargs).arguments
+            for name, kind in kinds.items():
+                if name in given and not kind.holds(given[name]):
+                    raise UsageError(f"{described(given[name])} was given as {name}, wanted {kind.wanted}.")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return checking
+
+
+def described(given: object) -> str:
+    """What was given, short enough for a sentence."""
+    text = " ".join(repr(given).split())
+    kind = type(given).__name__
+    return f"{text if len(text) <= 40 else text[:39] + '…'} ({kind})"
