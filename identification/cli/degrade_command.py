@@ -114,6 +114,7 @@ def _degrade(arguments: argparse.Namespace) -> int:
         topic=arguments.topic,
         ref_topic=arguments.ref_topic,
         joints=robot.joint_names,
+        other_joints=(*robot.passive_names, *robot.locked),
     )
     result = degrade(robot, table, recording(table, robot), faults)
     write_log(arguments.out, result.columns)

@@ -234,6 +234,7 @@ def recording(
         torque_from=torque_from,
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
+        named=table.named,
         **optional,
     )
 
@@ -282,7 +283,14 @@ def _table(
 ) -> Table:
     """Columns of a file, see `read_table`; where their names are unknown, the refusal says what may help."""
     try:
-        return read_table(path, columns=columns, topic=topic, ref_topic=ref_topic, joints=robot.joint_names)
+        return read_table(
+            path,
+            columns=columns,
+            topic=topic,
+            ref_topic=ref_topic,
+            joints=robot.joint_names,
+            other_joints=(*robot.passive_names, *robot.locked),
+        )
     except UnknownNamesError as error:
         if columns is not None:
             raise

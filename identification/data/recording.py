@@ -40,6 +40,7 @@ class RawTable:
             needed.
         asks_units: True for a format that does not say in which units its joints are, so that a map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
+        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
     """
 
     file: str
@@ -53,6 +54,7 @@ class RawTable:
     numbered: bool = False
     asks_units: bool = False
     motor_orders: tuple[tuple[str, ...], ...] = ()
+    named: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,6 +74,7 @@ class Table:
             is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
+        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
     """
 
     file: str
@@ -79,6 +82,7 @@ class Table:
     warnings: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -126,6 +130,7 @@ class Recording:
             velocities are known.
         wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
         anyway: True if it is to be judged although something is wrong with it.
+        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
     """
 
     file: str
@@ -151,6 +156,7 @@ class Recording:
     friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False
+    named: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def poses_alone(self) -> bool:

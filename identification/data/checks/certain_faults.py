@@ -17,6 +17,7 @@ from identification.data.bounded_fit import bounded_fit
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.exchanged_columns import exchanged_columns
+from identification.data.checks.map_entries import entries_words
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading, varies
@@ -185,8 +186,8 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
         return ()
     words, entries = found
     return (
-        f"{recording.file}: {words}, {_entries_words(entries)}, or state torque_constant and gear_ratio in robot.yaml "
-        "and name the columns i.<joint>.",
+        f"{recording.file}: {words}, {entries_words(recording, entries)}, or state torque_constant and gear_ratio in "
+        "robot.yaml and name the columns i.<joint>.",
     )
 
 
@@ -223,13 +224,7 @@ def _mend(recording: Recording, suspect: Suspect) -> str:
             f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
             "torque_constant and gear_ratio in robot.yaml"
         )
-    return _entries_words(suspect.entries)
-
-
-def _entries_words(entries: dict[str, str]) -> str:
-    pairs = [f"{key}: {value}" for key, value in entries.items()]
-    entry = pairs[0] if len(pairs) == 1 else "{" + ", ".join(pairs) + "}"
-    return f"write {entry} into a column map and give it with --columns"
+    return entries_words(recording, suspect.entries)
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compared]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.data.checks.map_entries import entries_words
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading, reading_of
 from identification.data.checks.smoothed_copy import smoothed
@@ -51,5 +52,5 @@ def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> F
         "positions and torques stand in each other's columns",
         f"as it stands no plausible robot explains {100 * min(1.0, float(np.nanmin(before))):.0f} % of any torque; "
         f"the other way round {max(100 * float(np.nanmax(after)), 0.1):.2g} % are left",
-        'write {q: "tau.{joint}", tau: "q.{joint}"} into a column map and give it with --columns',
+        entries_words(recording, {"q": '"tau.{joint}"', "tau": '"q.{joint}"'}),
     )

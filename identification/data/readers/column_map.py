@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -183,6 +183,27 @@ def read_column_map(path: str | Path) -> ColumnMap:
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass)
 
 
+def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
+    """Refuse an entry of a joint that the robot does not have; a temperature may be of something else.
+
+    Args:
+        columns: A map that a user wrote.
+        joints: All that the robot has: active, passive and held ones.
+
+    Raises:
+        LogError: The sentence lists the joints and suggests the nearest.
+    """
+    for key in columns.sources:
+        column = column_of(key)
+        if column is None or column.quantity not in JOINT_QUANTITIES or column.quantity == "temp":
+            continue
+        if column.of not in joints:
+            raise LogError(
+                f"{columns.file}: {shortened(key)} is of the joint {shortened(column.of)}, which the robot does not "
+                f"have: {known_names(column.of, joints, 'joints')}"
+            )
+
+
 def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
     """An entry without what it says of a compensation, and that; an entry may say nothing else."""
     if not isinstance(value, dict) or _COMPENSATED not in value:
@@ -284,4 +305,5 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
         out[key] = raw.columns[source.name] * source.factor
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
     warnings = (*raw.warnings, *told)
-    return RawTable(raw.file, out, problems, raw.place, warnings, columns.compensated, columns.low_pass)
+    table = RawTable(raw.file, out, problems, raw.place, warnings, columns.compensated, columns.low_pass)
+    return replace(table, named={key: source.name for key, source in sources.items()})

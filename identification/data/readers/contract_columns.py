@@ -138,6 +138,7 @@ class UnknownNamesError(LogError):
 
 
 def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[str, ...]) -> None:
+    own = listed(raw.named.get(name, name) for name in raw.names)
     if not wanted:
         raise UnknownNamesError(
             f"{raw.file} has none of a log's columns (t, q.<joint>, tau.<joint>, ...), its columns are "
@@ -146,13 +147,12 @@ def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[
         )
     if "t" not in wanted:
         raise UnknownNamesError(
-            f"{raw.file} has no column t (time in seconds), its columns are {listed(raw.names)}: add it or map it "
-            "with --columns.",
+            f"{raw.file} has no column t (time in seconds), its columns are {own}: add it or map it with --columns.",
             raw.names,
         )
     if not any(column.quantity == "q" for column in wanted.values()):
         raise UnknownNamesError(
-            f"{raw.file} has no column q.<joint> (measured position), its columns are {listed(raw.names)}: add it or "
+            f"{raw.file} has no column q.<joint> (measured position), its columns are {own}: add it or "
             "map it with --columns.",
             raw.names,
         )
@@ -279,4 +279,4 @@ def contract_table(raw: RawTable) -> Table:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)
     kept_columns = {name: read_only(values[kept] if dropped else values) for name, values in columns.items()}
-    return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass)
+    return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass, raw.named)

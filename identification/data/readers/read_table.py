@@ -12,7 +12,7 @@ from pathlib import Path
 
 from identification.data.readers.array_files import read_npz, read_parquet
 from identification.data.readers.bags.rosbag import read_ros1_bag, read_ros2_bag
-from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map
+from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map, require_joints
 from identification.data.readers.contract_columns import JOINT_QUANTITIES, contract_table
 from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
@@ -107,6 +107,7 @@ def read_table(
     topic: str | None = None,
     ref_topic: str | None = None,
     joints: Sequence[str] | None = None,
+    other_joints: Sequence[str] = (),
 ) -> Table:
     """Columns of a log under the contract's names, checked and ready to use.
 
@@ -117,6 +118,7 @@ def read_table(
         topic: See `read_raw`.
         ref_topic: See `read_raw`.
         joints: Of the robot, in its order, which names joints that a file numbers; None where there is no robot.
+        other_joints: Further ones of the robot, which a map may name: passive ones, and those that are held.
 
     Returns:
         The contract's columns; other columns are named in the warnings.
@@ -127,6 +129,9 @@ def read_table(
     preset = None if columns is None else preset_of(columns)
     # A map that cannot be used is refused before a long recording is read.
     own_map = None if columns is None or preset is not None else read_column_map(columns)
+    if own_map is not None and joints is not None:
+        require_joints(own_map, (*joints, *other_joints))
+    users = own_map is not None
     raw = read_raw(path, topic=topic, ref_topic=ref_topic)
     if preset is not None:
         raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
@@ -136,7 +141,8 @@ def read_table(
         raise LogError(units_question(raw, joints))
     elif own_map is None and (raw.numbered or raw.joint_names):
         own_map = _numbers_of_quantities(raw)
-    return contract_table(raw if own_map is None else mapped(raw, own_map, joints))
+    table = contract_table(raw if own_map is None else mapped(raw, own_map, joints))
+    return table if users else replace(table, named={})
 
 
 def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:

@@ -89,15 +89,24 @@ def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> lis
 
 def _source(quantity: Quantity, name: str) -> str:
     unit = next((_UNITS[word] for word in _parts(name) if word in _UNITS), None)
-    quoted = (
-        name if re.fullmatch(r"[A-Za-z_][\w.]*", name) else '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    )
-    return f"{{from: {quoted}, unit: {unit}}}" if unit and UNITS[quantity].get(unit, 1.0) != 1.0 else quoted
+    column = quoted(name)
+    return f"{{from: {column}, unit: {unit}}}" if unit and UNITS[quantity].get(unit, 1.0) != 1.0 else column
+
+
+def quoted(name: str) -> str:
+    """A column's name as a map has to write it."""
+    if re.fullmatch(r"[A-Za-z_][\w.]*", name):
+        return name
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _parts(name: str) -> list[str]:
-    """Words and numbers of a name in small letters: ``jointPos_1`` is joint, pos and 1."""
-    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", name)]
+    """Words and numbers of a name in small letters: ``jointPos_1`` is joint, pos and 1, ``mNm`` is one word."""
+    out = []
+    for run in re.findall(r"[A-Za-z]+|\d+", name):
+        words = [run] if run.lower() in _UNITS else re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", run)
+        out += [word.lower() for word in words]
+    return out
 
 
 def _is_number(word: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -49,6 +50,26 @@ def test_warnings_are_printed_and_the_job_is_done(log, capsys):
     log.write_text(log.read_text().replace("tau.tilt", "load"))
     assert main(["check", str(log)]) == 0
     assert "warning: log.csv: column load not used" in capsys.readouterr().out
+
+
+def test_a_joint_that_the_map_misspells_is_told_before_what_the_log_lacks(log, tmp_path, capsys):
+    (tmp_path / "map.yaml").write_text("q.tild: q.tilt\n")
+    log.write_text(log.read_text().replace("t,", "time,", 1))
+    assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 2
+    assert re.search(
+        r"map\.yaml: q\.tild is of the joint tild, which the robot does not have: .*; did you mean tilt\?",
+        capsys.readouterr().err,
+    )
+
+
+def test_what_a_log_lacks_is_told_beside_its_own_columns_and_not_those_of_the_map(log, tmp_path, capsys):
+    (tmp_path / "map.yaml").write_text("tau.tilt: load\n")
+    log.write_text(log.read_text().replace("tau.tilt", "load").replace("t,", "time,", 1))
+    assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 2
+    told = capsys.readouterr().err
+    assert "log.csv has no column t" in told
+    assert "load" in told
+    assert "tau.tilt" not in told
 
 
 def test_columns_are_mapped(log, tmp_path, capsys):
@@ -133,7 +154,7 @@ def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, caps
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 0
     told = capsys.readouterr().out
     assert "wrong: log.csv: the torque of tilt has the wrong sign" in told
-    assert "write tau.tilt: {from: tau.tilt, sign: -1} into a column map" in told
+    assert "write tau.tilt: {from: tau.tilt, sign: -1} into the column map, on top of" in told
 
 
 def test_what_was_mended_is_told(log, capsys):

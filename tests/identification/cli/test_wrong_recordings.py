@@ -60,8 +60,27 @@ def test_a_flipped_torque_is_refused_with_the_entry_that_mends_it(command, arm, 
     told = capsys.readouterr()
     text = " ".join((told.out + told.err).split())
     assert "the torque of tilt has the wrong sign" in text
-    assert f"write {mend} into a column map and give it with --columns" in text
+    assert f"write {mend} into the column map, on top of what its entries say already" in text
     assert "--anyway" in text
+
+
+def test_an_entry_that_mends_takes_the_columns_of_the_file_where_a_map_renamed_them(
+    tmp_path, made_columns, written, capsys
+):
+    # Known truth: the torques are in mNm, which the first map does not say; the second is the first with what was told.
+    columns = made_columns(ROBOTS / "planar2.urdf", seconds=8.0)
+    names = {"q.shoulder": "angle 1", "q.elbow": "angle 2", "tau.shoulder": "load [1]", "tau.elbow": "load [2]"}
+    factors = {"tau.shoulder": 1e3, "tau.elbow": 1e3}
+    columns = {names.get(name, name): factors.get(name, 1.0) * x for name, x in columns.items()}
+    log, mend = written(tmp_path / "log.csv", columns), tmp_path / "columns.yaml"
+    given = [f"{name}: '{column}'" for name, column in names.items()]
+    mend.write_text("\n".join(given))
+    command = ["check", str(ROBOTS / "planar2.urdf"), str(log), "--columns", str(mend)]
+    assert main(command) == 0
+    (told,) = re.findall(r"write \{(.*)\} into the column map", " ".join(capsys.readouterr().out.split()))
+    mend.write_text("\n".join([*given[:2], *re.split(r", (?=tau)", told)]))
+    assert main(command) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
 
 
 def test_the_python_door_refuses_it_too(arm, log, tmp_path):

@@ -39,6 +39,18 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
             ["t: {from: time_ms, unit: ms}", "q.elbow: {from: elbow_pos_deg, unit: deg}",
              "tau.elbow: {from: elbow_torque_Nmm, unit: Nmm}"],
         ),
+        (  # units in which small and large letters meet, which parts words elsewhere
+            ["Time [ms]", "J1 angle [deg]", "J2 angle [deg]", "J1 torque [mNm]", "J2 torque [mNm]"],
+            ("j1", "j2"),
+            ['t: {from: "Time [ms]", unit: ms}', 'q.j1: {from: "J1 angle [deg]", unit: deg}',
+             'q.j2: {from: "J2 angle [deg]", unit: deg}', 'tau.j1: {from: "J1 torque [mNm]", unit: mNm}',
+             'tau.j2: {from: "J2 torque [mNm]", unit: mNm}'],
+        ),
+        (
+            ["t", "q", "motorCurrent_mA"],
+            ("pin",),
+            ["q.pin: q", "i.pin: {from: motorCurrent_mA, unit: mA}"],
+        ),
         (  # a LeRobot episode, one column a joint
             ["timestamp", *(f"{n}_{j}_flex" for n in ("state", "action") for j in ("elbow", "wrist")), "frame_index"],
             ("elbow_flex", "wrist_flex"),
@@ -64,7 +76,7 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
         (["stamp", "q.elbow", "tau.elbow"], ("elbow",), ["t: stamp"]),  # what has the right name needs no entry
         (["time", "pos_elbow"], ("elbow", "wrist"), ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?"]),
     ],
-    ids=["rtde", "gripper", "units", "lerobot", "one", "camel", "mujoco", "right", "lacking"],
+    ids=["rtde", "gripper", "units", "mNm", "mA", "lerobot", "one", "camel", "mujoco", "right", "lacking"],
 )  # fmt: skip
 def test_the_names_of_known_recorders_are_understood(names, joints, lines):
     assert suggested_map(names, joints).splitlines() == lines

@@ -1,0 +1,50 @@
+"""Entries of a column map that mend a recording, in the words of a message.
+
+A map takes columns by the file's own names. Where the recording was read through one, the entries say these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from identification.data.readers.contract_columns import JOINT_QUANTITIES
+from identification.data.readers.suggested_map import quoted
+from identification.data.recording import Recording
+
+
+def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
+    """What to do, as in ``write t: {from: t, unit: ms} into a column map and give it with --columns``.
+
+    Args:
+        recording: Says which columns of the file a map took.
+        entries: By key of a map its entry, with the contract's names in the place of the file's.
+    """
+    where = "into a column map and give it with --columns"
+    if recording.named:
+        entries = _in_names_of_file(recording, entries)
+        where = "into the column map, on top of what its entries say already"
+    pairs = [f"{key}: {value}" for key, value in entries.items()]
+    entry = pairs[0] if len(pairs) == 1 else "{" + ", ".join(pairs) + "}"
+    return f"write {entry} {where}"
+
+
+def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[str, str]:
+    out: dict[str, str] = {}
+    for key, value in entries.items():
+        taken = next((quantity for quantity in JOINT_QUANTITIES if f'"{quantity}.{{joint}}"' in value), None)
+        if taken is None:
+            out[key] = _renamed(recording, value)
+        elif not any(f"{taken}.{joint}" in recording.named for joint in recording.joint_names):
+            out[key] = value
+        else:
+            for joint in recording.joint_names:
+                own = value.replace(f'"{taken}.{{joint}}"', f"{taken}.{joint}")
+                out[f"{key}.{joint}"] = _renamed(recording, own)
+    return out
+
+
+def _renamed(recording: Recording, value: str) -> str:
+    """An entry, a name alone or ``{from: NAME, ...}``, with the file's name of its column."""
+    before, after = ("{from: ", ", ") if value.startswith("{from: ") else ("", "")
+    name, mark, rest = value.removeprefix(before).partition(after) if after else (value, "", "")
+    return f"{before}{quoted(recording.named[name])}{mark}{rest}" if name in recording.named else value
