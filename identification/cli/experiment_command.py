@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
+# Share of the motion in triangles of several speeds 0.87, in sines of 0.2 and 0.5 Hz 0.44 and 0.2: a friction test is
+# at constant speed most of the time.
+_STEADY = 0.5
+
 
 def parser() -> argparse.ArgumentParser:
     """Arguments of the command."""
@@ -96,11 +100,22 @@ def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) ->
     from identification.data.signals import process
     from identification.experiments.friction_test import friction_tests
     from identification.reporting.experiment_figures import friction_figure
+    from identification.words.numbers_and_names import percent
 
     logs = [process(recording, robot) for recording in recordings]
     tests = [test for log in logs for test in friction_tests(log, robot.torque_units)]
     for test in tests:
         say(f"{test.file}, {test.joint}: {_words(test.fit)}")
+    for test in tests:
+        below = [name for name in test.fit.names if _below_zero(test.fit, name)]
+        doubts = [f"no {' or '.join(below)} friction is below zero"] if below else []
+        if test.steady < _STEADY:
+            doubts.append(f"its speed was constant in {percent(test.steady)} of its motion")
+        if doubts:
+            say(
+                f"note: {test.file}, {test.joint}: {', and '.join(doubts)}; what is found is no friction unless one "
+                "joint at a time moves in triangles of several speeds."
+            )
     entries = [{"recording": test.file, "joint": test.joint, "parameters": _numbers(test.fit)} for test in tests]
     if robot.source == "cea_branch" and len(logs) > 1:
         entries += _passive(logs)
@@ -146,8 +161,7 @@ def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | Non
     say(f"{joint}: {_words(fit)}")
     if len(loops) == 1:
         say("note: one recording hardly separates damping from dry friction; record loops of several rates.")
-    stiffness, std = fit.theta[fit.names.index("K")], fit.std()[fit.names.index("K")]
-    if stiffness < -2 * std:
+    if _below_zero(fit, "K"):
         say(
             "note: no transmission has a stiffness below zero: the arm was not held, or the torque has the wrong sign; "
             "hold the arm, or mend the sign with --columns."
@@ -162,6 +176,12 @@ _NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offs
 def _words(fit: LinearFit) -> str:
     parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
     return ", ".join(f"{_NAMES.get(name, name)} {value:.4g} ± {std:.2g} {unit}" for name, value, std, unit in parts)
+
+
+def _below_zero(fit: LinearFit, name: str) -> bool:
+    """True for what cannot be below zero and is, by more than chance makes it."""
+    k = fit.names.index(name)
+    return bool(fit.theta[k] < -2 * fit.std()[k])
 
 
 def _numbers(fit: LinearFit) -> dict[str, dict[str, float | str]]:

@@ -15,13 +15,13 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import LogError
 
 Array = np.ndarray
 
 _STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
-_MOVES = 0.05  # of the fastest joint's speed: one that is slower holds still
+_MOVES = 0.05  # of the fastest speed: a joint, or a joint at a time, that is slower holds still
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class FrictionTest:
         fit: Unknowns ``viscous`` and ``coulomb``; its condition is that of velocity and sign, nuisances taken out.
         v: Speeds at the samples of constant speed [rad/s or m/s], ``(n,)``.
         torque: Friction torque there, what else acts taken off by the fit [N m or N], ``(n,)``.
+        steady: Share of its motion in which its speed was constant.
     """
 
     joint: str
@@ -41,6 +42,7 @@ class FrictionTest:
     fit: LinearFit
     v: Float[Array, " n"]
     torque: Float[Array, " n"]
+    steady: float
 
 
 def fit_steady(
@@ -68,7 +70,7 @@ def fit_steady(
         LogError: If the joint is never at a constant speed.
         IdentifiabilityError: If its speeds do not separate the two unknowns.
     """
-    steady = np.abs(a) < _STEADY * np.abs(v)
+    steady = _steady(v, a)
     if not steady.any():
         raise LogError("no constant speed was recorded: move the joint in triangles of several speeds.")
     q, v, a, tau = q[steady], v[steady], a[steady], tau[steady]
@@ -77,6 +79,11 @@ def fit_steady(
     free = without_nuisance(np.column_stack([law, tau]), nuisance)
     fit = fit_linear(free[:, :2], free[:, 2], names, units)
     return fit, v, law @ fit.theta + free[:, 2] - free[:, :2] @ fit.theta
+
+
+def _steady(v: Float[Array, " N"], a: Float[Array, " N"]) -> Bool[Array, " N"]:
+    """True where a speed is constant."""
+    return np.abs(a) < _STEADY * np.abs(v)
 
 
 def friction_tests(log: Log, units: tuple[str, ...]) -> tuple[FrictionTest, ...]:
@@ -100,7 +107,8 @@ def friction_tests(log: Log, units: tuple[str, ...]) -> tuple[FrictionTest, ...]
             fit, at, torque = fit_steady(q, v, a, tau, ("viscous", "coulomb"), (speed, unit))
         except LogError as error:
             raise LogError(f"{log.file}, {joint}: {error}") from error
-        out.append(FrictionTest(joint, log.file, fit, at, torque))
+        moving = np.abs(v) > _MOVES * fastest[j]
+        out.append(FrictionTest(joint, log.file, fit, at, torque, float(np.mean(_steady(v, a)[moving]))))
     if not out:
         raise LogError(f"{log.file}: no joint moves; record triangles of several speeds.")
     return tuple(out)

@@ -48,8 +48,24 @@ def test_friction_at_constant_speeds_is_that_of_the_recording(triangles, robots,
     for name, truth in (("viscous", 0.3), ("coulomb", 0.5)):
         found = one["parameters"][name]
         assert abs(found["value"] - truth) < max(4 * found["std"], 0.02 * truth)
-    assert "triangles.csv, pin: viscous 0." in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "triangles.csv, pin: viscous 0." in told
+    assert "note:" not in told
     assert matplotlib.image.imread(out / "friction.png")[..., :3].min() < 0.5
+
+
+def test_a_motion_without_constant_speeds_is_said_to_be_no_friction_test(tmp_path, robots, rng, capsys):
+    # Closed form: of a sine of frequency f, |a| < |v| / s where |tan(2 pi f t)| < 1 / (2 pi f), for f = 0.5 in 20 % of
+    # the time. Known truth: a torque along with the speed, as no friction is.
+    t = np.arange(round(20 * RATE)) / RATE
+    w = 2 * np.pi * 0.5
+    q, v = 0.6 * np.sin(w * t), 0.6 * w * np.cos(w * t)
+    tau = 9.81 * np.sin(q) - 0.2 * v - 0.1 * np.sign(v) + 0.02 * rng.standard_normal(len(t))
+    log = written(tmp_path / "sine.csv", ("pin",), t, q, tau)
+    assert main(["experiment", "friction", str(robots / "pendulum.urdf"), str(log), "--anyway"]) == 0
+    told = capsys.readouterr().out
+    assert "note: sine.csv, pin: no viscous or coulomb friction is below zero, and" in told
+    assert "its speed was constant in 20\N{NO-BREAK SPACE}% of its motion" in told
 
 
 def test_a_joint_of_the_friction_test_is_not_chosen(triangles, robots, capsys):
