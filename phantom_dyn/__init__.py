@@ -15,7 +15,7 @@
 `map_workspace`: what a hand feels at the tip.
 
 Each takes paths or objects, one or several, and refuses what it cannot use with a `PhantomDynError` of one sentence.
-Modules below are private. Nothing is loaded before it is used.
+Modules below may change from one version to the next. Nothing is loaded before it is used.
 """
 
 from __future__ import annotations

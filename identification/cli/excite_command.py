@@ -54,12 +54,22 @@ def parser() -> argparse.ArgumentParser:
         "--criterion",
         choices=("condition", "information"),
         default="condition",
-        help="condition number of the base regressor (default), or information (D-optimality: smallest volume of the "
-        "parameters' uncertainty)",
+        help="condition number of the base regressor, each column divided by its norm (default), or information "
+        "(D-optimality: smallest volume of the parameters' uncertainty)",
     )
-    out.add_argument("--velocity", metavar="V", nargs="+", type=float, help="lower limit of speed [rad/s or m/s]")
     out.add_argument(
-        "--acceleration", metavar="A", nargs="+", type=float, help="limit of acceleration [rad/s^2, m/s^2]"
+        "--velocity",
+        metavar="V",
+        nargs="+",
+        type=float,
+        help="highest speed, where the robot file allows more [rad/s or m/s]; one number, or one a joint",
+    )
+    out.add_argument(
+        "--acceleration",
+        metavar="A",
+        nargs="+",
+        type=float,
+        help="highest acceleration [rad/s^2 or m/s^2], without it any; one number, or one a joint",
     )
     out.add_argument(
         "--share", type=float, default=1.0, help="part of the velocity and torque limits to use, as 0.8 (default: 1)"

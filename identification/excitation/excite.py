@@ -106,7 +106,7 @@ class Excitation:
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
-            f"{self.shapes.duration:g} s from rest to rest (the best of some random motions: "
+            f"{self.shapes.duration:g} s from rest to rest, columns of norm one (the best of some random motions: "
             f"{self.start:.3g}).\n"
             f"Limits that it reaches: {limits}."
         )

@@ -141,3 +141,11 @@ def test_loops_stay_as_clear_of_a_singularity_as_was_asked_for(tmp_path):
 def test_a_robot_without_loops_has_no_singularity_to_stay_clear_of(arm, tmp_path, capsys):
     assert main(["excite", str(arm), "--clear", "0.5", "--out", str(tmp_path / "ref.csv")]) == 2
     assert "planar2 has no loop that is closed numerically: leave it out" in capsys.readouterr().err
+
+
+def test_the_help_says_that_a_given_speed_is_an_upper_limit_and_what_the_condition_number_is_of(capsys):
+    with pytest.raises(SystemExit):
+        main(["excite", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "--velocity V [V ...] highest speed, where the robot file allows more" in told
+    assert "base regressor, each column divided by its norm" in told

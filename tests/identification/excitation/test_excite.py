@@ -211,4 +211,5 @@ def test_no_start_is_refused(planar):
 def test_the_summary_names_the_limits_that_are_reached(designed):
     said = designed.summary()
     assert said.startswith("planar2: condition number ")
+    assert "columns of norm one" in said
     assert all(label in said for label in designed.reached)
