@@ -130,8 +130,8 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     """A path to write to, in the folder of ``path``, that becomes ``path`` when the block ends without an error.
 
     It keeps the suffix of ``path``, for libraries that choose the format by it. Missing folders are made. After
-    an error nothing is left, and an older file at ``path`` is as it was. What a process that was killed has left for
-    the same ``path`` is removed.
+    an error nothing is left, folders included, and an older file at ``path`` is as it was. What a process that was
+    killed has left for the same ``path`` is removed.
 
     Args:
         path: The file that is wanted in the end.
@@ -143,6 +143,7 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
         UsageError: If the file cannot be written there.
     """
     target = Path(path)
+    missing = [folder for folder in target.absolute().parents if not folder.exists()]
     try:
         with held_when_made(lambda: _empty_file_beside(target)) as temporary:
             try:
@@ -153,6 +154,11 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(refused_write(target, error)) from error
+    finally:
+        # The system keeps those that hold a file by now, and refuses what is above them.
+        for folder in missing:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> None:

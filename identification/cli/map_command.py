@@ -153,6 +153,17 @@ def _summary(result: OperationalMap) -> list[str]:
         unit = f" {QUANTITIES[name].unit}" if QUANTITIES[name].unit else ""
         span = f"{finite.min():.6g} to {finite.max():.6g}{unit}" if finite.size else "nowhere"
         lines.append(f"  {name:<20} {span}")
+    if result.unreachable == size:
+        lines.append(
+            "note: no point of the grid is within reach and within the limits of the joints: give another grid."
+        )
+    elif result.unreachable + result.singular == size:
+        lines.append(
+            f"note: nowhere on the grid is there a value, as the frame {result.model.frame} cannot move in "
+            f"{min(result.model.nv, 3)} independent directions there. A frame on the axis of a joint does not move "
+            "with it: name one farther out with --frame, or add one to the robot file; of an arm of three joints that "
+            "moves in a plane hold one (lock in robot.yaml)."
+        )
     if "stiffness" in result.values:
         lines.append(f"  {result.model.stiffness_note}")
     return lines

@@ -313,6 +313,25 @@ def _warnings(
     return tuple(sentences)
 
 
+def _idle_links(model: pin.Model, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
+    """A sentence on joints that need no torque by the model; rods of a closed chain may well be without mass."""
+    idle = [] if chain is not None else _without_inertia(model)
+    # Of a model without any mass more is said, by the checks of recordings.
+    if not idle or len(idle) == model.njoints - 1:
+        return ()
+    return (
+        f"{path}: nothing that {' and '.join(idle)} moves has mass or inertia, so that no motion of it needs a torque "
+        "by the model: give the links their <inertial>.",
+    )
+
+
+def _without_inertia(model: pin.Model) -> list[str]:
+    """Joints of a tree beyond which nothing has mass or inertia, as where a file leaves out an <inertial>."""
+    bodies = [inertia.toDynamicParameters().any() for inertia in model.inertias]
+    out = [joint for joint in range(1, model.njoints) if not any(bodies[k] for k in model.subtrees[joint])]
+    return [model.names[joint] for joint in out if not model.armature[model.joints[joint].idx_v]]
+
+
 def _robot(
     model: pin.Model,
     source: str,
@@ -345,7 +364,7 @@ def _robot(
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
         payload_frame=stated.payload_frame,
-        warnings=_warnings(facts, stated, locked, chain, path),
+        warnings=(*_warnings(facts, stated, locked, chain, path), *_idle_links(model, chain, path)),
         locked=locked,
         chain=chain,
         soft_friction=tuple(soft.get(names[k]) for k in rows) if soft else (),

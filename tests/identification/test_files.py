@@ -27,6 +27,20 @@ def test_missing_folders_are_made(tmp_path):
     assert (tmp_path / "one" / "two" / "a.txt").read_text() == "x"
 
 
+@pytest.mark.parametrize("stop", [ZeroDivisionError, KeyboardInterrupt])
+def test_folders_that_were_made_go_where_nothing_is_written(tmp_path, stop):
+    with pytest.raises(stop), temporary_beside(tmp_path / "one" / "two" / "a.txt"):
+        raise stop
+    assert names(tmp_path) == []
+
+
+def test_a_folder_with_something_else_in_it_stays_where_nothing_is_written(tmp_path):
+    stopped = temporary_beside(tmp_path / "one" / "two" / "a.txt")
+    stopped.__enter__().with_name("other").write_text("mine")
+    assert not stopped.__exit__(ZeroDivisionError, ZeroDivisionError(), None)
+    assert names(tmp_path / "one" / "two") == ["other"]
+
+
 def test_a_text_of_the_path_is_enough(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_atomically("a.txt", "x")

@@ -15,7 +15,7 @@ from identification.geometry.pins import loops_of
 from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names, shortened
+from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, UsageError, known_names, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.settings_file import (
     LARGEST,
@@ -202,7 +202,12 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
 
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
+        UsageError: If a file is given twice: its effects would be added twice.
     """
+    places = [file.resolve() for file in files]
+    for k, file in enumerate(files):
+        if places[k] in places[:k]:
+            raise UsageError(f"{file} is given twice, and its effects would be added twice: give every model once.")
     return tuple(known_effect(entry, robot, file) for file in files for entry in read_corrected(file).effects)
 
 

@@ -163,8 +163,15 @@ def assisting_torque(
         compensation: Share and dead zone, the same for all joints.
 
     Raises:
+        ParameterError: If positions or velocities are not a row a sample and a column a joint.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
+    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    if q.ndim != 2 or q.shape[1] != robot.nv or v.shape != q.shape:
+        raise ParameterError(
+            f"Positions of shape {q.shape} and velocities of shape {v.shape} were given, wanted (N, {robot.nv}) of "
+            "both: give a row a sample, as in [q] and [v] for one."
+        )
     tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, v, np.zeros_like(v)))
     viscous, coulomb = tree_friction(robot)
     return gravity_torque(robot, q) + project(tree.G, compensation.force(tree.v, coulomb, viscous))

@@ -13,6 +13,7 @@ import xarray
 from identification.cli.main import main
 from identification.export import log_and_map_files
 from phantom_dyn.devices import phantom
+from places import ROBOTS
 
 GRID = "x=-0.1:0.1:5,y=-0.1:0.1:3,z=-0.05:0.05:3"
 
@@ -122,6 +123,16 @@ def test_files_that_are_not_ours_stay(mapped, tmp_path):
     (tmp_path / "maps" / "notes.txt").write_text("mine")
     _, out = mapped()
     assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_a_map_without_a_value_says_why_and_what_to_do(mapped):
+    # Closed form: the place of the last joint of a planar arm does not move with that joint.
+    said, _ = mapped("--frame", "elbow", robot=str(ROBOTS / "planar2.urdf"), grid="q.shoulder=-1:1:3")
+    assert "3 points, 0 out of reach, 3 singular" in said
+    assert "the frame elbow cannot move in 2 independent directions there" in said
+    assert "name one farther out with --frame" in said
+    said, _ = mapped(grid="x=5:6:3,y=0:0:1,z=0:0:1")
+    assert "note: no point of the grid is within reach and within the limits of the joints" in said
 
 
 def test_another_frame_is_mapped(mapped):

@@ -247,3 +247,20 @@ def test_a_base_that_mjcf_hangs_on_a_wall_is_where_mujoco_has_it(tmp_path):
     robot = load_robot(path)
     np.testing.assert_allclose(gravity_torque(robot, np.array([[0.3]]))[0], data.qfrc_bias, atol=1e-12)
     np.testing.assert_allclose(robot.model.jointPlacements[1].translation, data.xanchor[0], atol=1e-12)
+
+
+def test_a_joint_that_moves_nothing_with_inertia_is_told(tmp_path):
+    # Known truth: the forearm's <inertial> is taken out; the upper arm keeps its own.
+    text = (ROBOTS / "planar2.urdf").read_text()
+    start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
+    (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
+    (told,) = load_robot(tmp_path / "arm.urdf").warnings
+    assert "nothing that elbow moves has mass or inertia" in told
+
+
+def test_a_rotor_is_inertia_enough(tmp_path):
+    text = (ROBOTS / "planar2.urdf").read_text()
+    start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
+    (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
+    (tmp_path / "robot.yaml").write_text("joints: {elbow: {rotor_inertia: 0.1}}")
+    assert load_robot(tmp_path / "arm.urdf").warnings == ()

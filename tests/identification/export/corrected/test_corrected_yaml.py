@@ -18,7 +18,7 @@ from identification.export.corrected.corrected_yaml import (
     write_corrected,
 )
 from known_effects import EFFECTS_OF_THE_PENDULUM
-from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.errors import ParameterError, RobotError, UsageError
 from phantom_dyn.model.loading import load_robot
 
 GOOD = """\
@@ -172,6 +172,14 @@ def test_a_known_effect_that_cannot_be_is_refused(tmp_path, robots, old, new, me
     path.write_text(EFFECTS_OF_THE_PENDULUM.replace(old, new, 1))
     with pytest.raises(ParameterError, match=message):
         known_effects((path,), robot)
+
+
+def test_a_file_that_is_given_twice_is_refused(robots, tmp_path):
+    robot = load_robot(robots / "pendulum.urdf")
+    path = tmp_path / "corrected.yaml"
+    path.write_text(EFFECTS_OF_THE_PENDULUM)
+    with pytest.raises(UsageError, match=r"corrected\.yaml is given twice, and its effects would be added twice"):
+        known_effects((path, tmp_path / "." / ".." / tmp_path.name / "corrected.yaml"), robot)
 
 
 def test_a_name_without_end_is_refused_in_a_short_sentence(robots):

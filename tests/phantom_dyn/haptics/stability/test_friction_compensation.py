@@ -178,6 +178,19 @@ def test_a_robot_is_given_its_weight_and_the_share_of_its_friction(rubbing, rng)
     np.testing.assert_allclose(slow, gravity_torque(rubbing, q), atol=1e-15)
 
 
+@pytest.mark.whole
+def test_positions_and_velocities_may_be_lists(rubbing):
+    q, v, given = [[0.1, 0.2, -0.1]], [[0.0, 0.5, -0.5]], FrictionCompensation(0.8, 0.01)
+    expected = assisting_torque(rubbing, np.array(q), np.array(v), given)
+    np.testing.assert_array_equal(assisting_torque(rubbing, q, v, given), expected)
+
+
+@pytest.mark.whole
+def test_one_sample_without_its_row_is_refused_with_the_shape_that_is_wanted(rubbing):
+    with pytest.raises(ParameterError, match=r"shape \(3,\) were given, wanted \(N, 3\) of both: give a row a sample"):
+        assisting_torque(rubbing, np.zeros(3), np.zeros(3), FrictionCompensation(0.8, 0.01))
+
+
 def pushed_off(robot: Robot, share: float) -> np.ndarray:
     """Speeds of a robot that is pushed off, its weight and a share of its friction compensated at 1 kHz."""
     given = FrictionCompensation(share, 0.02)
