@@ -52,6 +52,10 @@ _WIDEST_HZ = 50.0
 _SAMPLES_PER_PERIOD = 2.5
 # Samples in the band below which nothing can be fitted.
 _FEWEST = 20
+# Steps in a row without a sample, beyond which a stretch is a gap; and the same in periods of the band's edge, as long as
+# that many steps are where the band is as wide as the rate allows. Inside a lower band longer stretches lose no more.
+_GAP_STEPS = 5
+_GAP_PERIODS = _GAP_STEPS * _HIGHEST
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
@@ -177,7 +181,6 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
     if tau is None:
         raise LogError(f"{recording.file} has no torque, current or voltage: record one, or see --motion-only.")
     q = recording.q
-    gaps = [(t[k], t[k + 1]) for k in np.flatnonzero(steps > 5 * step)]
     if t[-1] - t[0] > 3 * len(t) * step:
         k = int(np.argmax(steps))
         raise LogError(
@@ -191,10 +194,16 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
         q = CubicSpline(t, q)(grid)
         tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
         t = grid
+    return t, q, tau, _valid(recording, t, _GAP_STEPS * step)
+
+
+def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[Array, " N"]:
+    """Which instants lie neither in an excluded stretch nor in one of more than ``longest`` seconds without a sample."""
+    gaps = np.flatnonzero(np.diff(recording.t) > longest)
     valid = np.ones(len(t), dtype=bool)
-    for start, stop in [*gaps, *recording.excluded]:
+    for start, stop in [*((recording.t[k], recording.t[k + 1]) for k in gaps), *recording.excluded]:
         valid &= (t < start) | (t > stop)
-    return t, q, tau, valid
+    return valid
 
 
 def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
@@ -299,6 +308,9 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
             f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.2g} Hz, where a "
             f"sample comes every {1 / rate:.3g} s: record at least {wanted:.2g} s of motion, or at a higher rate."
         )
+    if not valid.all():
+        # At uneven times many steps are several times as long as the median.
+        valid = _valid(recording, t, max(_GAP_STEPS / rate, _GAP_PERIODS / band.cutoff_hz))
     smooth, v, a = differentiate(q, rate, motion_edge(band))
     if recording.friction_taken:
         tau = tau + friction_taken(robot, recording, v)

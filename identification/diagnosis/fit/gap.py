@@ -20,7 +20,7 @@ Array = np.ndarray
 class Sums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
-    A sample of a standing joint counts as little as its friction is known there.
+    Blocks without a sample are left out: a bootstrap replicate of such blocks alone would say nothing. A sample of a standing joint counts as little as its friction is known there.
 
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.
@@ -69,7 +69,8 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
         use = sample_weights(problem, block.log, part)
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
-    return Sums(squares, counts)
+    held = counts.any(axis=1) | ~counts.any()
+    return Sums(squares[held], counts[held])
 
 
 def sample_weights(problem: Problem, log: int, part: slice) -> Float[Array, "n nv"]:

@@ -121,6 +121,11 @@ def session_of(
             f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
             "record at least ten seconds of motion."
         )
+    if sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0)) < rules.LEAST_BLOCKS:
+        raise LogError(
+            f"{recordings[0].file}: gaps in time and excluded stretches leave too few samples to hold data back and "
+            "judge on them: record at least ten seconds of motion without gaps."
+        )
     return replace(session, robot=_with_its_friction(session), recordings=every)
 
 
@@ -139,6 +144,12 @@ def _require_whole_stretches(logs: tuple[Log, ...]) -> None:
         f"{logs[k].file}: the longest stretch without a gap or an excluded time lasts {longest[k]:.2g} s, wanted "
         f"{wanted:.2g} s at least for a band of {band.cutoff_hz:.2g} Hz: record without gaps."
     )
+
+
+def _holds_samples(session: Session, block: int) -> bool:
+    """True if a block has a sample in its core that no gap and no excluded stretch touches."""
+    where = session.blocks[block]
+    return bool(session.logs[where.log].valid_in_band[where.core : where.stop].any())
 
 
 def _with_its_friction(session: Session) -> Robot:

@@ -204,6 +204,24 @@ def test_a_jump_that_makes_a_recording_three_times_as_long_is_refused(jump, refu
         assert not uniform(recording(times, q, tau))[3].all()
 
 
+@pytest.mark.parametrize(("milliseconds", "gap"), [(140, False), (160, True)])
+def test_in_a_low_band_a_gap_is_three_tenths_of_a_period_of_its_edge(slide, milliseconds, gap):
+    # By hand: of 2 Hz that is 150 ms, thirty steps of this recording; in the widest band it is five steps.
+    keep = (T <= 4.0) | (T >= 4.0 + 1e-3 * milliseconds - 1e-9)
+    q, tau = swing(T)
+    valid = process(recording(T[keep], q[keep], tau[keep]), slide, cutoff_hz=2.0).valid
+    assert bool(valid.all()) is not gap
+
+
+def test_samples_at_chance_times_are_used_in_a_band_that_they_carry(slide, rng):
+    # Known truth: of three steps in a hundred of a Poisson process each is longer than five medians.
+    times = np.sort(rng.uniform(T[0], T[-1], len(T)))
+    log = process(recording(times, *swing(times)), slide, cutoff_hz=3.0)
+    a, force = log.band(log.motion.a[:, 0]), log.band(log.tau[:, 0])
+    assert log.valid_in_band.mean() > 0.5
+    assert a @ force / (a @ a) == pytest.approx(95.1089, rel=5e-3)
+
+
 def test_an_excluded_stretch_is_invalid_and_nothing_else():
     valid = uniform(recording(T, *swing(T), excluded=((2.0, 3.0), (7.5, 20.0))))[3]
     np.testing.assert_array_equal(valid, (T < 2.0) | ((T > 3.0) & (T < 7.5)))

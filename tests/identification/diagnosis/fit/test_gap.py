@@ -52,6 +52,14 @@ def test_sums_are_those_of_usable_samples_of_cores(two):
         np.testing.assert_allclose(found.squares[i], (squares * use).sum(axis=0))
 
 
+def test_a_block_without_a_sample_is_no_block_to_draw(quiet):
+    # By hand: a replicate of such blocks alone would have neither squares nor samples.
+    usable = quiet.columns.usable[0].copy()
+    usable[quiet.blocks[0].start : quiet.blocks[0].stop] = False
+    problem = replace(quiet.problem, columns=replace(quiet.columns, usable=(usable,)))
+    assert len(sums(problem, quiet.columns.residual).counts) == len(quiet.blocks) - 1
+
+
 def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_there(two):
     # By hand: where friction is open by twice the noise, a sample counts a fifth.
     twice = tuple(np.full(r.shape, 2.0) * two.problem.weights.floor for r in two.columns.residual)

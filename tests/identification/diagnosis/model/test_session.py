@@ -1,4 +1,4 @@
-"""Which recordings a session takes. Oracle: where a made recording has gaps is known."""
+"""Sessions of recordings, and which are refused. Oracle: where a made recording has gaps is known."""
 
 from __future__ import annotations
 
@@ -38,3 +38,16 @@ def test_one_stretch_that_is_long_enough_is_used(whole, planar2):
     used = session.logs[0].motion.t[session.logs[0].samples[session.logs[0].valid_in_band]]
     assert len(used)
     assert used.min() > 5.0
+
+
+@pytest.mark.parametrize(("last", "enough"), [(5.0, True), (8.0, False)])
+def test_blocks_that_gaps_leave_no_sample_of_are_not_counted(lab, planar2, last, enough):
+    # Of ten blocks of a second at least four have to be left, to be held out in turn.
+    recording = replace(lab.recording(planar2, lab.motion(2, 1)), excluded=((0.0, last),))
+    if enough:
+        assert len(session_of(planar2, (recording,)).blocks) >= 4
+    else:
+        with pytest.raises(
+            LogError, match=r"sim\.csv: gaps in time and excluded .* leave too few samples to hold data"
+        ):
+            session_of(planar2, (recording,))
