@@ -115,8 +115,8 @@ class JointGap:
 
     @property
     def is_noise(self) -> bool:
-        """True if the noise counts as much as the measured torque: nothing can be seen in it."""
-        return self.rms_torque is not None and self.noise_floor >= self.rms_torque
+        """True if the measured torque is no more than may be noise: nothing can be seen in it."""
+        return self.rms_torque is not None and self.allowed >= self.rms_torque
 
 
 def noise_is_all(joints: tuple[JointGap, ...]) -> bool:

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Modelled joint limits that simulated motion runs past, and which a simulation with stops would engage."""
+"""Modelled joint limits that simulated motion runs past where a stop may have held the robot."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Past a limit is by more than this share of the range: stops give, and encoders have offsets.
+# Past a limit, or clear of it, is by more than this share of the range: stops give, and encoders have offsets.
 _PAST = 0.005
 
 
 @dataclass(frozen=True)
 class Engaged:
-    """A limit that simulated motion runs past where the recording keeps it.
+    """A limit that simulated motion runs past where the recording comes up to it and stays.
 
     Attributes:
         model: ``given`` or ``corrected``.
@@ -62,7 +62,7 @@ class Simulated:
 
 
 def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engaged, ...]:
-    """Limits that a model runs past and the recording keeps, one entry for each model, joint and recording.
+    """Limits that a model runs past and the recording stays at, one entry for each model, joint and recording.
 
     Args:
         robot: Its model states the limits; a joint without any, or with a turn without end, has none.
@@ -95,8 +95,8 @@ def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...
 def _words(one: Engaged, unit: str) -> str:
     return (
         f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
-        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the "
-        "recording keeps it: a stop may have held it there, and the simulation has none."
+        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the recording comes "
+        "up to it and stays: a stop may have held it there, and the simulation has none."
     )
 
 
@@ -106,7 +106,8 @@ def _several_words(engaged: list[Engaged], units: dict[str, str]) -> str:
     places = [f"{one.joint} past {one.limit:.4g} {units[one.joint]} in {one.windows}" for one in engaged]
     return (
         f"{first.recording}: in {first.of} simulated windows joints run past limits of the {first.model} model that "
-        f"the recording keeps ({', '.join(places)}): stops may have held them there, and the simulation has none."
+        f"the recording comes up to and keeps ({', '.join(places)}): stops may have held them there, and the "
+        "simulation has none."
     )
 
 
@@ -136,11 +137,15 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[str, ...]:
 
 
 def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -> tuple[float, float] | None:
-    """When [s] a model first runs past which limit of a joint; None where it does not, or the recording does."""
+    """When [s] a model first runs past which limit of a joint; None where it does not, or the recording is elsewhere.
+
+    A simulation that runs away passes limits that the robot never came near: no stop held it there.
+    """
     simulated = (window.given if model == "given" else window.corrected)[:, j]
     for limit, side in ((limits[0], -1.0), (limits[1], 1.0)):
         past = side * (simulated - limit) > _margin(limits)
-        if past.any() and not (side * (window.read[:, j] - limit) > _margin(limits)).any():
+        read = float(np.max(side * (window.read[:, j] - limit)))
+        if past.any() and abs(read) <= _margin(limits):
             return float(window.t[int(np.argmax(past))]), float(limit)
     return None
 

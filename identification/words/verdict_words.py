@@ -172,9 +172,9 @@ def left_over(diagnosis: Diagnosis) -> str:
     if left.times:
         times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
         more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
-        parts.append(
-            f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion predicts"
-        )
+        # Where a rest has structure, its joint is named, and events may be on others.
+        where = "" if left.structured else f" on {place('', left.joint)}"
+        parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
     if strays and not (parts or above or left.structured):

@@ -33,7 +33,7 @@ from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import Term, merged
-from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained, noise_is_all
+from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search
@@ -64,13 +64,12 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, judge.floor)
     left_over = unexplained(shown, judge, residual, whole)
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
-    left_over = _timed(_located(left_over, problem, residual, joints), bursts)
+    left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
     moved = any(bool(use.any()) for use in problem.columns.usable)
-    hides = ordinary_effects_hide(bounds) or noise_is_all(joints)
     judgement = Judgement(
-        verdict=verdict(joints, findings, left_over, moved=moved, hides=hides),
+        verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
         joints=joints,
         findings=findings,
         adjusted=with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
@@ -121,6 +120,13 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         return _left(explanation, plain, chosen, noise)
 
     found, barred, kept = explanation.chosen, NONE_BARRED, present_of(explanation.chosen)
+    left = left_by_all(kept)
+    if _torque_is_noise(left):
+        # No torque at all fits as well as any model can: what is in the model says nothing of the robot.
+        none = frozenset[Term]()
+        return shown_effects(explanation.search, plain, none, present_of), replace(
+            left_by_all(none), floor=left.floor, judge=left.judge
+        )
     if not kept and _above_noise(left_by_all(kept)):
         # What lies above the judged band may hide from the search what there is inside it.
         found = explain(plain, lambda _: None)
@@ -137,6 +143,12 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         if term is None or term.place in barred:
             return shown, left
         barred = barred | {term.place}
+
+
+def _torque_is_noise(left: _Left) -> bool:
+    """True if the measured torque of every joint that is judged is within its noise."""
+    torque = sums(left.judge.problem, measured_torque(left.judge.problem))
+    return bool(np.all((torque.rms() <= left.floor.high)[torque.counts.any(axis=0)])) and bool(torque.counts.any())
 
 
 def _above_noise(left: _Left) -> bool:

@@ -16,7 +16,7 @@ from identification.diagnosis.model.nuisances import Nuisance
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.result import Adjusted, Bound, Finding, JointGap, Unexplained
+from identification.diagnosis.result import Adjusted, Bound, Finding, JointGap, Unexplained, noise_is_all
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
@@ -35,7 +35,7 @@ def verdict(
         moved: True if some joint moves in the recording.
         hides: True if ordinary friction, inertia or drive effects could hide in the noise.
     """
-    if not moved:
+    if not moved or noise_is_all(joints):
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:

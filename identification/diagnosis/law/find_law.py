@@ -27,7 +27,7 @@ from identification.diagnosis.law.model_to_use import model_of
 from identification.diagnosis.law.rest import Rest, rest_of
 from identification.diagnosis.law.smooth import frequency_answers, input_curves, input_gains
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
-from identification.diagnosis.result import JointGap, Judgement
+from identification.diagnosis.result import JointGap, Judgement, noise_is_all
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -46,7 +46,8 @@ def with_law(judgement: Judgement, shown: Shown) -> Judgement:
         shown: The effects that are shown, and their fits.
     """
     left = judgement.unexplained
-    if not left.structured or left.joint is None:
+    # Where the measured torque is noise, the rest is the model's own torque.
+    if not left.structured or left.joint is None or noise_is_all(judgement.joints):
         return judgement
     rest = rest_of(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     if np.count_nonzero(rest.weight) == 0:

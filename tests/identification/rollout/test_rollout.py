@@ -139,7 +139,7 @@ def window(file: str, t: float, read: float, given: float, corrected: float) -> 
 
 def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pendulum):
     # Up to 3.5 rad in four equal steps of a hundredth of a second: past 3 rad after the last.
-    windows = (window("a.csv", 1.0, 2.9, 2.9, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5), window("b.csv", 4.0, 1, 1, 1))
+    windows = (window("a.csv", 1.0, 2.98, 2.98, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5), window("b.csv", 4.0, 1, 1, 1))
     (one,) = limits_engaged(pendulum, windows)
     assert (one.model, one.joint, one.recording, one.limit, one.windows, one.of) == (
         "corrected", "pin", "a.csv", 3.0, 1, 2,
@@ -152,10 +152,16 @@ def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pen
 
 
 def test_the_given_model_is_warned_of_only_where_the_corrected_one_keeps_the_limit(pendulum):
-    both = limits_engaged(pendulum, (window("a.csv", 0.0, 1.0, -3.5, -3.5),))
+    both = limits_engaged(pendulum, (window("a.csv", 0.0, -3.0, -3.5, -3.5),))
     assert [one.model for one in both] == ["given", "corrected"]
     assert len(limit_warnings(pendulum, both)) == 1
     assert "of the given model" in limit_warnings(pendulum, both[:1])[0]
+
+
+@pytest.mark.parametrize(("read", "near"), [(2.96, False), (2.98, True), (3.02, True), (3.04, False)])
+def test_a_limit_that_the_recording_does_not_come_up_to_is_no_stop(pendulum, read, near):
+    # By hand: limits of -3 and 3 rad, and 0.03 rad about them; a simulation that runs away passes any.
+    assert bool(limits_engaged(pendulum, (window("a.csv", 0.0, read, 9.0, 2.0),))) is near
 
 
 def test_a_recording_past_the_limits_of_its_model_is_told(pendulum, record):
@@ -226,6 +232,7 @@ def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
     ]
     (said,) = limit_warnings(planar2, tuple(past))
     assert said.startswith(
-        "a.csv: in 20 simulated windows joints run past limits of the corrected model that the recording keeps "
+        "a.csv: in 20 simulated windows joints run past limits of the corrected model that the recording comes up "
+        "to and keeps "
         "(shoulder past 2 rad in 4, elbow past -1.5 rad in 16): "
     )
