@@ -114,6 +114,19 @@ class JointGap:
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
     @property
+    def gives_way(self) -> bool:
+        """True if the given model leaves no more than noise, and its moves within the tolerances leave more.
+
+        They are fitted to all joints at once, and give way to what is missing on others.
+        """
+        return self.rms_before <= self.allowed < self.tolerated
+
+    @property
+    def without_findings(self) -> float:
+        """Residual without the findings: within the tolerances, or of the given model where its moves give way."""
+        return self.rms_before if self.gives_way else self.tolerated
+
+    @property
     def is_noise(self) -> bool:
         """True if the measured torque is no more than may be noise: nothing can be seen in it."""
         return self.rms_torque is not None and self.allowed >= self.rms_torque

@@ -14,17 +14,17 @@ from identification.words.diagnosis_words import joined, on_place, percent
 from identification.words.effect_words import words_of
 from phantom_dyn.motion import Motion
 
-# Further measurements that separate effects from their twins where no motion does.
+# What to do beside recording motion that separates effects from their twins where no motion does.
 _CHANGES = {
-    "weighing": "a link or load that is weighed, or a torque that is calibrated",
-    "data sheet": "a rotor inertia from the drive's data sheet",
-    "link encoder": "an encoder on the link",
-    "level": "a level on the base, or the robot mounted another way up",
-    "timing": "a measured torque, or another controller gain",
+    "weighing": "weigh a link or the load, or calibrate the torque",
+    "data sheet": "take the rotor inertia from the drive's data sheet",
+    "link encoder": "put an encoder on the link",
+    "level": "put a level on the base, or mount the robot another way up",
+    "timing": "measure the torque, or record with another controller gain",
 }
 
 _MOST_TOLD = 3
-"""Causes that a sentence separates from others at most; `diagnosis.json` has all pairs."""
+"""Causes that a sentence separates from others at most; of more it tells the first, `diagnosis.json` has all pairs."""
 
 
 def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
@@ -45,9 +45,9 @@ def nothing_separates(pairs: tuple[Pair, ...]) -> str:
     by = {words_of(at).separated_by for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
     changes = [words for change, words in _CHANGES.items() if change in by]
     advice = (
-        f"; what would is {joined(changes, ' or ')}"
+        f": to tell them apart, {joined(changes, ', or ')}"
         if changes
-        else "; take either of them, as both predict the same there, or record faster motions, if they are safe"
+        else ": take either of them, as both predict the same there, or record faster motions, if they are safe"
     )
     return f"No safe motion that was tried separates {_pairs_words(pairs)}{advice}."
 
@@ -62,8 +62,7 @@ def _pairs_words(pairs: tuple[Pair, ...]) -> str:
         others = [other for pair in left for other in pair if most in pair and other != most]
         said.append(f"{most} from {joined(others)}")
         left = [pair for pair in left if most not in pair]
-    more = len(said) - _MOST_TOLD
-    return joined(said, ", and ") if more <= 0 else f"{', '.join(said[:_MOST_TOLD])}, and {more} more"
+    return joined(said, ", and ") if len(said) <= _MOST_TOLD else f"{said[0]}, and {len(said) - 1} more causes from others"
 
 
 def _hypothesis_words(one: Hypothesis) -> str:

@@ -66,6 +66,7 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
         "",
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
+        *_gives_way(diagnosis.joints),
     ]
 
 
@@ -81,10 +82,12 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     if gap.closed is None or not diagnosis.findings:
         return []
     share = percent(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
-    worst = max(diagnosis.joints, key=lambda joint: joint.tolerated / joint.noise_floor if joint.noise_floor else 0.0)
+    worst = max(
+        diagnosis.joints, key=lambda joint: joint.without_findings / joint.noise_floor if joint.noise_floor else 0.0
+    )
     where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([worst.joint])
     return [
-        f"{words.capital(share)} of the gap is closed, {where}: {number(worst.tolerated)} -> "
+        f"{words.capital(share)} of the gap is closed, {where}: {number(worst.without_findings)} -> "
         f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
     ]
 
@@ -112,7 +115,7 @@ def _finding_line(finding: Finding) -> str:
     values = {name: value for name, value in finding.parameters.items() if not (grown and name == "ratio")}
     sizes = _sizes(values)
     size = (f": {sizes}" if sizes else "") + grown
-    sure = f"{words.sureness(finding.probability)}, {words.share_of_gap(finding)} of the gap"
+    sure = f"{words.sureness(finding.probability)}, {words.of_the_gap(finding)}"
     instead = words.rivals_words(finding)
     rivals = f"; {instead}" if instead else ""
     return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
@@ -150,6 +153,19 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
         cells = "  ".join(f"{number(value):>12}" for value in figures)
         rows.append(f"{name:<{width}}  {cells}  {joint.unit}")
     return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
+
+
+def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
+    """Why a joint may be worse in tolerance than given; nothing where none is."""
+    worse = [joint.joint for joint in joints if joint.gives_way]
+    if not worse:
+        return []
+    return [
+        _wrapped(
+            f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves within "
+            "the tolerances are fitted to all joints at once, and give way to what is missing on others."
+        )
+    ]
 
 
 def _wrapped(text: str, indent: str = "", hanging: str | None = None) -> str:

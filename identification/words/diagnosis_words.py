@@ -28,6 +28,7 @@ SURENESS = (
     (0.495, "as likely as not"),
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
+_BESIDE = " beside the others"
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
@@ -76,7 +77,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
     return FindingWords(
         what=f"The recording shows {_shown(finding)}.",
         where=regime_sentence(finding.regime),
-        how_sure=f"This is {sureness(finding.probability)}; it accounts for {share_of_gap(finding)} of the gap.",
+        how_sure=f"This is {sureness(finding.probability)}; it accounts for {of_the_gap(finding)}.",
         what_else=f"{capital(rivals)}.",
         what_next=_next_step(finding, next_experiment or {}),
     )
@@ -206,8 +207,14 @@ def share_of_gap(finding: Finding) -> str:
     if finding.share is None:
         return gap_closed(finding)
     return (
-        percent(min(finding.share, 1.0)) if finding.share >= 0.0 else f"beside the others {percent(finding.gap_closed)}"
+        percent(min(finding.share, 1.0)) if finding.share >= 0.0 else f"{percent(finding.gap_closed)}{_BESIDE}"
     )
+
+
+def of_the_gap(finding: Finding) -> str:
+    """``71 % of the gap``; of an effect that only helps beside others ``1 % of the gap beside the others``."""
+    share = share_of_gap(finding)
+    return f"{share.removesuffix(_BESIDE)} of the gap" + _BESIDE * share.endswith(_BESIDE)
 
 
 def parameter_name(name: str) -> str:

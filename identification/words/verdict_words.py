@@ -200,7 +200,7 @@ def unexplained_phrase(unexplained: Unexplained) -> str:
     at = ", ".join(part for part in where if part)
     share = percent(unexplained.fraction_of_explainable)
     if not unexplained.structured:
-        return f"{share} of what could be explained is left, without structure that another effect could explain"
-    return f"{share} of what could be explained is left" + (
+        return f"{share} of what the motion foretells is left, without structure that another effect could explain"
+    return f"{share} of what the motion foretells is left" + (
         f", mostly at {at}" if unexplained.joint else f", {at}" * bool(at)
     )

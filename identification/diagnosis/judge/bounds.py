@@ -134,7 +134,7 @@ def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name:
         return f"the effect leaves no trace on {joint or 'the robot'} in this motion"
     if limits and size > max(limits):
         unit = "" if effect.probe_unit(robot, joint, name) == "1" else f" {effect.probe_unit(robot, joint, name)}"
-        return f"it would be seen from a {name} of {size:.3g}{unit} on, which no sound device has"
+        return f"the {name} of a sound device, at most {max(limits):.3g}{unit}, is too small to be seen in this motion"
     return None
 
 

@@ -213,7 +213,7 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
         out.append(f"It has no place for closed loops: {what}.")
     if given.locked and not other:
         out.append(
-            f"{', '.join(given.locked)} can move in it: hold them fixed under lock in a {CONFIG_NAME} beside it."
+            f"{', '.join(given.locked)} can move in it: name what is fixed under lock in a {CONFIG_NAME} beside it."
         )
     gravity = given.model.gravity.linear
     if not np.allclose(gravity, _GRAVITY):

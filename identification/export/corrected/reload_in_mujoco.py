@@ -16,7 +16,7 @@ from identification.export.corrected.corrected_mjcf import (
     zeros_in_file,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, with_zeros_moved
-from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.mujoco_library import mujoco_problem, unheard_warnings
 from identification.export.model_files.reload import (
     load_mujoco,
     mujoco_joints,
@@ -119,6 +119,7 @@ def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held
     return relative_difference(found, needed_torque(corrected, motion))
 
 
+@unheard_warnings()
 def rollout_errors(
     text: str, robot: Robot, motion: Motion, tau: Float[Array, "N nv"], *, horizon: float = 0.2, starts: int = 40
 ) -> Float[Array, " nv"]:

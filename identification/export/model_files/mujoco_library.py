@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 OLDEST = (3, 2)
@@ -42,6 +44,22 @@ def mujoco_problem(text: str = "") -> str | None:
             except ValueError:
                 return f"MuJoCo {version} does not know the {name} in it (pip install --upgrade mujoco)"
     return None
+
+
+@contextmanager
+def unheard_warnings() -> Iterator[None]:
+    """Keep MuJoCo's warnings from the terminal, and from the MUJOCO_LOG.TXT that it writes into the working folder.
+
+    What they warn of, a simulation that runs away, shows in what comes out of it.
+    """
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -179,7 +179,7 @@ def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> 
     finding = diagnosis.findings[index]
     return Card(
         name=_title(finding),
-        share=words.share_of_gap(finding),
+        share=words.of_the_gap(finding),
         sentence=words.finding_words(finding, diagnosis.next_experiment),
         sizes=parameter_rows(finding),
         figure=Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),

@@ -57,9 +57,9 @@ class Group:
 def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
     """A bar for each joint in the robot's order, at most eight, and how many joints are left out."""
     gaps = diagnosis.joints
-    sizes = np.array([_floors(gap, gap.tolerated) for gap in gaps])
+    sizes = np.array([_floors(gap, gap.without_findings) for gap in gaps])
     kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
-    largest = max([1.0, *(_floors(gap, size) for gap in gaps for size in (gap.tolerated, gap.rms_after))])
+    largest = max([1.0, *(_floors(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
     return [_bar(gaps[k], largest) for k in kept], len(gaps) - len(kept)
 
 
@@ -70,12 +70,12 @@ def _floors(gap: JointGap, size: float) -> float:
 
 
 def _bar(gap: JointGap, largest: float) -> Bar:
-    sizes = (gap.tolerated, gap.rms_after, gap.noise_floor)
+    sizes = (gap.without_findings, gap.rms_after, gap.noise_floor)
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
-    text = f"{number(gap.tolerated)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
+    text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     # What the correction takes away below the noise floor is no part of the gap.
     closed = None if gap.closed is None else f"{percent(min(gap.closed, 1.0))} closed"
-    if closed is None and gap.tolerated <= gap.allowed:
+    if gap.gives_way or (closed is None and gap.tolerated <= gap.allowed):
         closed = "no gap"
     return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, closed))))
 

@@ -50,12 +50,14 @@ def law_view(left: Unexplained) -> LawView | None:
     found = left.dependence
     if found is None:
         return None
+    others = found.gains[_ROWS:]
+    shown = [*found.gains[:_ROWS], *(gain for gain in others if set(gain.inputs) == set(found.inputs))]
     return LawView(
         joint=found.joint,
         sentences=dependence_sentences(found, left.law),
         formula="" if left.law is None else f"{left.law.formula} [{found.unit}]",
         terms=_terms(found, left.law),
-        gains=[_gain(gain, found.joint) for gain in found.gains[:_ROWS]],
+        gains=[_gain(gain, found.joint) for gain in shown],
         chance=percent(max((gain.chance for gain in found.gains), default=0.0)),
         figures=[
             *(Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)),

@@ -48,6 +48,15 @@ def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, 
     assert found.verdict == "explained"
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar2, lacking, rng, size):
+    # Known truth: white noise stands in the columns of the torques. A model without mass would leave as little.
+    recording = lacking()
+    found = diagnose(planar2, (replace(recording, tau=size * rng.standard_normal(recording.q.shape)),))
+    assert (found.verdict, found.findings, found.unexplained.law) == ("not_testable", (), None)
+    assert all(joint.is_noise for joint in found.joints)
+
+
 @pytest.mark.parametrize(("effect", "joint", "theta"), [case for case in INJECTED if case[0] != "stribeck_friction"])
 def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
     # Known truth; the places of a payload across the plane leave no trace.

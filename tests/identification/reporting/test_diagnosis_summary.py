@@ -72,6 +72,15 @@ def test_the_gap_is_told_before_and_after_for_the_joint_where_it_is_largest(made
     assert wanted in summary(made)
 
 
+def test_a_joint_that_is_worse_in_tolerance_than_given_is_explained_and_does_not_lead(made_up):
+    made = dataclasses.replace(made_up(), gap=Gap(0.984, (0.97, 0.99)))
+    first = dataclasses.replace(made.joints[0], rms_before=0.0315)
+    text = " ".join(summary(dataclasses.replace(made, joints=(first, made.joints[1]))).split())
+    assert "is closed, most on joint j2:" in text
+    assert "In tolerance joint j1 is worse than given: moves within the tolerances are fitted to all joints" in text
+    assert "is worse than given" not in summary(made)
+
+
 def test_without_a_gap_there_is_no_line_about_it(made_up):
     assert "of the gap is closed" not in summary(made_up(findings=0))
 

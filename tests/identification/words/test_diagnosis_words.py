@@ -177,6 +177,14 @@ def test_where_noise_is_as_large_as_the_torque_the_columns_are_doubted_and_no_ef
     assert "right columns" in sentence
 
 
+@pytest.mark.parametrize(("structured", "says"), [(False, "acts on joint j2 from 3.00"), (True, "acts from 3.00")])
+def test_an_event_is_put_on_the_joint_that_is_known_to_be_its_own(made_up, structured, says):
+    # The joint of a rest with structure is that of the structure, and a push may have met another.
+    rest = Unexplained(0.4, structured, "j2", "low_speed", times=((3.0, 3.2),))
+    made = dataclasses.replace(made_up(findings=0), verdict="unknown", unexplained=rest)
+    assert says in verdict_words.verdict_sentence(made)
+
+
 def test_an_unknown_gap_says_joint_and_regime(made_up):
     rest = Unexplained(0.4, True, "j2", "low_speed")
     diagnosis = dataclasses.replace(made_up(findings=0), verdict="unknown", unexplained=rest)
@@ -350,7 +358,8 @@ def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
 
 def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=-0.09, gap_closed=0.12)
-    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "beside the others 12 %"
+    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "12 % beside the others"
+    assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "12 % of the gap beside the others"
 
 
 def test_the_verdict_names_the_largest_share_first(made_up):

@@ -87,6 +87,16 @@ def test_noise_is_all_where_no_joint_that_was_judged_has_more_torque():
     assert not noise_is_all((unjudged,))
 
 
+def test_a_torque_within_the_interval_of_its_noise_is_noise_whatever_was_found(made_up):
+    # By hand: noise of 2 up to 2.3, torques just inside and outside.
+    inside, outside = (
+        JointGap("j1", "N m", 9.0, 2.0, 2.0, 100, rms_torque=torque, noise_floor_interval=(1.8, 2.3))
+        for torque in (2.29, 2.31)
+    )
+    assert said([inside], made_up(findings=1).findings) == "not_testable"
+    assert said([outside], made_up(findings=1).findings) == "explained"
+
+
 @pytest.mark.parametrize(
     ("shares", "hide"), [((0.2, 0.11), True), ((0.2, 0.1), False), ((None, 0.2), True), ((None,), False), ((), False)]
 )

@@ -205,6 +205,16 @@ def test_a_finding_on_an_unknown_joint_is_refused(planar):
         corrected_model(planar, (KnownEffect("torque_offset", "wrist", (1.0,)),))
 
 
+def test_a_rollout_that_runs_away_writes_nothing(planar, some_motion, tmp_path, monkeypatch, capfd):
+    # MuJoCo warns of it, by default in a file of the working folder and in the terminal.
+    monkeypatch.chdir(tmp_path)
+    heard = mujoco.get_mju_user_warning()
+    rollout_errors(mjcf_text(planar), planar, some_motion, np.full_like(some_motion.q, 1e14), starts=1)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.get_mju_user_warning() is heard
+
+
 def test_a_motion_shorter_than_the_rollout_is_refused(planar, some_motion):
     short = Motion(0.001 * some_motion.t, some_motion.q, some_motion.v, some_motion.a)
     with pytest.raises(RobotError, match=r"The motion is shorter than 0\.2 s: give more of it for a rollout"):

@@ -29,7 +29,7 @@ def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
     (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
     file = tmp_path / "arm.urdf"
     told = urdf_left_out(corrected_model(load_robot(file), ()), file)
-    assert "elbow can move in it: hold them fixed under lock in a robot.yaml beside it." in told
+    assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in told
 
 
 def test_another_gravity_is_told():

@@ -56,6 +56,15 @@ def test_a_joint_without_a_gap_says_so_and_one_of_unknown_share_says_none(made_u
     assert gap_bars_of(replace(made, joints=(joint,)))[0][0].text.replace("\N{NO-BREAK SPACE}", " ") == said
 
 
+def test_a_joint_that_only_moves_within_tolerances_make_worse_shows_the_given_model_and_no_gap(made_up):
+    # By hand: noise up to 0.032, and a given model that leaves less.
+    made = made_up(("j1",))
+    joint = replace(made.joints[0], rms_before=0.0315)
+    assert gap_bars_of(replace(made, joints=(joint,)))[0][0].text.replace("\N{NO-BREAK SPACE}", " ") == (
+        "0.0315 → 0.031 N m, no gap"
+    )
+
+
 def test_a_finding_alone_without_a_share_has_what_comes_back_without_it(made_up):
     # The made-up finding closes 83 %.
     (group,) = groups_of(findings(made_up(), "coulomb j1", share=None))

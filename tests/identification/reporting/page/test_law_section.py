@@ -13,6 +13,7 @@ from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from identification.words.law_words import dependence_sentences
 
 LAW = Law("j2", ("v.j2", "q.j1"), "-2*sign(v)", 0.7, (0.6, 0.8), {"v.j2": (-1.0, 2.0)}, "rust on a hinge")
 FOUND = Dependence(
@@ -40,6 +41,14 @@ def test_the_terminal_says_the_law_in_one_sentence(lawful):
     assert (
         "What is left on joint j2 depends on the velocity and the position of j1: -2*sign(v) [N m] closes 70 % "
         "(60 to 80 %) of the gap, looks most like rust on a hinge." in text
+    )
+
+
+def test_inputs_that_are_in_no_row_of_the_table_are_said_to_come_from_formulas():
+    assert dependence_sentences(FOUND, None)[0] == "It depends on the velocity and the position of j1."
+    other = dataclasses.replace(FOUND, inputs=("v.j2", "a.j2"))
+    assert dependence_sentences(other, None)[0].startswith(
+        "It depends on the velocity and the acceleration: most formulas use these that fit stretches drawn at random"
     )
 
 
