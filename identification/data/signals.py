@@ -52,10 +52,12 @@ _WIDEST_HZ = 50.0
 _SAMPLES_PER_PERIOD = 2.5
 # Samples in the band below which nothing can be fitted.
 _FEWEST = 20
-# Steps in a row without a sample, beyond which a stretch is a gap; and the same in periods of the band's edge, as long as
-# that many steps are where the band is as wide as the rate allows. Inside a lower band longer stretches lose no more.
+# Median steps beyond which a stretch without a sample is a gap. Where steps differ, a quarter of them may be several
+# times as long: then it is as many of these, up to as many periods of the band's edge as five steps are in the widest
+# band.
 _GAP_STEPS = 5
 _GAP_PERIODS = _GAP_STEPS * _HIGHEST
+_LONG_STEPS = 0.75
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
@@ -198,7 +200,7 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 
 
 def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[Array, " N"]:
-    """Which instants lie neither in an excluded stretch nor in one of more than ``longest`` seconds without a sample."""
+    """Which instants lie in no excluded stretch, and in none of more than ``longest`` seconds without a sample."""
     gaps = np.flatnonzero(np.diff(recording.t) > longest)
     valid = np.ones(len(t), dtype=bool)
     for start, stop in [*((recording.t[k], recording.t[k + 1]) for k in gaps), *recording.excluded]:
@@ -309,8 +311,9 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
             f"sample comes every {1 / rate:.3g} s: record at least {wanted:.2g} s of motion, or at a higher rate."
         )
     if not valid.all():
-        # At uneven times many steps are several times as long as the median.
-        valid = _valid(recording, t, max(_GAP_STEPS / rate, _GAP_PERIODS / band.cutoff_hz))
+        median, long = np.quantile(np.diff(recording.t), [0.5, _LONG_STEPS])
+        longest = max(_GAP_STEPS * median, min(_GAP_STEPS * long, _GAP_PERIODS / band.cutoff_hz))
+        valid = _valid(recording, t, longest)
     smooth, v, a = differentiate(q, rate, motion_edge(band))
     if recording.friction_taken:
         tau = tau + friction_taken(robot, recording, v)

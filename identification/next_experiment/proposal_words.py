@@ -62,7 +62,9 @@ def _pairs_words(pairs: tuple[Pair, ...]) -> str:
         others = [other for pair in left for other in pair if most in pair and other != most]
         said.append(f"{most} from {joined(others)}")
         left = [pair for pair in left if most not in pair]
-    return joined(said, ", and ") if len(said) <= _MOST_TOLD else f"{said[0]}, and {len(said) - 1} more causes from others"
+    return (
+        joined(said, ", and ") if len(said) <= _MOST_TOLD else f"{said[0]}, and {len(said) - 1} more causes from others"
+    )
 
 
 def _hypothesis_words(one: Hypothesis) -> str:

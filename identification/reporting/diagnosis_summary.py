@@ -162,8 +162,8 @@ def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
         return []
     return [
         _wrapped(
-            f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves within "
-            "the tolerances are fitted to all joints at once, and give way to what is missing on others."
+            f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves "
+            "within the tolerances are fitted to all joints at once, and give way to what is missing on others."
         )
     ]
 

@@ -95,8 +95,8 @@ def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...
 def _words(one: Engaged, unit: str) -> str:
     return (
         f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
-        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the recording comes "
-        "up to it and stays: a stop may have held it there, and the simulation has none."
+        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the recording "
+        "comes up to it and stays: a stop may have held it there, and the simulation has none."
     )
 
 

@@ -188,7 +188,10 @@ def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], driv
         except (PhantomDynError, np.linalg.LinAlgError) as error:
             problem = error
     if isinstance(problem, RunawayError):
-        why = f"the simulated robot runs away within {problem.t:.2g} s of a recorded state, with the given or the corrected model."
+        why = (
+            f"the simulated robot runs away within {problem.t:.2g} s of a recorded state, with the given or the "
+            "corrected model."
+        )
         return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {why}",))
     return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {_begun(str(problem))}",))
 

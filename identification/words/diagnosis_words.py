@@ -206,9 +206,7 @@ def share_of_gap(finding: Finding) -> str:
     """
     if finding.share is None:
         return gap_closed(finding)
-    return (
-        percent(min(finding.share, 1.0)) if finding.share >= 0.0 else f"{percent(finding.gap_closed)}{_BESIDE}"
-    )
+    return percent(min(finding.share, 1.0)) if finding.share >= 0.0 else f"{percent(finding.gap_closed)}{_BESIDE}"
 
 
 def of_the_gap(finding: Finding) -> str:

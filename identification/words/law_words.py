@@ -57,13 +57,12 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
         return [
             f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
         ]
-    told = any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
-    out = [
-        f"It depends on {inputs_words(found.inputs, found.joint)}."
-        if law is not None or told
-        else f"It depends on {inputs_words(found.inputs, found.joint)}: most formulas use these that fit stretches drawn at "
-        "random, while a smooth function of them foresees less than those of other pairs."
-    ]
+    told = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
+    drawn = (
+        ": most formulas use these that fit stretches drawn at random, while a smooth function of them foresees less "
+        "than those of other pairs"
+    )
+    out = [f"It depends on {inputs_words(found.inputs, found.joint)}{'' if told else drawn}."]
     answered = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if answered:
         out.append(

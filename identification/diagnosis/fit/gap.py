@@ -20,7 +20,8 @@ Array = np.ndarray
 class Sums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
-    Blocks without a sample are left out: a bootstrap replicate of such blocks alone would say nothing. A sample of a standing joint counts as little as its friction is known there.
+    Blocks without a sample are left out: a bootstrap replicate of such blocks alone would say nothing. A sample of a
+    standing joint counts as little as its friction is known there.
 
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.

@@ -121,7 +121,7 @@ def session_of(
             f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
             "record at least ten seconds of motion."
         )
-    if sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0)) < rules.LEAST_BLOCKS:
+    if sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0).tolist()) < rules.LEAST_BLOCKS:
         raise LogError(
             f"{recordings[0].file}: gaps in time and excluded stretches leave too few samples to hold data back and "
             "judge on them: record at least ten seconds of motion without gaps."

@@ -204,13 +204,22 @@ def test_a_jump_that_makes_a_recording_three_times_as_long_is_refused(jump, refu
         assert not uniform(recording(times, q, tau))[3].all()
 
 
-@pytest.mark.parametrize(("milliseconds", "gap"), [(140, False), (160, True)])
-def test_in_a_low_band_a_gap_is_three_tenths_of_a_period_of_its_edge(slide, milliseconds, gap):
-    # By hand: of 2 Hz that is 150 ms, thirty steps of this recording; in the widest band it is five steps.
-    keep = (T <= 4.0) | (T >= 4.0 + 1e-3 * milliseconds - 1e-9)
+@pytest.mark.parametrize(("milliseconds", "gap"), [(20, False), (30, True)])
+def test_of_even_steps_five_are_the_longest_that_are_no_gap_in_any_band(slide, milliseconds, gap):
+    keep = (T <= 4.0) | (4.0 + 1e-3 * milliseconds - 1e-9 <= T)
     q, tau = swing(T)
     valid = process(recording(T[keep], q[keep], tau[keep]), slide, cutoff_hz=2.0).valid
     assert bool(valid.all()) is not gap
+
+
+def test_at_chance_times_a_gap_is_three_tenths_of_a_period_of_the_bands_edge(slide, rng):
+    # By hand: of 10 Hz that is 30 ms; five medians are 17 ms, five of the step that a quarter are longer than 35 ms.
+    times = np.sort(rng.uniform(T[0], T[-1], len(T)))
+    log = process(recording(times, *swing(times)), slide, cutoff_hz=10.0)
+    inside = np.zeros(len(log.motion.t), dtype=bool)
+    for k in np.flatnonzero(np.diff(times) > 0.03):
+        inside |= (log.motion.t >= times[k]) & (log.motion.t <= times[k + 1])
+    np.testing.assert_array_equal(log.valid, ~inside)
 
 
 def test_samples_at_chance_times_are_used_in_a_band_that_they_carry(slide, rng):

@@ -33,5 +33,5 @@ def test_of_many_pairs_one_is_told_and_the_others_counted():
     pairs = tuple(Pair(cause("viscous_friction", f"j{k}"), cause("coulomb_friction", f"j{k}")) for k in range(5))
     trial = Trial(MOTION, None, 0.25, np.array([0.9]), np.array([40.0]), 0.9)
     said = proposal_words(pairs, trial, "next.csv", 0.9)
-    assert said.endswith("viscous friction on joint j0 from Coulomb friction on joint j0, and 4 more causes from others.")
+    assert said.endswith("friction on joint j0 from Coulomb friction on joint j0, and 4 more causes from others.")
     assert "j1" not in said

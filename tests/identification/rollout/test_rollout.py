@@ -139,7 +139,8 @@ def window(file: str, t: float, read: float, given: float, corrected: float) -> 
 
 def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pendulum):
     # Up to 3.5 rad in four equal steps of a hundredth of a second: past 3 rad after the last.
-    windows = (window("a.csv", 1.0, 2.98, 2.98, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5), window("b.csv", 4.0, 1, 1, 1))
+    passed, recorded = window("a.csv", 1.0, 2.98, 2.98, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5)
+    windows = (passed, recorded, window("b.csv", 4.0, 1, 1, 1))
     (one,) = limits_engaged(pendulum, windows)
     assert (one.model, one.joint, one.recording, one.limit, one.windows, one.of) == (
         "corrected", "pin", "a.csv", 3.0, 1, 2,

@@ -273,8 +273,18 @@ def test_what_would_have_to_exceed_the_measured_torque_cannot_be_tested(quiet, p
     [
         # Oracle: the ranges that the effects' files state; a torque constant is at most twice its nominal value.
         ("torque_constant", "ratio", 1.9, None),
-        ("torque_constant", "ratio", 2.1, "the ratio of a sound device, at most 2, is too small to be seen in this motion"),
-        ("input_delay", "delay", 0.2, "the delay of a sound device, at most 0.1 s, is too small to be seen in this motion"),
+        (
+            "torque_constant",
+            "ratio",
+            2.1,
+            "the ratio of a sound device, at most 2, is too small to be seen in this motion",
+        ),
+        (
+            "input_delay",
+            "delay",
+            0.2,
+            "the delay of a sound device, at most 0.1 s, is too small to be seen in this motion",
+        ),
         ("viscous_friction", "coefficient", 1e10, "the effect leaves no trace on elbow in this motion"),
     ],
 )

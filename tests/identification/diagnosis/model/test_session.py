@@ -47,7 +47,5 @@ def test_blocks_that_gaps_leave_no_sample_of_are_not_counted(lab, planar2, last,
     if enough:
         assert len(session_of(planar2, (recording,)).blocks) >= 4
     else:
-        with pytest.raises(
-            LogError, match=r"sim\.csv: gaps in time and excluded .* leave too few samples to hold data"
-        ):
+        with pytest.raises(LogError, match=r"sim\.csv: gaps in time and excluded .* leave too few samples to"):
             session_of(planar2, (recording,))
