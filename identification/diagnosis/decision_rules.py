@@ -187,6 +187,10 @@ BURST_LENGTHS = (0.15, 0.3, 0.6, 1.0)
 # times the torque that noise and the model's error are expected to leave at that moment.
 BURST_RATIO = 6.0
 
+# times: the largest level elsewhere, by which an event is larger. Normal noise of one size comes to half of BURST_RATIO
+# at most, so that this asks more only where the noise is louder at some moments.
+BURST_TIMES = 2.0
+
 # share: of what the moving part of the modelled torque is beyond its usual size, that a fitted model is wrong by at
 # least: 0.07 to 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
 MODEL_SHARE = 0.001

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
 from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.standstill import near_reversals
+from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
 from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import mass_matrix
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
@@ -66,9 +69,33 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Derivatives and filters are no better than this.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
-        least = dict(zip(log.joint_names, rules.MODEL_SHARE * sizes, strict=True))
-        out += [Burst(log.file, *burst) for burst in found if abs(burst[3]) > least[burst[0]]]
+        for joint, start, stop, torque, ratio in found:
+            row = log.joint_names.index(joint)
+            rounded = rounding_torque(session.robot, log, row, start, stop)
+            if abs(torque) > max(rules.MODEL_SHARE * sizes[row], rounded):
+                out.append(Burst(log.file, joint, start, stop, torque, ratio))
     return tuple(out)
+
+
+def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float) -> float:
+    """The largest torque that encoders can feign on a joint from one time to another by reading in steps.
+
+    A reading is wrong by half a step at most. At a steady speed the error is a tone that may last, and no noise. Of an
+    error of at most ``e`` a mean weighted by a Hann window of length ``T`` leaves an acceleration of at most
+    ``8 pi e / T^2``: the integral of the second derivative of the window. Errors of several joints come independently.
+
+    Args:
+        robot: Gives the inertias.
+        log: Readings and their steps.
+        row: Of the joint.
+        start: First time [s].
+        stop: Last time [s]; nothing is looked for over less than the shortest window.
+    """
+    seconds = max(stop - start, rules.BURST_LENGTHS[0])
+    errors = 0.5 * np.array([counted_step(robot, log, j) for j in range(robot.nv)])
+    at = int(np.searchsorted(log.motion.t, start))
+    inertia = mass_matrix(robot, log.motion.q[at : at + 1])[0, row]
+    return float(8.0 * np.pi / seconds**2 * np.linalg.norm(inertia * errors))
 
 
 def from_quiet(
@@ -142,8 +169,11 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
     """First and last sample of each event and how many times what is expected it is on average over a window.
 
     The largest is taken out with its flanks before the next one is looked for, as a window beside it holds part of it.
+    An event stands out from what is left at all other times: where that comes close to it, the noise is not of one size
+    but loud at some moments, as a controller's answer to the steps of an encoder is that the log takes too rarely.
     """
-    out, free, reach = [], use.copy(), round(rules.BURST_LENGTHS[0] / step)
+    found, free, reach = [], use.copy(), round(rules.BURST_LENGTHS[0] / step)
+    elsewhere = 0.0
     while free.any():
         levels = [_level(relative, free, max(3, round(seconds / step))) for seconds in rules.BURST_LENGTHS]
         thresholds = [
@@ -153,13 +183,16 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
         excess = np.max([np.abs(level) / least for level, least in zip(levels, thresholds, strict=True)], axis=0)
         peak = int(np.argmax(excess))
         if excess[peak] <= 1.0:
+            elsewhere = float(excess[peak])
             break
         # As long as it pushes the same way.
         inside = free & (levels[0] * levels[0][peak] > rules.BURST_FLANK * levels[0][peak] ** 2)
         first, last = _run(inside, peak)
         free[max(first - reach, 0) : last + reach + 1] = False
-        out.append((first, last, float(np.abs([level[peak] for level in levels]).max())))
-    loud = sum(last + 1 - first for first, last, _ in out)
+        ratio = float(np.abs([level[peak] for level in levels]).max())
+        found.append((float(excess[peak]), (first, last, ratio)))
+    out = [event for size, event in found if size >= rules.BURST_TIMES * elsewhere]
+    loud = sum(last + 1 - first for _, (first, last, _) in found)
     # Where most of the time is loud there is no quiet rest to judge it by: that is no event.
     return out if loud <= rules.BURST_TIME * np.count_nonzero(use) else []
 

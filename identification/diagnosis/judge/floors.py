@@ -64,8 +64,9 @@ def floor_of(
     band that makes as much, the floor is confirmed. Where they show somewhat less, that is the lower end, as a model
     errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where they
     show nothing and what no predictor foresees is several times louder at some times than at most, as the impacts of
-    play are, the floor is that of most times. Where the motion comes again and what differs between its repetitions is
-    less, the floor is what does not repeat.
+    play are, the floor is that of most times. Neither is so where torque that is read at instants holds as much above
+    the band while the joint moves: that may come back in it. Where the motion comes again and what differs between its
+    repetitions is less, the floor is what does not repeat.
 
     The upper end holds what is left where friction is in doubt, as far as it is in doubt there: flexible predictors
     know how one robot sticks and creeps, a model does not.
@@ -89,12 +90,14 @@ def floor_of(
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
     torque, left, source = sums(problem, measured_torque(problem)).rms(), sums(problem, residual).rms(), []
+    folded = _folded(problem)
     for j, seen in enumerate(_sensors(session)):
         if seen is None:
             source.append(PREDICTORS)
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
-        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
+        heard = max(most, folded[j])
+        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(rules.ACCURACY) * torque[j]):
             # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
@@ -102,7 +105,8 @@ def floor_of(
         low[j] = min(low[j], least)
     # No sensor is several times louder at some times than at most: that too is a gap that nothing foresees.
     most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + rules.ACCURACY * torque**2)
-    comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * most)
+    heard = np.maximum(most, np.hypot(folded, np.sqrt(rules.ACCURACY) * torque))
+    comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
     quieter = np.where(comes_and_goes, most / value, 1.0)
     value, low, high = value * quieter, low * quieter, high * quieter
     moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
@@ -138,6 +142,25 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
         squares = np.concatenate(used) ** 2
         out.append(np.sqrt(np.median(squares) / chdtri(1, 0.5)) if len(squares) else 0.0)
     return np.array(out)
+
+
+def _folded(problem: Problem) -> Float[Array, " nv"]:
+    """Size in the judged band of what each joint's torque holds above it in motion, if it were spread evenly.
+
+    A controller answers the steps of its encoder at its own rate, and only in motion. A log that reads its torque at
+    instants, and more rarely, takes that down to any frequency, and no motion shows it. A torque that is held from one
+    reading to the next is read as often as it changes: all of it acts, and nothing comes down.
+    """
+    squares = np.zeros(problem.session.robot.nv)
+    if problem.session.robot.torque_hold == "zoh":
+        return squares
+    counts = np.zeros_like(squares)
+    for log, use in zip(problem.session.logs, problem.columns.usable, strict=True):
+        above = log.tau[log.samples] - log.band(log.tau)
+        share = problem.session.cutoff_hz / max(0.5 * log.band.rate_hz - log.band.cutoff_hz, log.band.cutoff_hz)
+        squares += share * np.sum(np.where(use, above, 0.0) ** 2, axis=0)
+        counts += use.sum(axis=0)
+    return np.sqrt(squares / np.maximum(counts, 1))
 
 
 def _left_in_doubt(

@@ -105,10 +105,9 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        seen = (log.reading_steps[j] if log.reading_steps else None) or 0.0
         # A little more than two counts: between readings at uneven times splines swing over by a part of a count. Where
         # no count is known, a reading that does not change at all stands.
-        most = (rules.STANDING_COUNTS + _SWING) * max(seen, stated_step(robot, j) or 0.0)
+        most = (rules.STANDING_COUNTS + _SWING) * counted_step(robot, log, j)
         speed = np.abs(log.motion.v[:, j])
         # On its way: many joints stand for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
@@ -123,6 +122,18 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         # All samples of a window in which it stands.
         out[:, j] = highest(travel <= most, width)
     return out
+
+
+def counted_step(robot: Robot, log: Log, row: int) -> float:
+    """Step [rad or m] of a joint's readings, or the stated one of its encoder if that is larger; zero without either.
+
+    Args:
+        robot: States the steps of its encoders.
+        log: A recording, which shows that of its readings.
+        row: Which joint.
+    """
+    seen = log.reading_steps[row] if log.reading_steps else None
+    return max(seen or 0.0, stated_step(robot, row) or 0.0)
 
 
 def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:

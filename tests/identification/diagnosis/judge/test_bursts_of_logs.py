@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from identification.diagnosis.judge.bursts import _events, bursts_in, bursts_of
+from identification.diagnosis.judge.bursts import _events, bursts_in, bursts_of, rounding_torque
 from identification.diagnosis.model.blocks import Block
 
 PLACE = "identification.diagnosis.judge.bursts."
@@ -167,6 +168,39 @@ def test_events_last_for_two_fifths_of_the_time_at_most(count, found):
     use[99] = use[100 + count] = False
     events = _events(jumps((100, 100 + count, 40.0)), use, 0.05, 1)
     assert len(events) == found
+
+
+@pytest.mark.parametrize(("elsewhere", "found"), [(0.0, 2), (4.9, 2), (5.1, 1), (-5.9, 1)])
+def test_an_event_is_twice_as_large_as_what_is_no_event(elsewhere, found):
+    # By hand: events are six times what is expected; of 10 and 30, only the latter is twice as large as 5.1.
+    relative = jumps((100, 130, 10.0), (250, 280, -30.0), (400, 430, elsewhere))
+    events = _events(relative, np.ones(600, dtype=bool), 0.05, 1)
+    assert sorted(ratio for *_, ratio in events) == pytest.approx([10.0, 30.0][2 - found :])
+
+
+def test_what_encoders_feign_is_no_event(twice, monkeypatch):
+    events = tuple(("elbow", 1.0, 2.0, torque, 9.0) for torque in (0.49, -0.51))
+    monkeypatch.setattr(PLACE + "bursts_in", lambda *_: events)
+    monkeypatch.setattr(PLACE + "rounding_torque", lambda robot, log, row, start, stop: 0.5 if row == 1 else 9.0)
+    torques = [burst.torque for burst in bursts_of(twice, twice.columns.residual, still(twice))]
+    assert torques == [-0.51, -0.51]
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.15, 0.4])
+def test_no_error_of_half_a_step_makes_more_than_rounding_may(planar2, quiet, seconds):
+    # Brute force: the worst error has the sign of the second derivative of the window over at least 0.15 s, here of the
+    # elbow's encoder alone, whose inertia as the shoulder feels it is Pinocchio's.
+    log, length, step = quiet.session.logs[0], max(seconds, 0.15), 2e-3
+    log = replace(log, reading_steps=(0.0, step))
+    at = int(np.searchsorted(log.motion.t, 3.0))
+    t = np.linspace(-0.5, 0.5, 200_001) * length
+    window = (1.0 + np.cos(2.0 * np.pi * t / length)) / length
+    bent = np.gradient(np.gradient(window, t), t)
+    worst = float(np.sum(bent * 0.5 * step * np.sign(bent)) * (t[1] - t[0]))
+    inertia = pin.crba(planar2.model, planar2.model.createData(), log.motion.q[at])
+    for row in (0, 1):
+        told = rounding_torque(planar2, log, row, 3.0, 3.0 + seconds)
+        assert told == pytest.approx(abs(inertia[row, 1]) * worst, rel=1e-3)
 
 
 @pytest.mark.parametrize(("samples", "found"), [(49, 0), (50, 1)])

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from identification.diagnosis.fit.gap import sums
-from identification.diagnosis.judge.floors import Floor, _sensors, floor_of
+from identification.diagnosis.judge.floors import Floor, _folded, _sensors, floor_of
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.diagnosis.search.bootstrap_wins import block_counts
@@ -47,10 +47,14 @@ TORQUE = np.array([3.0, 50.0])
 
 @pytest.fixture
 def steady(quiet):
-    """A recording judged as a whole, with noise of 0.1 and 0.2 in every sample and torques of 3 and 50 N m."""
+    """A recording judged as a whole, with noise of 0.1 and 0.2 in every sample and torques of 3 and 50 N m.
+
+    Nothing but what `seen` says lies above its band.
+    """
     every = np.ones_like(quiet.columns.residual[0])
     columns = replace(quiet.columns, model_torque=(0.25 * TORQUE * every,), residual=(0.75 * TORQUE * every,))
-    problem = replace(quiet.problem, session=replace(quiet.session, cutoff_hz=100.0), columns=columns)
+    logs = tuple(replace(log, tau=np.zeros_like(log.tau)) for log in quiet.session.logs)
+    problem = replace(quiet.problem, session=replace(quiet.session, logs=logs, cutoff_hz=100.0), columns=columns)
     return problem, (np.array([0.1, 0.2]) * every,)
 
 
@@ -136,6 +140,51 @@ def test_what_comes_and_goes_is_no_noise_where_it_is_several_times_louder(steady
     assert floor.low[0] <= floor.value[0] <= floor.high[0]
     assert floor.source[0] == "predictors"
     assert floor.value[1] == pytest.approx(0.2)
+
+
+def answering(problem, size: float, hold: str = "instant"):
+    """The problem with a tone far above the band on the first joint, ten times as large where it is not used."""
+    (log,), (use,) = problem.session.logs, problem.columns.usable
+    everywhere = np.interp(np.arange(len(log.tau)), log.samples, use[:, 0]) > 0.5
+    tone = np.sqrt(2.0) * size * np.cos(0.9 * np.pi * np.arange(len(log.tau)))
+    tau = np.column_stack([np.where(everywhere, tone, 10.0 * tone), np.zeros_like(tone)])
+    robot = replace(problem.session.robot, torque_hold=hold)
+    return replace(problem, session=replace(problem.session, robot=robot, logs=(replace(log, tau=tau),)))
+
+
+def test_what_lies_above_the_band_in_motion_comes_down_as_its_share_of_the_frequencies(steady):
+    # Closed form: power spread evenly from the filter's edge to half the rate.
+    problem, _ = steady
+    use = np.arange(len(problem.columns.usable[0])) % 200 < 100
+    problem = replace(problem, columns=replace(problem.columns, usable=(np.column_stack([use, use]),)))
+    band = problem.session.logs[0].band
+    share = problem.session.cutoff_hz / (0.5 * band.rate_hz - band.cutoff_hz)
+    np.testing.assert_allclose(_folded(answering(problem, 0.3)), [0.3 * np.sqrt(share), 0.0], rtol=0.1, atol=1e-12)
+
+
+def test_nothing_comes_down_from_above_the_band_of_a_torque_that_is_held(steady):
+    np.testing.assert_array_equal(_folded(answering(steady[0], 0.3, "zoh")), 0.0)
+
+
+@pytest.mark.parametrize(("hold", "taken"), [("instant", False), ("zoh", True)])
+def test_what_may_come_down_from_above_the_band_is_no_gap(steady, monkeypatch, hold, taken):
+    # Known truth: sensors of 0.007, a noise of 1 in the band, and a controller that makes as much above it.
+    problem, (series,) = steady
+    seen(monkeypatch, (0.004, 0.007, 0.01), (0.19, 0.2, 0.21))
+    floor = floor_of(answering(problem, 1.0, hold), (series * [10.0, 1.0],), like(steady, 1.0, 9.0), sure(steady))
+    assert floor.value[0] == pytest.approx(0.007 if taken else 1.0)
+
+
+@pytest.mark.parametrize(("hold", "taken"), [("instant", False), ("zoh", True)])
+def test_a_controller_that_answers_now_and_then_is_no_gap(steady, monkeypatch, hold, taken):
+    problem, (series,) = steady
+    seen(monkeypatch, None, None)
+    rare = np.where(np.arange(len(series)) % 40 < 4, 1.6, 0.1)
+    noise = (np.column_stack([rare, series[:, 1]]),)
+    floor = floor_of(answering(problem, 1.0, hold), noise, like(steady, 9.0, 9.0), sure(steady))
+    usual = np.hypot(0.1 / norm.ppf(0.75), np.sqrt(0.0007) * 3.0)
+    everywhere = problem.columns.usable[0][:, 0]
+    assert floor.value[0] == pytest.approx(usual if taken else np.sqrt(np.mean(rare[everywhere] ** 2)), rel=1e-6)
 
 
 @pytest.mark.parametrize(("white", "believed"), [(1, False), (2, False), (3, True), (6, True)])
