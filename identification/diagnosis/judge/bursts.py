@@ -11,6 +11,7 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
+from identification.diagnosis.judge.floors import answers_above
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
@@ -40,6 +41,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         doubt: Variance of what joints that stand, creep or turn about leave open in each log, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
+    answers = np.sqrt(answers_above(problem))
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):
@@ -69,10 +71,11 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Derivatives and filters are no better than this.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
+        # Nor than a controller's answer above the band, which may come down to any frequency, at times all at one.
+        least = np.maximum(rules.MODEL_SHARE * sizes, rules.SENSOR_TIMES * answers)
         for joint, start, stop, torque, ratio in found:
             row = log.joint_names.index(joint)
-            rounded = rounding_torque(session.robot, log, row, start, stop)
-            if abs(torque) > max(rules.MODEL_SHARE * sizes[row], rounded):
+            if abs(torque) > max(least[row], rounding_torque(session.robot, log, row, start, stop)):
                 out.append(Burst(log.file, joint, start, stop, torque, ratio))
     return tuple(out)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
@@ -96,7 +97,7 @@ def floor_of(
             source.append(PREDICTORS)
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
-        heard = max(most, folded[j])
+        heard = np.hypot(most, folded[j])
         if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(rules.ACCURACY) * torque[j]):
             # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
@@ -105,7 +106,7 @@ def floor_of(
         low[j] = min(low[j], least)
     # No sensor is several times louder at some times than at most: that too is a gap that nothing foresees.
     most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + rules.ACCURACY * torque**2)
-    heard = np.maximum(most, np.hypot(folded, np.sqrt(rules.ACCURACY) * torque))
+    heard = np.hypot(most, folded)
     comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
     quieter = np.where(comes_and_goes, most / value, 1.0)
     value, low, high = value * quieter, low * quieter, high * quieter
@@ -144,23 +145,37 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     return np.array(out)
 
 
-def _folded(problem: Problem) -> Float[Array, " nv"]:
-    """Size in the judged band of what each joint's torque holds above it in motion, if it were spread evenly.
+def answers_above(problem: Problem) -> Float[Array, " nv"]:
+    """Mean square of what each joint's torque holds above the filter's band in motion, beyond the noise of its sensors.
 
     A controller answers the steps of its encoder at its own rate, and only in motion. A log that reads its torque at
     instants, and more rarely, takes that down to any frequency, and no motion shows it. A torque that is held from one
     reading to the next is read as often as it changes: all of it acts, and nothing comes down.
     """
-    squares = np.zeros(problem.session.robot.nv)
-    if problem.session.robot.torque_hold == "zoh":
+    session = problem.session
+    squares = np.zeros(session.robot.nv)
+    if session.robot.torque_hold == "zoh":
         return squares
-    counts = np.zeros_like(squares)
-    for log, use in zip(problem.session.logs, problem.columns.usable, strict=True):
+    white, counts = (
+        np.array([0.0 if seen is None else seen.value for seen in _sensors(session)]),
+        np.zeros(len(squares)),
+    )
+    for log, use in zip(session.logs, problem.columns.usable, strict=True):
         above = log.tau[log.samples] - log.band(log.tau)
-        share = problem.session.cutoff_hz / max(0.5 * log.band.rate_hz - log.band.cutoff_hz, log.band.cutoff_hz)
-        squares += share * np.sum(np.where(use, above, 0.0) ** 2, axis=0)
+        squares += np.sum(np.where(use, above**2 - white * _width(log.band), 0.0), axis=0)
         counts += use.sum(axis=0)
-    return np.sqrt(squares / np.maximum(counts, 1))
+    return np.maximum(squares / np.maximum(counts, 1), 0.0)
+
+
+def _folded(problem: Problem) -> Float[Array, " nv"]:
+    """Size of that in the judged band, if it comes down evenly to all frequencies."""
+    width = float(np.mean([_width(log.band) for log in problem.session.logs]))
+    return np.sqrt(answers_above(problem) * problem.session.cutoff_hz / width)
+
+
+def _width(band: Band) -> float:
+    """Frequencies [Hz] above a filter's band, at least as many as in it."""
+    return max(0.5 * band.rate_hz - band.cutoff_hz, band.cutoff_hz)
 
 
 def _left_in_doubt(

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from identification.diagnosis.fit.gap import sums
-from identification.diagnosis.judge.floors import Floor, _folded, _sensors, floor_of
+from identification.diagnosis.judge.floors import Floor, _folded, _sensors, answers_above, floor_of
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.diagnosis.search.bootstrap_wins import block_counts
@@ -152,14 +152,27 @@ def answering(problem, size: float, hold: str = "instant"):
     return replace(problem, session=replace(problem.session, robot=robot, logs=(replace(log, tau=tau),)))
 
 
-def test_what_lies_above_the_band_in_motion_comes_down_as_its_share_of_the_frequencies(steady):
+def test_what_lies_above_the_band_in_motion_comes_down_as_its_share_of_the_frequencies(steady, monkeypatch):
     # Closed form: power spread evenly from the filter's edge to half the rate.
     problem, _ = steady
     use = np.arange(len(problem.columns.usable[0])) % 200 < 100
     problem = replace(problem, columns=replace(problem.columns, usable=(np.column_stack([use, use]),)))
     band = problem.session.logs[0].band
     share = problem.session.cutoff_hz / (0.5 * band.rate_hz - band.cutoff_hz)
+    seen(monkeypatch, None, None)
     np.testing.assert_allclose(_folded(answering(problem, 0.3)), [0.3 * np.sqrt(share), 0.0], rtol=0.1, atol=1e-12)
+
+
+def test_noise_of_the_sensors_is_no_answer_of_a_controller(steady, monkeypatch):
+    # Closed form: white noise of 0.2 has a density of 0.04 over all frequencies; a tone of 0.3 stands beside it.
+    problem, _ = steady
+    band = problem.session.logs[0].band
+    width, density = 0.5 * band.rate_hz - band.cutoff_hz, 0.04 / (0.5 * band.rate_hz)
+    monkeypatch.setattr(
+        "identification.diagnosis.judge.floors.torque_noise", lambda *_, held: Density(density, density, density)
+    )
+    squares = answers_above(answering(problem, 0.3))
+    np.testing.assert_allclose(squares, [0.09 - density * width, 0.0], rtol=0.1)
 
 
 def test_nothing_comes_down_from_above_the_band_of_a_torque_that_is_held(steady):
