@@ -10,7 +10,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
+from identification.diagnosis.model.columns import Columns, FitPoint, build_columns, where_read
 from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.resonances import resonances
 from identification.diagnosis.model.session import Series, Session
@@ -152,8 +152,12 @@ def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     # Their products say all; the white columns themselves would be as large as the others.
-    problem = set_up(session, columns, white, weights)
-    problem = replace(problem, white=replace(white, values=()))
+    problem = replace(set_up(session, columns, white, weights), white=replace(white, values=()))
+    if columns.displaced:
+        read = where_read(session, columns)
+        white, _ = whitened(read, noise)
+        read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
+        problem = replace(problem, where_read=read_problem)
     none = np.zeros(len(columns.rows))
     return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {})
 

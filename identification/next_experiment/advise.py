@@ -39,8 +39,8 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
         explanation: All effects that the search has found, those too that are not shown.
         findings: What is shown.
     """
-    search = explanation.search
-    chosen = as_told(search, explanation.chosen, findings)
+    chosen = as_told(explanation.search, explanation.chosen, findings)
+    search = explanation.search.of(chosen)
     session = search.problem.session
     groups = tuple(group for finding in findings if (group := hypotheses_of(search, chosen, finding)))
     groups = groups[:_FINDINGS]

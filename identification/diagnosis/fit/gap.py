@@ -55,7 +55,7 @@ def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) ->
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
         part = slice(block.start, block.stop)
         theta = found.theta if fold < 0 else fold_theta[fold]
-        out[block.log][part] = predict(problem, terms, theta, block.log, part)
+        out[block.log][part] = predict(found.problem, terms, theta, block.log, part)
     return tuple(out)
 
 

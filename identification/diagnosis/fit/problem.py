@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from identification.diagnosis.fit.triangles import diagonal
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
+from identification.diagnosis.model.terms import Term
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -37,6 +39,8 @@ class Problem:
         moves: Those of them that the fits contain: the others could not be seen in these recordings, see `seen_moves`.
         total_a, total_b: Products summed over the blocks that train.
         touched: Rows that each column touches.
+        where_read: The same with moves and rigid bodies where the readings say, for fits without what displaces the
+            links; None if these columns are that already.
     """
 
     session: Session
@@ -52,6 +56,16 @@ class Problem:
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
+    where_read: Problem | None = None
+
+    def of(self, terms: Iterable[Term]) -> Problem:
+        """The problem whose columns a fit of some effects needs.
+
+        A mass in another gravity makes another torque: what a tilted base makes of it is none without the tilt.
+        """
+        if self.where_read is None or {term.place for term in terms}.issuperset(self.columns.displaced):
+            return self
+        return self.where_read
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.columns import Columns, where_read
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
@@ -99,14 +99,21 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
             for k, part in enumerate(series)
         )
 
-    narrow = replace(
-        columns,
-        values=tuple(
-            tuple(session.log_below(x, k, edges[j]) for j, x in enumerate(rows))
-            for k, rows in enumerate(columns.values)
-        ),
-        residual=each(columns.residual),
-        model_torque=each(columns.model_torque),
-    )
-    plain = set_up(session, columns, narrow, weights_of(narrow, each(noise)))
+    def below(columns: Columns) -> Columns:
+        return replace(
+            columns,
+            values=tuple(
+                tuple(session.log_below(x, k, edges[j]) for j, x in enumerate(rows))
+                for k, rows in enumerate(columns.values)
+            ),
+            residual=each(columns.residual),
+            model_torque=each(columns.model_torque),
+        )
+
+    narrow = below(columns)
+    weights = weights_of(narrow, each(noise))
+    plain = set_up(session, columns, narrow, weights)
+    if columns.displaced:
+        read = where_read(session, columns)
+        plain = replace(plain, where_read=set_up(session, read, below(read), weights))
     return set_up_search(plain, search.threshold, search.rows, search.spurious)

@@ -66,7 +66,9 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress("stating what would have been seen")
-    bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
+    bounds, untested = smallest_seen(
+        merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
+    )
     moved = any(bool(use.any()) for use in problem.columns.usable)
     judgement = Judgement(
         verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),

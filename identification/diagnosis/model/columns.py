@@ -56,7 +56,7 @@ class Columns:
         standing: For each log, standard deviation of the friction torque that standing joints leave open, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Where the columns of each effect stand.
-        displaced: True if the columns of moves and rigid bodies are of where the links truly are by what was found.
+        displaced: Effects and joints by which the columns of moves and rigid bodies are of where the links truly are.
     """
 
     names: tuple[str, ...]
@@ -71,7 +71,7 @@ class Columns:
     standing: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
     local: tuple[Local, ...]
-    displaced: bool = False
+    displaced: tuple[tuple[str, str | None], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,25 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
         for k, (o, own) in enumerate(zip(operations, given.plain, strict=True))
     )
     return _assembled(session, given, tuple(names), terms, local, values, about.found)
+
+
+def where_read(session: Session, columns: Columns) -> Columns:
+    """The same with moves and rigid bodies where the readings say, in the gravity of the given model.
+
+    They are those of a fit without what displaces the links.
+
+    Args:
+        session: Robot and logs of the columns.
+        columns: Of links that are displaced by what was found.
+    """
+    moves = moves_of(session.robot)
+    values = []
+    for k, own in enumerate(columns.values):
+        plain = (np.column_stack(row) for row in _plain(session, k, columns.operations[k], moves))
+        values.append(
+            tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True))
+        )
+    return replace(columns, values=tuple(values), displaced=())
 
 
 def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
@@ -225,7 +244,7 @@ def _assembled(
         _standing(session, given.operations, found),
         given.operations,
         local,
-        bool(_displacing(found)),
+        tuple(point.place for point in _displacing(found)),
     )
 
 

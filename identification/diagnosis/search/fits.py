@@ -43,29 +43,39 @@ class Fits:
         self._points: dict[Chosen, Point] = {}
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
+        self._where_read = None if problem.where_read is None else Fits(problem.where_read)
+
+    def of(self, chosen: Chosen) -> Fits:
+        """Fits of the problem whose columns a set needs, see `Problem.of`."""
+        return self if self._where_read is None or self.problem.of(chosen) is self.problem else self._where_read
 
     def held_out(self, chosen: Chosen) -> Fitted:
         """Fit of a set on all blocks, and once without each fold."""
-        if chosen not in self._held_out:
-            self._held_out[chosen] = self._fitted(chosen, held_out=True)
-        return self._held_out[chosen]
+        own = self.of(chosen)
+        if chosen not in own._held_out:
+            own._held_out[chosen] = own._fitted(chosen, held_out=True)
+        return own._held_out[chosen]
 
     def row_losses(self, chosen: Chosen) -> Float[Array, " nv"]:
         """Squared residual of each row by the fit of a set to all blocks."""
-        if chosen not in self._row_losses:
-            known = self._held_out.get(chosen) or self._fitted(chosen, held_out=False)
-            self._row_losses[chosen] = known.row_losses
-        return self._row_losses[chosen]
+        own = self.of(chosen)
+        if chosen not in own._row_losses:
+            known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
+            own._row_losses[chosen] = known.row_losses
+        return own._row_losses[chosen]
 
     def in_sample(self, chosen: Chosen) -> float:
         """Loss of a set in sample: a tenth of the work, by which it is ranked what is worth holding out."""
-        if chosen not in self._in_sample:
-            known = self._held_out.get(chosen) or self._fitted(chosen, held_out=False)
-            self._in_sample[chosen] = known.objective
-        return self._in_sample[chosen]
+        own = self.of(chosen)
+        if chosen not in own._in_sample:
+            known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
+            own._in_sample[chosen] = known.objective
+        return own._in_sample[chosen]
 
     def gains(self, chosen: Chosen, terms: tuple[Term, ...]) -> dict[Term, float]:
         """How much each of some effects lowers the loss in sample beside a set, to second order."""
+        if self.of(chosen) is not self:
+            return self.of(chosen).gains(chosen, terms)
         if self._near is not None and _linear(chosen):
             active = active_columns(self.problem, ordered(chosen))
             near = self._near.gains(active, {term.columns for term in terms})
@@ -82,7 +92,7 @@ class Fits:
         No losses are computed and nothing is kept, as many subsets are asked for, each once.
         """
         problem, count = self.problem, len(self.problem.precision)
-        if self._near is not None or not _linear(terms):
+        if self._near is not None or self._where_read is not None or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
                 if self._near is not None and _linear(chosen) and chosen not in self._held_out:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
@@ -53,12 +54,19 @@ class Standing:
 
 def with_wide_tolerances(search: Search) -> Search:
     """The same search for a model that may be off by three times what it states; rivals and prices stay."""
-    problem = search.problem
-    moves = np.arange(len(problem.precision)) < problem.nuisances
-    width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
-    wide = replace(
-        problem, precision=problem.precision / width**2, lower=problem.lower * width, upper=problem.upper * width
-    )
+
+    def widened(problem: Problem) -> Problem:
+        moves = np.arange(len(problem.precision)) < problem.nuisances
+        width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
+        return replace(
+            problem,
+            precision=problem.precision / width**2,
+            lower=problem.lower * width,
+            upper=problem.upper * width,
+            where_read=None if problem.where_read is None else widened(problem.where_read),
+        )
+
+    wide = widened(search.problem)
     return replace(search, problem=wide, fits=Fits(wide))
 
 
@@ -251,6 +259,8 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
         return False
     one, two = list(term.columns), sorted({column for other in others for column in other.columns})
     theta, swapped_theta = search.evaluate(chosen).theta[one], search.evaluate(swapped).theta[two]
+    # What stands in the place of what displaces the links has columns where the readings say.
+    search = search.of(swapped)
     return spanned(search, one, theta, two, rules.SAME_CAUSE) and spanned(
         search, two, swapped_theta, one, rules.SAME_CAUSE
     )
@@ -283,7 +293,7 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     By Laplace's approximation: each further direction is expected to carry some half of the torque that was found. If
     the data hardly show such a direction beside the tolerances, they cannot say that it is not there.
     """
-    problem, found = search.problem, search.evaluate(chosen)
+    problem, found = search.problem.of(chosen), search.evaluate(chosen)
     more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
     old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
     a = problem.total_a

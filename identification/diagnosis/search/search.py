@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -114,6 +114,11 @@ class Search:
     def alone(self) -> dict[Term, frozenset[Term]]:
         """The set of each rival by itself."""
         return {term: frozenset([term]) for term in self.terms}
+
+    def of(self, chosen: frozenset[Term]) -> Search:
+        """The same search on the columns that a set needs, see `Problem.of`."""
+        fits = self.fits.of(chosen)
+        return self if fits is self.fits else replace(self, problem=fits.problem, fits=fits)
 
     def evaluate(self, chosen: frozenset[Term]) -> Fitted:
         """Fit of a set with its held-out losses."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -42,17 +43,25 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
         terms: All effects of which some may be asked for.
     """
     problem = plain.problem
-    wanted = {column for term in terms for column in term.columns} | set(problem.moves.tolist())
     fold = problem.grams.fold[judged_blocks(problem)]
     # The fit to all blocks stands last, and predicts what no fit has seen.
     fits = np.unique(fold)
-    rows = [_row(problem, j, wanted, [fold == which for which in fits]) for j in range(len(problem.white.rows))]
-    counts = np.column_stack([row.counts for row in rows])
     coefficients = plain.fits.of_subsets(terms)
+
+    @cache
+    def rows_of(whole: bool) -> tuple[_Row, ...]:
+        own = problem if whole else problem.where_read
+        assert own is not None
+        wanted = {column for term in terms for column in term.columns} | set(own.moves.tolist())
+        groups = [fold == which for which in fits]
+        return tuple(_row(own, j, wanted, groups) for j in range(len(own.white.rows)))
+
+    counts = np.column_stack([row.counts for row in rows_of(True)])
 
     def left(chosen: frozenset[Term]) -> Sums:
         scaled = [term.columns[0] for term in chosen if term.effect.scales_joint]
         theta = coefficients(chosen)[fits]
+        rows = rows_of(problem.of(chosen) is problem)
         return Sums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
 
     return left

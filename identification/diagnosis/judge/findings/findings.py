@@ -109,7 +109,7 @@ def shown_effects(
             chosen, barred = (settled - uncertain) | instead, barred | {term.place for term in uncertain}
             continue
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
-        shown.append(Shown(plain, kept, fitted, standings))
+        shown.append(Shown(plain.of(kept), kept, fitted, standings))
         ways = [standing.instead for standing in standings.values() if standing.instead is not None]
         if not ways:
             return shown[-1]
@@ -195,7 +195,7 @@ def distinct(
     """
     robot, barred = plain.problem.session.robot, NONE_BARRED
     while True:
-        fitted = joint_fit(plain.problem, ordered(kept), plain.evaluate(kept))
+        fitted = joint_fit(plain.problem.of(kept), ordered(kept), plain.evaluate(kept))
         found = {term: simpler(robot, term, fitted) for term in ordered(kept) if term.named}
         white = search.evaluate(chosen)
         hardly = {

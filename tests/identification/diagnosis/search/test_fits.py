@@ -5,14 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.fit.gap import held_out_torque
+from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.fits import Fits
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.support.changed_robot import with_gravity
 
 SETS = (
     (("coulomb_friction", "elbow"),),
     (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder")),
     (("coulomb_friction", "elbow"), ("torque_constant", "shoulder")),
 )
+
+LOAD, TILT = ("payload", None), ("base_tilt", None)
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +71,23 @@ def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
         found = fits.held_out(terms - {left_out})
         expected = np.vstack([found.fold_theta, found.theta])
         np.testing.assert_allclose(solved(terms - {left_out}), expected, rtol=1e-12, atol=1e-15)
+
+
+def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pendulum, trusted):
+    # Closed form: where gravity points along the axis a mass has no moment about it. With a tilt it has one, which looks
+    # like what a hardening spring lacks: the columns are of a robot that leans, and a fit without the tilt is of none.
+    upright = trusted(with_gravity(pendulum, np.array([0.0, -9.81, 0.0])))
+    motion = lab.motion(1, 3)
+    tilt = FoundEffect(effect_named("base_tilt"), None, (0.0, 0.6), np.array([0.0, 0.6]))
+    recording = lab.recording(upright, motion, -2.0 * motion.q**3)
+    prepared = lab.prepared(upright, (recording,), found=(tilt,))
+    plain = narrow_search(prepared.search, prepared.noise)
+    alone, both = (frozenset(prepared.term(*one) for one in places) for places in ((LOAD,), (LOAD, TILT)))
+    moments = list(prepared.term(*LOAD).columns[1:4])
+    for chosen, weighs in ((both, True), (alone, False)):
+        found = plain.evaluate(chosen)
+        assert (np.abs(found.problem.total_a[moments][:, moments]).max() > 1e-6) == weighs
+    # Its inertia about the axis is all that is left of it, and that makes no spring.
+    given, after = (held_out_torque(plain.problem, some, plain.evaluate(some)) for some in (frozenset(), alone))
+    left = [np.std(prepared.columns.residual[0] + prepared.columns.model_torque[0] - one[0]) for one in (given, after)]
+    assert left[1] > 0.95 * left[0]
