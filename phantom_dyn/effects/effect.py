@@ -117,6 +117,8 @@ class Rival(ABC):
         follows_model: True if its columns are computed from the model's torque or its derivatives, so that they change
             with the model's parameters. Columns of the rigid-body regressor do not: torque is linear in those.
         follows_torque: True if its columns are computed from the torque with all other findings in it.
+        follows_load: True if its columns are computed from what the transmission passes, with all other findings in it.
+        on_rotor: True if its torque moves the rotor, so that the transmission does not pass it.
         scales_joint: True if its coefficient scales the whole torque of its joint, other findings included.
         inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
             and first moments are free, the inertia follows from them), or each by itself, where only base parameters
@@ -150,6 +152,8 @@ class Rival(ABC):
     uses_acceleration: bool = False
     follows_model: bool = False
     follows_torque: bool = False
+    follows_load: bool = False
+    on_rotor: bool = False
     scales_joint: bool = False
     inertial: Literal["point mass", "free"] | None = None
     shape_is_estimate: bool = False
@@ -167,7 +171,7 @@ class Rival(ABC):
     @property
     def stays(self) -> bool:
         """True if its columns of one shape do not change with the result of a fit."""
-        return not self.follows_torque
+        return not (self.follows_torque or self.follows_load)
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Joints where a search tries it; None is the whole robot."""

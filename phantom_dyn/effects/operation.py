@@ -39,6 +39,7 @@ class Operation(Motion):
             first fit.
         recording: Which of several recordings it is of, for effects that act in some of them only.
         band_hz: Edge [Hz] of the band in which torques are judged.
+        found_load: What the findings so far add to `load`, shape ``(N, nv)``; None: nothing.
         temperature: Of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None where no joint has one.
     """
 
@@ -50,12 +51,13 @@ class Operation(Motion):
     recording: int = 0
     band_hz: float = np.inf
     temperature: Float[Array, "N nv"] | None = None
+    found_load: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("tau", "expected", "logged"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("residual_of_fit", "temperature"):
+        for name in ("residual_of_fit", "temperature", "found_load"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name)))
 
@@ -72,9 +74,18 @@ class Operation(Motion):
         plain = cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
         return plain if temperature is None else replace(plain, temperature=temperature)
 
-    def again(self, expected: Float[Array, "N nv"], residual_of_fit: Float[Array, "N nv"] | None = None) -> Operation:
-        """The same motion after another fit; what was computed of motion and model is kept, but for `partials`."""
-        out = replace(self, expected=expected, residual_of_fit=residual_of_fit)
+    def again(
+        self,
+        expected: Float[Array, "N nv"],
+        residual_of_fit: Float[Array, "N nv"] | None = None,
+        found_load: Float[Array, "N nv"] | None = None,
+    ) -> Operation:
+        """The same motion after another fit; what was computed of motion and model is kept, but for `partials`.
+
+        So is what was found of the load, where nothing else is given.
+        """
+        found_load = self.found_load if found_load is None else found_load
+        out = replace(self, expected=expected, residual_of_fit=residual_of_fit, found_load=found_load)
         out.__dict__.update({name: self.__dict__[name] for name in _OF_THE_MOTION if name in self.__dict__})
         out.__dict__["kept"] = self.kept
         return out
@@ -122,6 +133,11 @@ class Operation(Motion):
     def transmitted(self) -> Float[Array, "N nv"]:
         """Torque that the transmissions pass to the links: drive torque less the rotors' share."""
         return self.tau - rotor_torque(self.robot, self)
+
+    @property
+    def load(self) -> Float[Array, "N nv"]:
+        """Torque that the transmissions pass to the links, with the findings so far."""
+        return self.transmitted if self.found_load is None else self.transmitted + self.found_load
 
     @cached_property
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:

@@ -18,7 +18,7 @@ from identification.diagnosis.model.terms import FoundEffect, KnownEffect
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.effect import Effect, Rival
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
 from phantom_dyn.effects.support.rows import modelled_friction_of
@@ -51,22 +51,63 @@ def operate(
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
     plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, log.temperature)
-    for effect in known:
-        # The drive has to give what the model needs less what the effect gives.
-        tau = tau - effect_named(effect.effect, robot).torque(robot, plain, effect.joint, np.array(effect.theta))
-    return replace(plain, tau=tau, expected=tau) if known else plain
+    return with_known(robot, plain, known) if known else plain
+
+
+def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:
+    """The same operation with the torque of known effects.
+
+    Each is made of what it acts on, as in the fit that found it: friction under load of what the transmission passes, a
+    late drive of what it is asked for, and a torque constant of all that.
+
+    Args:
+        robot: The given model.
+        operation: Of this model alone.
+        known: The effects.
+    """
+    effects = [(effect_named(one.effect, robot), one) for one in known]
+    tau, found_load = operation.tau, np.zeros_like(operation.tau)
+    for stage in range(4):
+        here = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
+        for effect, one in effects:
+            if _stage_of(effect) == stage:
+                # The drive has to give what the model needs less what the effect gives.
+                torque = effect.torque(robot, here, one.joint, np.array(one.theta))
+                tau = tau - torque
+                found_load = found_load - torque if _is_carried(effect) else found_load
+    return replace(operation, tau=tau, expected=tau, found_load=None)
+
+
+def _stage_of(effect: Rival) -> int:
+    """When an effect's torque can be computed: after all that it is made of."""
+    return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
 
 
 def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
     """The same operation with the torque of the effects that the last fit found."""
     plain = operation.again(operation.tau)
-    expected = operation.tau
+    found_load = np.zeros_like(operation.tau)
+    for point in found:
+        if _is_carried(point.effect):
+            found_load += _torque_of(robot, plain, point)
+    plain, expected = plain.again(operation.tau, found_load=found_load), operation.tau
     for point in found:
         if not (point.effect.follows_torque or point.effect.scales_joint):
-            signature = point.effect.signature(robot, plain, point.joint, point.shape)
-            expected = expected.copy()
-            expected[:, list(signature.rows)] += signature.columns @ point.coefficients
+            expected = expected + _torque_of(robot, plain, point)
     return plain.again(expected)
+
+
+def _is_carried(effect: Rival) -> bool:
+    """True if the transmission passes the torque of an effect, and it is none that is made of this torque."""
+    return not (effect.follows_torque or effect.follows_load or effect.scales_joint or effect.on_rotor)
+
+
+def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
+    """Drive torque of an effect that was found."""
+    signature = point.effect.signature(robot, operation, point.joint, point.shape)
+    out = np.zeros_like(operation.tau)
+    out[:, list(signature.rows)] = signature.columns @ point.coefficients
+    return out
 
 
 def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:

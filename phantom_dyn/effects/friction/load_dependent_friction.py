@@ -1,8 +1,8 @@
 """Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, ``tl`` the torque that the transmission passes.
 
 It leaves a step at every reversal that is as high as the load there. With a load that hardly changes it looks like
-Coulomb friction: wide postures or two payloads separate them. The load is that of the model, not the measured one,
-whose noise would bias the fit. MJCF and URDF have no place for it.
+Coulomb friction: wide postures or two payloads separate them. The load is that of the model with the other findings, as
+a payload is carried too; not the measured one, whose noise would bias the fit. MJCF and URDF have no place for it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class LoadDependentFriction(Effect):
     rubs = True
     uses_acceleration = True
     follows_model = True
+    follows_load = True
     changes_with = "friction"
     words = EffectWords(
         name="load-dependent friction",
@@ -61,7 +62,7 @@ class LoadDependentFriction(Effect):
         """Load in the direction of motion."""
         row = row_of(robot, joint)
         direction = np.sign(operation.v[:, row])
-        return on_one_joint(robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * direction, "1"))
+        return on_one_joint(robot, joint, ratio=(np.abs(operation.load[:, row]) * direction, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Friction holds back, and less than the load: a transmission that loses all of it passes none."""
@@ -80,7 +81,7 @@ class LoadDependentFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""
         row = row_of(robot, joint)
-        law = -theta.item() * np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row])
+        law = -theta.item() * np.abs(operation.load[:, row]) * np.sign(operation.v[:, row])
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:

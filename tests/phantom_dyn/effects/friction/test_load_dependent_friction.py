@@ -30,6 +30,14 @@ def test_the_torque_follows_the_contract(arm, geared, smooth):
     np.testing.assert_allclose(torque, -0.15 * np.abs(load) * np.sign(smooth.v[:, 1]), atol=1e-12)
 
 
+def test_a_load_that_was_found_is_carried_too(arm, geared, smooth):
+    # Closed form: twice the load rubs twice as much.
+    operation = Operation.of(geared, smooth)
+    found = operation.again(operation.tau, found_load=operation.transmitted)
+    one, two = (EFFECT.signature(geared, o, "tilt", ()).columns for o in (operation, found))
+    np.testing.assert_allclose(two, 2.0 * one, atol=1e-12)
+
+
 def test_it_takes_energy_out(arm, operation):
     torque = EFFECT.torque(arm, operation, "slide", THETA)
     assert np.all(torque[:, 2] * operation.v[:, 2] < 0)

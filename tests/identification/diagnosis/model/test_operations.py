@@ -1,0 +1,60 @@
+# pyright: reportAttributeAccessIssue=false
+"""What effects are made of once others are found or known. Oracle: Pinocchio with the changed robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.signals import process_all
+from identification.diagnosis.model.operations import expecting, operate
+from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.inertia import point_mass_parameters
+
+LOAD = (0.8, 0.1, -0.02, 0.3)  # kg, m
+
+
+@pytest.fixture(scope="module")
+def heavier(planar):
+    """The arm with a point mass on its last link."""
+    added = np.zeros_like(standard_parameters(planar))
+    added[10:] = point_mass_parameters(LOAD[0], np.array(LOAD[1:]))
+    return with_parameters(planar, added)
+
+
+def test_the_transmissions_pass_what_a_payload_needs_and_not_what_a_rotor_needs(lab, planar, heavier):
+    operation = Operation.of(planar, lab.motion(2))
+    payload = FoundEffect(effect_named("payload"), None, (), point_mass_parameters(LOAD[0], np.array(LOAD[1:])))
+    rotor = FoundEffect(effect_named("rotor_inertia"), "elbow", (), np.array([0.2]))
+    model = heavier.model.copy()
+    model.armature = np.zeros(2)
+    expected = inverse_dynamics(replace(heavier, model=model), operation)
+    np.testing.assert_allclose(expecting(planar, operation, (payload, rotor)).load, expected, atol=1e-9)
+
+
+def test_what_was_found_of_the_load_is_not_counted_twice(lab, planar):
+    operation = Operation.of(planar, lab.motion(2))
+    offset = FoundEffect(effect_named("torque_offset"), "elbow", (), np.array([0.5]))
+    once = expecting(planar, operation, (offset,))
+    np.testing.assert_allclose(expecting(planar, once, (offset,)).load, once.load, atol=1e-12)
+
+
+def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_with_its_known_payload(
+    lab, planar, heavier
+):
+    (log,), _ = process_all((lab.recording(planar, lab.motion(2)),), planar)
+    known = (
+        KnownEffect("torque_constant", "elbow", (0.8,)),
+        KnownEffect("load_dependent_friction", "elbow", (0.2,)),
+        KnownEffect("payload", None, LOAD),
+    )
+    needed = inverse_dynamics(heavier, log.motion)
+    load = needed[:, 1] - planar.rotor_inertia[1] * log.motion.a[:, 1]
+    needed[:, 1] = (needed[:, 1] + 0.2 * np.abs(load) * np.sign(log.motion.v[:, 1])) / 0.8
+    np.testing.assert_allclose(operate(planar, log, known).tau, needed, atol=1e-9)
