@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts
+from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns, where_read
 from identification.diagnosis.model.fewer_columns import columns_for
@@ -41,7 +41,7 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import settled
-from identification.diagnosis.search.search import RowGaps, Search, Threshold, claimed, set_up_search
+from identification.diagnosis.search.search import RowGaps, Search, Threshold, claimed, row_gaps, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from phantom_dyn.array_types import Float
 
@@ -173,11 +173,7 @@ def _with_thresholds(
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), rules.LEAST_GAIN)
-    given = np.array([row.core_c.sum() for row in problem.grams.rows])
-    given, gap = (
-        np.maximum(loss - row_counts(problem), 0.0) for loss in (given, search.evaluate(frozenset()).row_losses)
-    )
-    return set_up_search(problem, threshold, RowGaps(gap, rules.ACCURACY * given), spurious)
+    return set_up_search(problem, threshold, row_gaps(problem, search.evaluate(frozenset())), spurious)
 
 
 def _searched(

@@ -61,6 +61,18 @@ class RowGaps:
     accuracy: Float[Array, " nv"]
 
 
+def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
+    """What claims are measured by in the fits of one problem: squares count by its own weights, in its own band.
+
+    Args:
+        problem: Whose fits claim.
+        within: Its fit of the moves within the tolerances alone.
+    """
+    given = np.array([row.core_c.sum() for row in problem.grams.rows])
+    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))
+    return RowGaps(gap, rules.ACCURACY * given)
+
+
 def joint_of(term: Term) -> str | None:
     """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
     return None if term.joint is None or "+" in term.joint else term.joint

@@ -32,7 +32,9 @@ Array = np.ndarray
 # Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
 _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
 _NEEDED_BEYOND = 0.02
-# A limit is believed if the command is beyond it for that long once, and for no more than that share of the time.
+# A limit is believed if the command is beyond it for that long once. Beyond that share of the time the recording has to
+# show for certain that the needed torque stays while the command goes on: friction that the model lacks is a constant
+# beyond a constant, most of the time.
 _LEAST_SECONDS = 0.03
 _MOST = 0.45
 # While the command is beyond the limit, the model needs this much of the limit at its median.
@@ -150,20 +152,35 @@ def _command(operation: Operation, row: int) -> Array:
 
 
 def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if the command stays beyond the limit for a while, not for most of the time, and the motion needs just it.
+    """True if the command stays beyond the limit for a while, and the motion needs just the limit there.
 
     Without this, a limit near zero would make the whole logged torque its excess, noise and missing friction included.
     """
     beyond = excess != 0
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
-    if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS or beyond.mean() > _MOST:
+    if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS:
         return False
     # Signed, as the noise of accelerations has no sign of its own.
     needed = operation.expected[beyond, row] * np.sign(excess[beyond])
     middle = float(np.median(needed))
     if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
         return False
-    return float(needed.std()) < _SPREAD * limit and _is_flat(operation, row, limit, excess)
+    if float(needed.std()) >= _SPREAD * limit:
+        return False
+    if beyond.mean() > _MOST:
+        return _is_surely_flat(operation, excess[beyond], needed)
+    return _is_flat(operation, row, limit, excess)
+
+
+def _is_surely_flat(operation: Operation, excess: Array, needed: Array) -> bool:
+    """True if the needed torque certainly does not rise with the command, by its own scatter about the line."""
+    x = np.abs(excess) - np.abs(excess).mean()
+    square = float(x @ x)
+    if square == 0.0:
+        return False
+    slope = float(x @ needed) / square
+    error = float((needed - slope * x).std()) * np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square)
+    return bool(slope < _SLOPE - 2.0 * error)
 
 
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:

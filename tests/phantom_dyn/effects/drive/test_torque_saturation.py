@@ -46,10 +46,18 @@ def test_a_limit_that_the_motion_speaks_against_leaves_nothing(arm, saturated, s
     assert not EFFECT.signature(arm, driven, "tilt", (3.3,)).columns.any()
 
 
-def test_a_limit_that_the_command_exceeds_most_of_the_time_leaves_nothing(arm, saturated):
+def test_a_limit_that_the_command_exceeds_most_of_the_time_is_one_if_the_motion_needs_just_it(arm, saturated):
     # Closed form: a sine of amplitude 4 is beyond 0.5 for 92 % of the time.
     driven = replace(saturated, expected=np.clip(saturated.logged, -0.5, 0.5))
-    assert not EFFECT.signature(arm, driven, "tilt", (0.5,)).columns.any()
+    assert EFFECT.signature(arm, driven, "tilt", (0.5,)).columns.any()
+
+
+def test_friction_that_the_model_lacks_is_no_limit_though_it_is_beyond_one_most_of_the_time(arm, saturated):
+    # The model needs 0.5 N m of friction and a little inertia, the robot 1 N m: a constant beyond a constant.
+    direction = np.sign(saturated.logged)
+    inertia = 0.1 * np.cos(3.0 * saturated.t)[:, None]
+    rubbed = replace(saturated, logged=direction + inertia, expected=0.5 * direction + inertia)
+    assert not EFFECT.signature(arm, rubbed, "tilt", (0.5,)).columns.any()
 
 
 def test_limits_that_are_tried_are_exceeded_for_a_known_share(arm, saturated):
