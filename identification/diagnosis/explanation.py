@@ -41,7 +41,8 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import settled
-from identification.diagnosis.search.search import RowGaps, Search, Threshold, claimed, row_gaps, set_up_search
+from identification.diagnosis.search.row_gaps import RowGaps, row_gaps
+from identification.diagnosis.search.search import Search, Threshold, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from phantom_dyn.array_types import Float
 

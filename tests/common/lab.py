@@ -17,7 +17,8 @@ from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import Whitening, whitened, whitening_of
-from identification.diagnosis.search.search import RowGaps, Search, Threshold, set_up_search
+from identification.diagnosis.search.row_gaps import RowGaps
+from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation

@@ -15,7 +15,8 @@ from identification.diagnosis.model.columns import Columns, where_read
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
-from identification.diagnosis.search.search import Search, row_gaps, set_up_search
+from identification.diagnosis.search.row_gaps import row_gaps
+from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

@@ -138,9 +138,7 @@ def where_read(session: Session, columns: Columns) -> Columns:
     values = []
     for k, own in enumerate(columns.values):
         plain = (np.column_stack(row) for row in _plain(session, k, columns.operations[k], moves))
-        values.append(
-            tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True))
-        )
+        values.append(tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)))
     return replace(columns, values=tuple(values), displaced=())
 
 

@@ -18,6 +18,7 @@ from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from phantom_dyn.array_types import Float
 
@@ -46,31 +47,6 @@ class Threshold:
             for joint in {*self.joints, *other.joints}
         }
         return Threshold(min(self.overall, other.overall), joints)
-
-
-@dataclass(frozen=True)
-class RowGaps:
-    """What claims are measured by on each row: squares over the noise, summed over the samples.
-
-    Attributes:
-        gap: What the given model leaves beyond the noise, moved within its tolerances, ``(nv,)``.
-        accuracy: What the method itself may leave, ``(nv,)``.
-    """
-
-    gap: Float[Array, " nv"]
-    accuracy: Float[Array, " nv"]
-
-
-def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
-    """What claims are measured by in the fits of one problem: squares count by its own weights, in its own band.
-
-    Args:
-        problem: Whose fits claim.
-        within: Its fit of the moves within the tolerances alone.
-    """
-    given = np.array([row.core_c.sum() for row in problem.grams.rows])
-    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))
-    return RowGaps(gap, rules.ACCURACY * given)
 
 
 def joint_of(term: Term) -> str | None:

@@ -10,7 +10,7 @@ import pytest
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, visible
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
-from identification.diagnosis.search.search import RowGaps
+from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.squares_left import squares_left
 
 

@@ -74,8 +74,8 @@ def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
 
 
 def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pendulum, trusted):
-    # Closed form: where gravity points along the axis a mass has no moment about it. With a tilt it has one, which looks
-    # like what a hardening spring lacks: the columns are of a robot that leans, and a fit without the tilt is of none.
+    # Closed form: where gravity points along the axis a mass has no moment about it. With a tilt it has one, which
+    # looks like what a hardening spring lacks.
     upright = trusted(with_gravity(pendulum, np.array([0.0, -9.81, 0.0])))
     motion = lab.motion(1, 3)
     tilt = FoundEffect(effect_named("base_tilt"), None, (0.0, 0.6), np.array([0.0, 0.6]))
