@@ -118,7 +118,8 @@ class Rival(ABC):
             with the model's parameters. Columns of the rigid-body regressor do not: torque is linear in those.
         follows_torque: True if its columns are computed from the torque with all other findings in it.
         follows_load: True if its columns are computed from what the transmission passes, with all other findings in it.
-        on_rotor: True if its torque moves the rotor, so that the transmission does not pass it.
+        on_link: True if its torque is on the link, so that the transmission passes it; friction and what is wrong with
+            the drive or its rotor are not.
         scales_joint: True if its coefficient scales the whole torque of its joint, other findings included.
         inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
             and first moments are free, the inertia follows from them), or each by itself, where only base parameters
@@ -153,7 +154,7 @@ class Rival(ABC):
     follows_model: bool = False
     follows_torque: bool = False
     follows_load: bool = False
-    on_rotor: bool = False
+    on_link: bool = False
     scales_joint: bool = False
     inertial: Literal["point mass", "free"] | None = None
     shape_is_estimate: bool = False

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.model.columns import Columns, where_read
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
-from identification.diagnosis.search.row_gaps import row_gaps
 from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Float
 
@@ -118,4 +116,4 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     if columns.displaced:
         read = where_read(session, columns)
         plain = replace(plain, where_read=set_up(session, read, below(read), weights))
-    return set_up_search(plain, search.threshold, row_gaps(plain, fit(plain, (), held_out=False)), search.spurious)
+    return set_up_search(plain, search.threshold, search.rows, search.spurious)

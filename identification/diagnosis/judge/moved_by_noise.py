@@ -9,6 +9,7 @@ the torque of the motion is many times what is left, there is no room for that.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.row_gaps import row_gaps
 from identification.diagnosis.search.search import Search, claimed
 from phantom_dyn.array_types import Float
 from phantom_dyn.signals.spectra import power_density
@@ -163,7 +165,9 @@ def loud_search(
         ]
     )
     few, there = columns_for(columns, asked)
-    return search_below(search, few, noise, np.minimum(edges, session.cutoff_hz)), there
+    loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
+    # Squares count by other weights here, and in a narrower band.
+    return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), there
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:

@@ -74,7 +74,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                 # The drive has to give what the model needs less what the effect gives.
                 torque = effect.torque(robot, here, one.joint, np.array(one.theta))
                 tau = tau - torque
-                found_load = found_load - torque if _is_carried(effect) else found_load
+                found_load = found_load - torque if effect.on_link else found_load
     return replace(operation, tau=tau, expected=tau, found_load=None)
 
 
@@ -88,18 +88,13 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
     plain = operation.again(operation.tau)
     found_load = np.zeros_like(operation.tau)
     for point in found:
-        if _is_carried(point.effect):
+        if point.effect.on_link:
             found_load += _torque_of(robot, plain, point)
     plain, expected = plain.again(operation.tau, found_load=found_load), operation.tau
     for point in found:
         if not (point.effect.follows_torque or point.effect.scales_joint):
             expected = expected + _torque_of(robot, plain, point)
     return plain.again(expected)
-
-
-def _is_carried(effect: Rival) -> bool:
-    """True if the transmission passes the torque of an effect, and it is none that is made of this torque."""
-    return not (effect.follows_torque or effect.follows_load or effect.scales_joint or effect.on_rotor)
 
 
 def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:

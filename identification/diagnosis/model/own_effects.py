@@ -46,7 +46,7 @@ class OwnEffect(Effect):
         self.scope, self.regime, self.uses_acceleration = inner.scope, inner.regime, inner.uses_acceleration
         self.shape_is_estimate, self.seen_by = inner.shape_is_estimate, inner.seen_by
         self.follows_model, self.follows_torque = inner.follows_model, inner.follows_torque
-        self.follows_load, self.on_rotor = inner.follows_load, inner.on_rotor
+        self.follows_load, self.on_link = inner.follows_load, inner.on_link
         self.words, self.rubs = inner.words, inner.rubs
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:

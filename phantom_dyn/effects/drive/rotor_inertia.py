@@ -26,7 +26,6 @@ class RotorInertia(Effect):
     name = "rotor_inertia"
     regime = "high_acceleration"
     uses_acceleration = True
-    on_rotor = True
     goes_with_motion = "acceleration"
     exact = True
     words = EffectWords(

@@ -35,6 +35,7 @@ class EncoderEccentricity(Effect):
     """See the module."""
 
     name = "encoder_eccentricity"
+    on_link = True
     regime = "periodic_in_angle"
     uses_acceleration = True
     follows_model = True

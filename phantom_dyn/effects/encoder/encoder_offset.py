@@ -33,6 +33,7 @@ class EncoderOffset(Effect):
     """See the module."""
 
     name = "encoder_offset"
+    on_link = True
     regime = "posture"
     uses_acceleration = True
     shape_is_estimate = True

@@ -47,6 +47,7 @@ class BaseTilt(Effect):
 
     name = "base_tilt"
     scope = "robot"
+    on_link = True
     regime = "posture"
     shape_is_estimate = True
     follows_model = True

@@ -34,6 +34,7 @@ class InertialParameters(Effect):
     """See the module."""
 
     name = "inertial_parameters"
+    on_link = True
     regime = "posture"
     contains = ("payload",)
     uses_acceleration = True

@@ -50,6 +50,7 @@ class Payload(Effect):
 
     name = "payload"
     scope = "robot"
+    on_link = True
     regime = "posture"
     uses_acceleration = True
     goes_with_motion = "acceleration"

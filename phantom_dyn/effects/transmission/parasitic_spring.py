@@ -27,6 +27,7 @@ class ParasiticSpring(Effect):
     """See the module."""
 
     name = "parasitic_spring"
+    on_link = True
     regime = "posture"
     tends_to = ("torque_offset",)  # a soft spring that is at rest far away
     words = EffectWords(

@@ -40,9 +40,15 @@ def test_the_transmissions_pass_what_a_payload_needs_and_not_what_a_rotor_needs(
 
 def test_what_was_found_of_the_load_is_not_counted_twice(lab, planar):
     operation = Operation.of(planar, lab.motion(2))
-    offset = FoundEffect(effect_named("torque_offset"), "elbow", (), np.array([0.5]))
-    once = expecting(planar, operation, (offset,))
-    np.testing.assert_allclose(expecting(planar, once, (offset,)).load, once.load, atol=1e-12)
+    spring = FoundEffect(effect_named("parasitic_spring"), "elbow", (), np.array([2.0, 0.3]))
+    once = expecting(planar, operation, (spring,))
+    np.testing.assert_allclose(expecting(planar, once, (spring,)).load, once.load, atol=1e-12)
+
+
+def test_friction_that_was_found_is_no_load(lab, planar):
+    operation = Operation.of(planar, lab.motion(2))
+    rubs = FoundEffect(effect_named("coulomb_friction"), "elbow", (), np.array([0.5]))
+    np.testing.assert_array_equal(expecting(planar, operation, (rubs,)).load, operation.transmitted)
 
 
 def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_with_its_known_payload(
