@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -15,6 +17,7 @@ from identification.diagnosis.judge.moved_by_noise import (
     loud_search,
 )
 from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.search.row_gaps import RowGaps
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
@@ -124,3 +127,13 @@ def test_what_noise_may_make_has_to_lift_a_joint_above_its_noise(lab, planar2, n
     high = factor * left_by(Judge(made.problem, floor, floor), search, frozenset()).rms()
     found = least_above_noise(Judge(made.problem, floor, high), search, frozenset([term]))
     assert found == (term if hidden and name == "rotor_inertia" else None)
+
+
+def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):
+    # By hand: the whole loss of the moves alone less one for each sample, whatever another band has.
+    wide = replace(quiet.search, rows=RowGaps(np.full(2, 1e9), np.full(2, 1e9)))
+    loud, _ = loud_search(wide, frozenset(), frozenset([quiet.term("coulomb_friction", "elbow")]), quiet.noise)
+    left = loud.evaluate(frozenset()).row_losses
+    counts = [row.count.sum() for row in loud.problem.grams.rows]
+    np.testing.assert_allclose(loud.rows.gap, np.maximum(left - counts, 0.0), rtol=1e-9)
+    assert np.all(loud.rows.accuracy < 1e9)
