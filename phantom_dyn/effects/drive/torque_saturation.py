@@ -168,15 +168,18 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     if float(needed.std()) >= _SPREAD * limit:
         return False
     if beyond.mean() > _MOST:
-        return _is_surely_flat(operation, excess[beyond], needed)
+        return _is_surely_flat(operation, limit, excess[beyond], needed)
     return _is_flat(operation, row, limit, excess)
 
 
-def _is_surely_flat(operation: Operation, excess: Array, needed: Array) -> bool:
-    """True if the needed torque certainly does not rise with the command, by its own scatter about the line."""
+def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
+    """True if the needed torque certainly does not rise with the command, by its own scatter about the line.
+
+    The command has to go on by more than the limit: by less it may be friction that the model lacks, which is flat too.
+    """
     x = np.abs(excess) - np.abs(excess).mean()
     square = float(x @ x)
-    if square == 0.0:
+    if square <= len(x) * limit**2:
         return False
     slope = float(x @ needed) / square
     error = float((needed - slope * x).std()) * np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square)
