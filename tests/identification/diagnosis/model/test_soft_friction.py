@@ -93,10 +93,14 @@ def test_mujoco_fits_its_own_model(tmp_path, seed):
     assert SOFT in found.result.notes
 
 
-def test_a_late_torque_is_found_beside_soft_friction(tmp_path):
+@pytest.mark.parametrize("seed", [1, 2, 8])
+def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
+    # Known truth: five samples. In the motion of seed 3 Stribeck friction on one joint does as well.
     robot, text = arm(tmp_path)
-    found = dyn.diagnose(robot, log(tmp_path, recorded(text, 3, 20.0), 5))
-    assert [finding.effect for finding in found.findings][:1] == ["input_delay"]
+    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 5))
+    first = found.findings[0]
+    assert (first.effect, first.joint) == ("input_delay", None)
+    assert first.probability > 0.95
 
 
 def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):
