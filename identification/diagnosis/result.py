@@ -119,7 +119,7 @@ class JointGap:
 
         They are fitted to all joints at once, and give way to what is missing on others.
         """
-        return self.rms_before <= self.allowed < self.tolerated
+        return bool(self.rms_before <= self.allowed < self.tolerated)
 
     @property
     def without_findings(self) -> float:

@@ -49,8 +49,8 @@ def check_timing(recording: Recording) -> tuple[str, ...]:
         worst = int(np.argmax(steps))
         noun = "gap" if gap.sum() == 1 else "gaps"
         out.append(
-            f"{recording.file}: {int(gap.sum())} {noun} in time; the longest lasts {1e3 * steps[worst]:.3g} ms at "
-            f"t = {time_text(starts[worst])} s, where a step is {1e3 * step:.3g} ms."
+            f"{recording.file}: {int(gap.sum())} {noun} in time; the longest lasts {steps[worst]:.3g} s at "
+            f"t = {time_text(starts[worst])} s, where a step is {step:.3g} s."
         )
     return tuple(out)
 

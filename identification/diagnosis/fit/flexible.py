@@ -59,16 +59,6 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     return np.column_stack([np.ones(len(at)), inputs, waves])
 
 
-def state_powers(log: Log, row: int) -> Float[Array, "n 4"]:
-    """Powers of one joint's state, as drag and hardening springs have them: ``v abs(v)``, ``v^3``, ``q^2``, ``q^3``.
-
-    The position counts from its mean.
-    """
-    q, v = (x[log.samples, row] for x in (log.motion.q, log.motion.v))
-    q = q - q.mean()
-    return np.column_stack([v * np.abs(v), v**3, q**2, q**3])
-
-
 def ridge_predictions(
     x: list[Float[Array, "n k"]],
     y: list[Float[Array, " n"]],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.diagnosis.fit.flexible import ridge_predictions, state_features, state_powers
+from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
 from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
@@ -43,12 +43,10 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
     Each row's residual is predicted by a ladder of models from plain to flexible: the given one, laws of the motion,
-    with these the moves within the tolerances and other linear laws, with these powers of the joint's state, all
-    columns, and all columns with the flexible features. The one that errs least on blocks that it has not seen leaves
-    the noise: where a recording is short, hundreds of columns foresee less than twenty, and only powers go on where a
-    block moves faster than all others. Laws with a shape wait for the last rungs, as all blocks chose their shapes.
-    What foresees a little of the loud noise above the judged band may be far off inside it, so that the best one is
-    chosen for both.
+    with these the moves within the tolerances and other linear laws, all columns, and all columns with the flexible
+    features. The one that errs least on blocks that it has not seen leaves the noise: where a recording is short,
+    hundreds of columns foresee less than twenty. What foresees a little of the loud noise above the judged band may be
+    far off inside it, so that the best one is chosen for both.
 
     Returns:
         What the best predictor in the whole band leaves, and what the best one in the judged band leaves.
@@ -57,19 +55,15 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
         use = [u[:, j] for u in columns.usable]
         y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
-        order, (of_motion, moved) = _plain_first(columns, j)
-        plain = [
-            np.column_stack([values[j][:, order[:moved]], state_powers(log, j), values[j][:, order[moved:]]])
-            for values, log in zip(columns.values, session.logs, strict=True)
-        ]
-        every = plain[0].shape[1]
+        order, rungs = _plain_first(columns, j)
+        plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
         whole, inside = y, y
         least, least_inside = rms(_used(y, use)), _inside(session, y, use)
-        first = (of_motion, moved, moved + every - len(order), every)
+        first = (*rungs, plain[0].shape[1])
         for predicted, _ in ridge_predictions(rich, y, use, session.blocks, session.folds, first):
             error = [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
             left, left_inside = rms(_used(error, use)), _inside(session, error, use)

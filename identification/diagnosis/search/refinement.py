@@ -48,7 +48,8 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
 
 def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
     """True if a law is nonlinear in its parameters, or depends on a torque that the other findings change."""
-    return any(point.shape or not point.effect.stays for point in found)
+    loaded = any(point.effect.on_link for point in found)
+    return any(point.shape or point.effect.follows_torque or (loaded and point.effect.follows_load) for point in found)
 
 
 def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:

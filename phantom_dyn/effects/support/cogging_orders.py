@@ -44,16 +44,17 @@ _LOSS = 0.01  # share of what an order explains that a whole number may leave
 def order_range(operation: Operation, row: int) -> tuple[float, float]:
     """Lowest and highest order to look for: a period over the range, a fifth of the sampling rate at speed.
 
-    A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either. Whether
-    one lies in the judged band often enough to be seen is a matter of its turns, see `comes_back`. Where the joint does
-    not move, the lowest is above the highest.
+    A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either, nor one
+    that is above the judged band in the slowest eighth: among so many orders some stand out by chance. Where the joint
+    does not move, the lowest is above the highest.
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
-    slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (25, 95))
+    slowest, slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (12.5, 25, 95))
     if high - low < 1e-6 or speed < 1e-9:
         return np.inf, 0.0
     finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
     fastest = min(_RATE_SHARE / (operation.dt * speed), 0.5 / (_SECONDS * max(slow, 1e-9)))
+    fastest = min(fastest, operation.band_hz / max(slowest, 1e-9))
     return 2 * np.pi / float(high - low), min(2 * np.pi * fastest, finest)
 
 

@@ -91,7 +91,7 @@ def test_a_gap_is_told_with_its_place_and_length(clean, arm):
     )  # fmt: skip
     sentence = next(w for w in check_recording(cut, arm) if "gap" in w)
     assert "1 gap in time" in sentence
-    assert "104 ms at t = 4.998 s" in sentence
+    assert "0.104 s at t = 4.998 s" in sentence
 
 
 def test_an_excluded_gap_is_not_told(clean, arm):

@@ -7,7 +7,6 @@ from identification.diagnosis.fit.flexible import (
     displacement_since_reversal,
     ridge_predictions,
     state_features,
-    state_powers,
 )
 from identification.diagnosis.model.blocks import Block
 
@@ -29,15 +28,6 @@ def features(quiet, row: int = 1) -> list[np.ndarray]:
 
 def everything(quiet) -> list[np.ndarray]:
     return [np.ones(len(quiet.logs[0].samples), dtype=bool)]
-
-
-def test_powers_of_the_state_are_of_the_velocity_and_of_the_position_about_its_mean(quiet):
-    # By hand, on the samples in the band.
-    log = quiet.logs[0]
-    q, v = log.motion.q[log.samples, 1], log.motion.v[log.samples, 1]
-    q = q - q.mean()
-    expected = np.column_stack([np.sign(v) * v**2, v**3, q**2, q**3])
-    np.testing.assert_allclose(state_powers(log, 1), expected, rtol=1e-12, atol=1e-15)
 
 
 def test_features_are_the_same_on_every_call(quiet):

@@ -65,15 +65,6 @@ def test_the_noise_holds_nothing_of_an_effect_of_the_catalogue(lab, planar2):
     assert np.all(prepared.weights.floor < 1.35 * added(prepared, 0.05))
 
 
-def test_the_noise_holds_nothing_of_a_drag_that_grows_with_the_square_of_the_velocity(lab, planar2):
-    # Known truth: the same noise beside a law that no catalogue has, in a recording so short that some block is faster
-    # than all others.
-    motion = lab.motion(2, seconds=12.0)
-    recording = lab.recording(planar2, motion, -0.5 * motion.v * np.abs(motion.v))
-    prepared = lab.prepared(planar2, (recording,), white=False)
-    assert np.all(prepared.weights.floor < 1.35 * added(prepared, 0.05))
-
-
 def test_the_explanation_brings_the_floor_down_to_the_noise_that_was_added(lab, planar2):
     # Known truth: 0.05, with friction on both joints that the explanation names; exact positions.
     motion = lab.motion(2, seconds=20.0)

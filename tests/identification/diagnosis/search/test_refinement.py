@@ -87,6 +87,13 @@ def test_laws_that_are_not_linear_or_follow_the_torque_are_looked_at_again(effec
     assert needs_refinement((FoundEffect(effect_named(effect), "elbow", shape, np.array([0.3, 0.2])),))
 
 
+def test_friction_under_load_is_fitted_again_where_a_payload_changes_the_load():
+    rubs = FoundEffect(effect_named("load_dependent_friction"), "elbow", (), np.array([0.1]))
+    load = FoundEffect(effect_named("payload"), None, (), np.array([0.5, 0.0, 0.0, 0.1]))
+    assert not needs_refinement((rubs,))
+    assert needs_refinement((rubs, load))
+
+
 def test_a_new_search_starts_from_the_shape_nearest_to_what_was_found(quiet):
     shapes = [term.shape[0] for term in quiet.search.terms if term.place == ("stribeck_friction", "elbow")]
     point = FoundEffect(effect_named("stribeck_friction"), "elbow", (1.05 * shapes[2],), np.array([0.3, 0.2]))

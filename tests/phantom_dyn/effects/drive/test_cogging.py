@@ -127,6 +127,12 @@ def test_a_wave_that_lies_above_the_judged_band_most_of_the_time_is_tried(arm, w
     assert EFFECT.shapes(arm, operation, "tilt")[0] == (order,)
 
 
+def test_orders_end_where_the_slowest_eighth_of_the_time_is_above_the_judged_band(wide):
+    # Closed form: at that eighth's speed, the wave has the frequency of the band's edge.
+    _, high = order_range(replace(wide, band_hz=0.5), 1)
+    assert high == pytest.approx(2 * np.pi * 0.5 / np.percentile(np.abs(wide.v[:, 1]), 12.5))
+
+
 def test_a_wave_that_turns_less_than_ten_times_on_the_whole_way_is_not_tried(arm, wide):
     # Closed form: 9.9 periods on the way, and 10.1.
     once = 2 * np.pi / np.abs(np.diff(wide.q[:, 1])).sum()
