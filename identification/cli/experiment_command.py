@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
-# Share of the motion in triangles of several speeds 0.87, in sines of 0.2 and 0.5 Hz 0.44 and 0.2: a friction test is
-# at constant speed most of the time.
+# Share of the motion: in triangles the speed is constant most of the time, in sines less than half of it.
 _STEADY = 0.5
 
 

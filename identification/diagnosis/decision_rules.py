@@ -187,8 +187,8 @@ BURST_LENGTHS = (0.15, 0.3, 0.6, 1.0)
 # times the torque that noise and the model's error are expected to leave at that moment.
 BURST_RATIO = 6.0
 
-# times: the largest level elsewhere, by which an event is larger. Normal noise of one size comes to half of BURST_RATIO
-# at most, so that this asks more only where the noise is louder at some moments.
+# times: the largest level elsewhere, by which an event is larger. Normal noise of one size hardly ever comes to half of
+# BURST_RATIO, so that this asks more only where the noise is louder at some moments.
 BURST_TIMES = 2.0
 
 # share: of what the moving part of the modelled torque is beyond its usual size, that a fitted model is wrong by at

@@ -211,8 +211,9 @@ def share_of_gap(finding: Finding) -> str:
 
 def of_the_gap(finding: Finding) -> str:
     """``71 % of the gap``; of an effect that only helps beside others ``1 % of the gap beside the others``."""
-    share = share_of_gap(finding)
-    return f"{share.removesuffix(_BESIDE)} of the gap" + _BESIDE * share.endswith(_BESIDE)
+    if finding.share is not None and finding.share < 0.0:
+        return f"{percent(finding.gap_closed)} of the gap{_BESIDE}"
+    return f"{share_of_gap(finding)} of the gap"
 
 
 def parameter_name(name: str) -> str:

@@ -58,11 +58,11 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
             f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
         ]
     told = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
-    drawn = (
-        ": most formulas use these that fit stretches drawn at random, while a smooth function of them foresees less "
-        "than those of other pairs"
-    )
-    out = [f"It depends on {inputs_words(found.inputs, found.joint)}{'' if told else drawn}."]
+    out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
+    if not told:
+        out.append(
+            "Most formulas that fit stretches drawn at random use that; smooth functions of other pairs foresee more."
+        )
     answered = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if answered:
         out.append(

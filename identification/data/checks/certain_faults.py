@@ -17,12 +17,12 @@ from identification.data.bounded_fit import bounded_fit
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.exchanged_columns import exchanged_columns
-from identification.data.checks.map_entries import entries_words
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading, varies
 from identification.data.checks.suspects import Suspect
 from identification.data.checks.torque_scales import load_or_current, scale_suspects, torque_scales
+from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters

@@ -176,8 +176,11 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
     """
     steps = np.diff(q)
     speeds = np.abs(steps) / np.diff(t)
+    # Most large steps of a fast joint are as fast as the next ones.
+    faster = np.zeros(len(steps), dtype=bool)
+    faster[1:-1] = speeds[1:-1] > _JUMP * np.maximum(speeds[:-2], speeds[2:])
     out = []
-    for k in np.flatnonzero(np.abs(steps) > max(least, _BEYOND_NOISE * noise)) + 1:
+    for k in np.flatnonzero(faster & (np.abs(steps) > max(least, _BEYOND_NOISE * noise))) + 1:
         if not _BESIDE < k < len(q) - _BESIDE:
             continue
         beside = np.concatenate([speeds[k - 1 - _BESIDE : k - 1], speeds[k : k + _BESIDE]])

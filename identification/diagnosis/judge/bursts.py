@@ -11,7 +11,7 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
-from identification.diagnosis.judge.floors import answers_above
+from identification.diagnosis.judge.floors import answers_above, sensors_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
@@ -41,7 +41,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         doubt: Variance of what joints that stand, creep or turn about leave open in each log, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
-    answers = np.sqrt(answers_above(problem))
+    answers = np.sqrt(answers_above(problem, sensors_of(session)))
     for k, log in enumerate(session.logs):
         fold = np.zeros(len(log.samples), dtype=int)
         for block, number in zip(session.blocks, session.folds, strict=True):

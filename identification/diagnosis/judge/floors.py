@@ -91,8 +91,9 @@ def floor_of(
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
     torque, left, source = sums(problem, measured_torque(problem)).rms(), sums(problem, residual).rms(), []
-    folded = _folded(problem)
-    for j, seen in enumerate(_sensors(session)):
+    sensors = sensors_of(session)
+    folded = _folded(problem, sensors)
+    for j, seen in enumerate(sensors):
         if seen is None:
             source.append(PREDICTORS)
             continue
@@ -145,21 +146,23 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     return np.array(out)
 
 
-def answers_above(problem: Problem) -> Float[Array, " nv"]:
+def answers_above(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
     """Mean square of what each joint's torque holds above the filter's band in motion, beyond the noise of its sensors.
 
     A controller answers the steps of its encoder at its own rate, and only in motion. A log that reads its torque at
     instants, and more rarely, takes that down to any frequency, and no motion shows it. A torque that is held from one
     reading to the next is read as often as it changes: all of it acts, and nothing comes down.
+
+    Args:
+        problem: Recordings and which samples are usable.
+        sensors: White noise of the torque readings of each joint, see `sensors_of`.
     """
     session = problem.session
     squares = np.zeros(session.robot.nv)
     if session.robot.torque_hold == "zoh":
         return squares
-    white, counts = (
-        np.array([0.0 if seen is None else seen.value for seen in _sensors(session)]),
-        np.zeros(len(squares)),
-    )
+    white = np.array([0.0 if seen is None else seen.value for seen in sensors])
+    counts = np.zeros(len(squares))
     for log, use in zip(session.logs, problem.columns.usable, strict=True):
         above = log.tau[log.samples] - log.band(log.tau)
         squares += np.sum(np.where(use, above**2 - white * _width(log.band), 0.0), axis=0)
@@ -167,10 +170,10 @@ def answers_above(problem: Problem) -> Float[Array, " nv"]:
     return np.maximum(squares / np.maximum(counts, 1), 0.0)
 
 
-def _folded(problem: Problem) -> Float[Array, " nv"]:
+def _folded(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
     """Size of that in the judged band, if it comes down evenly to all frequencies."""
     width = float(np.mean([_width(log.band) for log in problem.session.logs]))
-    return np.sqrt(answers_above(problem) * problem.session.cutoff_hz / width)
+    return np.sqrt(answers_above(problem, sensors) * problem.session.cutoff_hz / width)
 
 
 def _width(band: Band) -> float:
@@ -205,7 +208,7 @@ def _left_in_doubt(
     return out
 
 
-def _sensors(session: Session) -> list[Density | None]:
+def sensors_of(session: Session) -> list[Density | None]:
     """White noise of the torque readings above the band, of each joint; of none where less than half show it.
 
     A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by accident.

@@ -46,9 +46,8 @@ def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]
 
 
 def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
-    """How often each block is drawn in bootstrap replicates of the gap closed; one without any samples is left out."""
-    drawn = block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
-    return drawn[(drawn @ counted.counts).any(axis=1)]
+    """How often each block is drawn in bootstrap replicates of the gap closed, the same for all that is closed."""
+    return block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
 
 
 def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:

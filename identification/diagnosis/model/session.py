@@ -112,7 +112,6 @@ def session_of(
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
-    _require_whole_stretches(logs)
     logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
     if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
@@ -121,28 +120,26 @@ def session_of(
             f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
             "record at least ten seconds of motion."
         )
-    if sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0).tolist()) < rules.LEAST_BLOCKS:
-        raise LogError(
-            f"{recordings[0].file}: gaps in time and excluded stretches leave too few samples to hold data back and "
-            "judge on them: record at least ten seconds of motion without gaps."
-        )
+    _require_samples(session)
     return replace(session, robot=_with_its_friction(session), recordings=every)
 
 
-def _require_whole_stretches(logs: tuple[Log, ...]) -> None:
-    """Refuses recordings of which gaps and excluded times leave no stretch as long as the filter of the band."""
-    if any(log.valid_in_band.any() for log in logs):
+def _require_samples(session: Session) -> None:
+    """Refuses recordings of which gaps and excluded times leave too few blocks with samples."""
+    held = sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0).tolist())
+    if held >= rules.LEAST_BLOCKS:
         return
-    edges = [np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]))) for log in logs]
+    edges = [np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]))) for log in session.logs]
     longest = [
-        int(np.max(at[1::2] - at[::2], initial=0)) / log.band.rate_hz for at, log in zip(edges, logs, strict=True)
+        int(np.max(at[1::2] - at[::2], initial=0)) / log.band.rate_hz
+        for at, log in zip(edges, session.logs, strict=True)
     ]
-    k = int(np.argmax(longest))
-    band = logs[k].band
-    wanted = (2 * band.half + band.step) / band.rate_hz
+    log = session.logs[int(np.argmax(longest))]
+    wanted = (2 * log.band.half + log.band.step) / log.band.rate_hz
     raise LogError(
-        f"{logs[k].file}: the longest stretch without a gap or an excluded time lasts {longest[k]:.2g} s, wanted "
-        f"{wanted:.2g} s at least for a band of {band.cutoff_hz:.2g} Hz: record without gaps."
+        f"{log.file}: gaps in time and excluded stretches leave too few samples to hold data back and judge on them "
+        f"(the longest stretch without lasts {max(longest):.2g} s, and the filter of the band needs {wanted:.2g} s of "
+        "each): record at least ten seconds of motion without gaps."
     )
 
 

@@ -47,6 +47,13 @@ def test_chance_exceeds_a_threshold_in_one_of_a_hundred_recordings(samples, join
     assert _threshold(level, 0.5, 0.02, joints) == pytest.approx(max(expected, rules.BURST_RATIO), rel=1e-4)
 
 
+def test_normal_noise_of_one_size_hardly_ever_comes_to_half_of_the_fixed_ratio(rng):
+    # Ten minutes at 5 Hz each, by the shortest window, in which a mean averages least.
+    use = np.ones(3000, dtype=bool)
+    most = [np.abs(_level(rng.normal(size=3000), use, 3)).max() for _ in range(200)]
+    assert np.percentile(most, 95) < rules.BURST_RATIO / rules.BURST_TIMES
+
+
 def test_a_threshold_is_a_fixed_ratio_where_nothing_is_loud():
     assert _threshold(np.zeros(100), 0.5, 0.02, 2) == rules.BURST_RATIO
 

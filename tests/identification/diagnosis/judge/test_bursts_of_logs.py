@@ -190,7 +190,7 @@ def test_what_a_controller_answers_above_the_band_is_no_event_in_it(twice, monke
     # By hand: twice the root of a mean square of 0.0625 is 0.5.
     events = tuple(("elbow", 1.0, 2.0, torque, 9.0) for torque in (0.49, -0.51))
     monkeypatch.setattr(PLACE + "bursts_in", lambda *_: events)
-    monkeypatch.setattr(PLACE + "answers_above", lambda problem: np.array([9.0, 0.0625]))
+    monkeypatch.setattr(PLACE + "answers_above", lambda problem, sensors: np.array([9.0, 0.0625]))
     torques = [burst.torque for burst in bursts_of(twice, twice.columns.residual, still(twice))]
     assert torques == [-0.51, -0.51]
 

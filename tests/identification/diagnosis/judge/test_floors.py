@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from identification.diagnosis.fit.gap import sums
-from identification.diagnosis.judge.floors import Floor, _folded, _sensors, answers_above, floor_of
+from identification.diagnosis.judge.floors import Floor, _folded, answers_above, floor_of, sensors_of
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.diagnosis.search.bootstrap_wins import block_counts
@@ -160,7 +160,9 @@ def test_what_lies_above_the_band_in_motion_comes_down_as_its_share_of_the_frequ
     band = problem.session.logs[0].band
     share = problem.session.cutoff_hz / (0.5 * band.rate_hz - band.cutoff_hz)
     seen(monkeypatch, None, None)
-    np.testing.assert_allclose(_folded(answering(problem, 0.3)), [0.3 * np.sqrt(share), 0.0], rtol=0.1, atol=1e-12)
+    problem = answering(problem, 0.3)
+    folded = _folded(problem, sensors_of(problem.session))
+    np.testing.assert_allclose(folded, [0.3 * np.sqrt(share), 0.0], rtol=0.1, atol=1e-12)
 
 
 def test_noise_of_the_sensors_is_no_answer_of_a_controller(steady, monkeypatch):
@@ -171,12 +173,14 @@ def test_noise_of_the_sensors_is_no_answer_of_a_controller(steady, monkeypatch):
     monkeypatch.setattr(
         "identification.diagnosis.judge.floors.torque_noise", lambda *_, held: Density(density, density, density)
     )
-    squares = answers_above(answering(problem, 0.3))
+    problem = answering(problem, 0.3)
+    squares = answers_above(problem, sensors_of(problem.session))
     np.testing.assert_allclose(squares, [0.09 - density * width, 0.0], rtol=0.1)
 
 
 def test_nothing_comes_down_from_above_the_band_of_a_torque_that_is_held(steady):
-    np.testing.assert_array_equal(_folded(answering(steady[0], 0.3, "zoh")), 0.0)
+    problem = answering(steady[0], 0.3, "zoh")
+    np.testing.assert_array_equal(_folded(problem, sensors_of(problem.session)), 0.0)
 
 
 @pytest.mark.parametrize(("hold", "taken"), [("instant", False), ("zoh", True)])
@@ -206,7 +210,7 @@ def test_white_noise_is_believed_where_at_least_half_of_the_joints_show_it(monke
     shown = [Density(1.0, 1.0, 1.0) if j < white else None for j in range(6)]
     monkeypatch.setattr("identification.diagnosis.judge.floors.torque_noise", lambda _, j, held: shown[j])
     session = SimpleNamespace(robot=SimpleNamespace(nv=6, torque_hold="instant"), logs=())
-    assert _sensors(session) == (shown if believed else [None] * 6)
+    assert sensors_of(session) == (shown if believed else [None] * 6)
 
 
 def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.findings import (
     _range,
     _sized,
@@ -18,7 +18,7 @@ from identification.diagnosis.judge.findings.findings import (
     shown_effects,
 )
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.shares import closed_together, left_by
+from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
 from phantom_dyn.effects.effect import Parameter
 
@@ -54,17 +54,6 @@ def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
         low, high = finding.gap_closed_interval
         assert low < finding.gap_closed < high
         assert high - low < 0.5
-
-
-def test_replicates_that_draw_no_sample_say_nothing_about_the_gap(judged):
-    # Closed form: the joints move in the first block only, so that each replicate which holds it sees the same share.
-    _, judge, _ = judged
-    here = np.zeros((12, 2))
-    here[0] = 1.0
-    counts, noise = 100.0 * here, 100.0 * here * judge.floor**2
-    gap = closed_together(judge, Sums(11.0 * noise, counts), Sums(2.0 * noise, counts))
-    assert gap.closed == pytest.approx(0.9)
-    assert gap.interval == pytest.approx((0.9, 0.9))
 
 
 def test_where_the_mean_over_joints_is_within_the_floor_shares_are_of_what_the_findings_close(judged):
