@@ -17,6 +17,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.recorded import replay_of
 from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
 from identification.diagnosis.model.session import Session, session_of
@@ -182,6 +183,7 @@ def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda 
     judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
     seconds = time.perf_counter() - given.started
     found = _result(session, given.files, judgement, rollout, proposal, seconds)
+    found = replace(found, replay=replay_of(shown.problem, changes))
     return with_poses(found, robot, given.tracked, given.places)
 
 
@@ -323,5 +325,6 @@ def _result(
         wrong=wrong_with(session.recordings),
         gap=judgement.gap,
         minor=judgement.minor,
+        numbers=judgement.numbers,
         run=uuid4().hex,
     )

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import os
 import threading
 from collections import Counter
@@ -20,7 +21,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose_logs
-from identification.reporting.stored.diagnosis_files import Json, check_targets, to_json, write_outputs
+from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.words.diagnosis_words import effect_at_finding
 from identification.words.geometry_words import all_findings, answer
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
@@ -299,6 +300,6 @@ def _diagnosed(
         verdict=diagnosis.verdict,
         causes=causes,
         sentence=answer(diagnosis),
-        document=to_json(diagnosis),
+        document=to_json(diagnosis) if folder is None else json.loads((folder / INDEX).read_text(encoding="utf-8")),
         refusal=None,
     )

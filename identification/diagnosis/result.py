@@ -1,4 +1,4 @@
-"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/2``)."""
+"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/3``)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
 if TYPE_CHECKING:
+    from identification.diagnosis.replay import Replay
     from identification.diagnosis.rest_law import Dependence, Law
     from identification.geometry.result import GeometryResult
 
@@ -169,6 +170,19 @@ class Adjusted:
 
 
 @dataclass(frozen=True)
+class FittedNumbers:
+    """Numbers of the corrected model that were fitted together.
+
+    Attributes:
+        moves: Of the model within its tolerances, those that are not certain included.
+        sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
+    """
+
+    moves: tuple[Adjusted, ...]
+    sizes: dict[tuple[str, str | None], dict[str, Value]]
+
+
+@dataclass(frozen=True)
 class Bound:
     """The smallest size of an effect that this recording would have shown with 95 % power.
 
@@ -210,6 +224,28 @@ class Unexplained:
     times: tuple[tuple[float, float], ...] = ()
     law: Law | None = None
     dependence: Dependence | None = None
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """What a model or a law that was written leaves of the recorded torque, or why it was not written.
+
+    Attributes:
+        file: Its name.
+        rms_left: Residual by joint [N m or N] with the file, loaded back and run over the recordings; empty where no
+            torque was judged.
+        rms_given: The same with the given model.
+        holds: What was found and the file holds, as ``coulomb_friction j2``.
+        lacks: What was found and the file has no place for.
+        refused: Why it was not written, a clause; empty if it was.
+    """
+
+    file: str
+    rms_left: dict[str, float]
+    rms_given: dict[str, float]
+    holds: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+    refused: str = ""
 
 
 @dataclass(frozen=True)
@@ -283,6 +319,7 @@ class Judgement:
         bursts: Events that nothing in the state foretells, in the order of time.
         gap: What the findings close together.
         minor: Effects that are seen but too small to matter.
+        numbers: Sets of numbers for the files of the corrected model.
     """
 
     verdict: str
@@ -298,6 +335,7 @@ class Judgement:
     bursts: tuple[Burst, ...] = ()
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
+    numbers: tuple[FittedNumbers, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -306,7 +344,9 @@ class Diagnosis:
 
     ``wrong`` says what is certainly wrong with a recording that was to be judged anyway, one clause each. Findings,
     joints and what is unexplained are of the torques; ``geometry`` is what measured poses say, and ``verdict`` is of
-    both together.
+    both together. ``files`` are models and laws that were written, with what they leave; ``numbers`` are
+    what they may be made of beside what is stated, and ``replay`` is what they are run over, None where no torque was
+    judged.
     """
 
     verdict: str
@@ -332,6 +372,9 @@ class Diagnosis:
     minor: tuple[Finding, ...] = ()
     run: str = ""
     geometry: GeometryResult | None = None
+    files: tuple[WrittenFile, ...] = ()
+    numbers: tuple[FittedNumbers, ...] = field(default=(), compare=False, repr=False)
+    replay: Replay | None = field(default=None, compare=False, repr=False)
 
     @property
     def poses_alone(self) -> bool:

@@ -1,4 +1,7 @@
-"""All files that go beside ``corrected.yaml``: models for simulators, ranges for training, laws for control."""
+"""All models and laws of a diagnosis, each loaded back and run over the recordings before it is handed out.
+
+They are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,18 @@ import numpy as np
 
 from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.result import Diagnosis, FittedNumbers, WrittenFile
 from identification.export.corrected.corrected_files import (
     MJCF,
     URDF,
     ModelFile,
     model_files,
     problem_of_loops,
+    robot_config,
     rollout_note,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
+from identification.export.corrected.corrected_yaml import write_corrected
 from identification.export.corrected.found_effects import (
     effect_of,
     lasting_findings,
@@ -35,19 +40,23 @@ from identification.export.corrected.moved_joints import (
     not_in_files,
 )
 from identification.export.corrected.nearest_bodies import with_nearest_bodies
+from identification.export.headers import with_header
+from identification.export.proof.judged_files import Proof
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
+from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
-NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
-"""Files beside ``corrected.yaml``."""
+YAML = "corrected.yaml"
+NAMES = (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
+"""Files that a diagnosis has as a rule."""
 
 RESIDUAL, RESIDUAL_TABLE = "residual.py", "residual.csv"
 OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
@@ -58,7 +67,7 @@ _COMPLETE = 2  # model files: URDF and MJCF
 
 
 def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
-    """Names of the files beside ``corrected.yaml`` that are not among those that were written into a folder.
+    """Names of files that a diagnosis has as a rule and that are not among those that were written into a folder.
 
     Args:
         out: The folder.
@@ -78,6 +87,8 @@ def not_held(notes: Iterable[str]) -> tuple[str, ...]:
     return tuple(note for note in notes if any(words in note for words in said))
 
 
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
 def export_texts(
     diagnosis: Diagnosis,
     robot: Robot,
@@ -96,38 +107,130 @@ def export_texts(
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
     if diagnosis.poses_alone:
-        return _of_poses(diagnosis, robot, folder, config, known)
-    notes = list(diagnosis.notes)
-    effects = (*of_torques(known), *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
+        texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
+        return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
+    stated = _written(diagnosis, robot, folder, known, config)
+    best = stated
+    for numbers in diagnosis.numbers:
+        if not best.refused:
+            break
+        other = _written(_with_numbers(diagnosis, numbers), robot, folder, known, config)
+        best = other if len(other.refused) < len(best.refused) else best
+    notes = best.notes if best is stated else (*best.notes, _OTHER_NUMBERS)
+    return best.texts, replace(diagnosis, notes=(*diagnosis.notes, *notes), files=best.files)
+
+
+_OTHER_NUMBERS = (
+    "The corrected files have sizes and changes within tolerance that were fitted together; those that are stated, "
+    "without changes that are not certain, would leave more."
+)
+
+
+def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
+    """The diagnosis with other numbers of the corrected model."""
+    findings = tuple(
+        replace(one, parameters=numbers.sizes.get((one.effect, one.joint), one.parameters))
+        for one in diagnosis.findings
+    )
+    return replace(diagnosis, findings=findings, adjusted=numbers.moves)
+
+
+@dataclass(frozen=True)
+class _Written:
+    """Texts of one set of numbers that may be handed out, with all records, notes, and the names of the others."""
+
+    texts: dict[str, str]
+    files: tuple[WrittenFile, ...]
+    notes: tuple[str, ...]
+    refused: tuple[str, ...]
+
+
+def _written(
+    diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
+) -> _Written:
+    """The files of a diagnosis with its numbers; raises as `write_corrected`."""
+    texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[str]()
+    known_torques = of_torques(known)
+    found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
+    stated = robot_config(robot, config)
+
+    def proof_of(corrected: CorrectedModel) -> Proof | None:
+        replay = diagnosis.replay
+        return None if replay is None else Proof(diagnosis, replay, corrected, known_torques, found, stated)
+
     try:
-        models, within_notes = _models(diagnosis, robot, effects, folder, config)
+        models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
     except PhantomDynError as error:
-        notes.append(f"{', '.join(NAMES)} were not written: {error}")
-        return {}, replace(diagnosis, notes=tuple(notes))
+        return _Written(texts, (), (f"{', '.join(NAMES[1:])} were not written: {error}",), NAMES[1:])
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
         notes.append(f"The corrected model lacks what acts in one recording only: {', '.join(own)}.")
     notes += (*models.notes, *within_notes)
-    texts: dict[str, str] = {}
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
     texts, told = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
-    notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     residual = residual_of(diagnosis)
-    if residual is not None:
-        notes.append(residual_note(residual))
-    for name, make in _others(diagnosis, corrected, of_torques(known)).items():
+    for name, make in _others(diagnosis, corrected, known_torques).items():
         try:
             texts[name] = make()
         except PhantomDynError as error:
             notes.append(f"{name} was not written: {error}")
+    texts, files, refused = proved(texts, proof_of(corrected))
+    notes += refused
+    notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
+    if residual is not None and RESIDUAL in texts:
+        notes.append(residual_note(residual))
     moved = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
     if moved and FEEDFORWARD in texts:
         notes.append(f"{FEEDFORWARD} has no place for what poses showed: it has {', '.join(moved)} where it was given.")
-    return texts, replace(diagnosis, notes=tuple(notes))
+    return _Written(texts, files, tuple(notes), tuple(name for name in NAMES if name not in texts))
+
+
+_GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
+"""Files that hold what another one holds, and are written only beside it."""
+
+
+def proved(
+    texts: dict[str, str], proof: Proof | None
+) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[str, ...]]:
+    """Files that may be handed out, each with what it leaves in its header; what each leaves; and why some may not.
+
+    Args:
+        texts: By name.
+        proof: What they are compared with; None where no torque was judged.
+    """
+    if proof is None:
+        return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in _GOES_WITH), ()
+    checks: dict[str, Callable[[str], WrittenFile]] = {
+        YAML: proof.of_yaml,
+        URDF: proof.of_urdf,
+        MJCF: lambda _: proof.of_mjcf(),
+        RANDOMISATION: proof.of_randomisation,
+        FEEDFORWARD: proof.of_feedforward,
+        ISAAC: proof.of_actuators,
+        RESIDUAL: proof.of_residual,
+    }
+    kept, records, refused = dict(texts), [], []
+    for name, check in checks.items():
+        if name not in texts:
+            continue
+        record = check(texts[name])
+        if name == ISAAC and not record.refused and URDF not in kept and MJCF not in kept:
+            record = replace(record, refused=f"neither {URDF} nor {MJCF}, whose links it goes with, was written")
+        records.append(record)
+        if record.refused:
+            del kept[name]
+            refused.append(f"{name} was not written: {record.refused}.")
+        else:
+            kept[name] = with_header(texts[name], record, proof.diagnosis)
+    for name, other in _GOES_WITH.items():
+        if name in kept and other not in kept:
+            del kept[name]
+            refused.append(f"{name} was not written: it goes with {other}.")
+    return kept, tuple(records), tuple(refused)
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
@@ -184,20 +287,21 @@ class _Models:
     corrected: CorrectedModel
     files: tuple[ModelFile, ...]
     notes: tuple[str, ...] = ()
-
-    @property
-    def count(self) -> int:
-        """Number of files that could be written."""
-        return sum(bool(file.text) for file in self.files)
+    count: int = 0  # of files that may be handed out
 
 
 def _models(
-    diagnosis: Diagnosis, robot: Robot, effects: tuple[KnownEffect, ...], folder: Path, config: Path | None
+    diagnosis: Diagnosis,
+    robot: Robot,
+    effects: tuple[KnownEffect, ...],
+    folder: Path,
+    config: Path | None,
+    proof_of: Callable[[CorrectedModel], Proof | None],
 ) -> tuple[_Models, tuple[str, ...]]:
     """The corrected model and its files, and a sentence on the moves within tolerance.
 
     The findings are added to the given model with these moves; where no body can be so, to possible bodies of the same
-    torque; where that gives fewer files, to the given model without moves.
+    torque; where that gives fewer files that may be handed out, to the given model without moves.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
@@ -211,9 +315,12 @@ def _models(
             possible, told = with_nearest_bodies(corrected.robot, robot)
             corrected = replace(corrected, robot=possible)
         try:
-            return _Models(corrected, model_files(corrected, motion, folder=folder, config=config), told)
+            files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (f"{URDF} and {MJCF} were not written: {error}",))
+        return _Models(
+            corrected, files, told, len(proved({f.name: f.text for f in files if f.text}, proof_of(corrected))[0])
+        )
 
     best: _Models | None = None
     for base_of in (within_tolerance, possible_within_tolerance):

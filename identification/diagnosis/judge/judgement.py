@@ -14,6 +14,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
+from identification.diagnosis.judge.file_numbers import model_numbers
 from identification.diagnosis.judge.findings.findings import (
     Claim,
     Shown,
@@ -82,6 +83,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
         minor=tuple(claim.finding for claim in claims if claim.minor),
+        numbers=model_numbers(shown),
         bursts=bursts,
     )
     return judgement, shown

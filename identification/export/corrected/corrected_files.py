@@ -18,6 +18,7 @@ from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
 from identification.export.corrected.made_mjcf import made_mjcf
 from identification.export.corrected.reload_in_mujoco import rollout_errors
+from identification.export.headers import with_comment
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
@@ -67,7 +68,7 @@ def model_files(
 
     """
     file = find_robot(corrected.given.source)
-    stated, few = _stated(corrected.given, config), some_motion(motion)
+    stated, few = robot_config(corrected.given, config), some_motion(motion)
 
     def urdf() -> tuple[str, float]:
         text = corrected_urdf(corrected, file, folder)
@@ -79,8 +80,8 @@ def model_files(
     )
 
 
-def _stated(given: Robot, config: Path | None) -> Path | None:
-    """The ``robot.yaml`` of a robot, given or beside its file."""
+def robot_config(given: Robot, config: Path | None) -> Path | None:
+    """The ``robot.yaml`` of a robot, given or beside its file; None where there is none."""
     beside = find_robot(given.source).with_name(CONFIG_NAME)
     return config if config is not None else beside if beside.is_file() else None
 
@@ -97,7 +98,7 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
         return ""
     with unnamed_file(text.encode(), suffix=".urdf") as path:
         try:
-            load_robot(path, config=_stated(robot, config))
+            load_robot(path, config=robot_config(robot, config))
         except PhantomDynError as error:
             return str(error)
     return ""
@@ -179,10 +180,7 @@ def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
     if not sentences:
         return text
     lines = ["What this file cannot say of the corrected model (corrected.yaml has all of it):", *sentences]
-    # A comment may not hold two dashes.
-    comment = "\n    ".join(line.replace("--", "- -") for line in lines)
-    start = text.index(">", text.index("<mujoco" if "<mujoco" in text else "<robot")) + 1
-    return f"{text[:start]}\n  <!-- {comment}\n  -->{text[start:]}"
+    return with_comment(text, lines)
 
 
 def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:

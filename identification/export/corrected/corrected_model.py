@@ -100,11 +100,19 @@ def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) ->
     return corrected
 
 
+def numbers_of_effect(robot: Robot, effect: KnownEffect) -> ModelNumbers:
+    """One effect in the numbers that model files can express; raises as `corrected_model`.
+
+    Args:
+        robot: The given model.
+        effect: With the contract's parameters in order.
+    """
+    theta = _checked_parameters(robot, effect)
+    return effect_named(effect.effect, robot).model_numbers(robot, effect.joint, theta)
+
+
 def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedModel:
-    joint = effect.joint
-    numbers = effect_named(effect.effect, corrected.given).model_numbers(
-        corrected.given, joint, _checked_parameters(corrected.given, effect)
-    )
+    joint, numbers = effect.joint, numbers_of_effect(corrected.given, effect)
     corrected = replace(corrected, robot=_changed_robot(corrected.robot, joint, numbers))
     if numbers.turned is not None:
         corrected = replace(corrected, turned=numbers.turned @ corrected.turned)

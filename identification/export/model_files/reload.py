@@ -14,7 +14,7 @@ import pinocchio as pin
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.array_types import Float
-from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
+from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -41,6 +41,23 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
     Raises:
         RobotError: If the text cannot be loaded, or has other joints.
     """
+    tree = tree_motion(robot, motion)
+    loaded = robot_with_urdf(text, robot, config)
+    again = replace(tree, configuration=configurations(loaded.model, tree.q))
+    return relative_difference(tree_torque(loaded, again), tree_torque(robot, tree))
+
+
+def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
+    """A robot with the links, joints and friction of a URDF that Pinocchio has loaded.
+
+    Args:
+        text: Of the URDF.
+        robot: Gives what a URDF has no place for: rotor inertias, gravity, loops and drives.
+        config: The robot's ``robot.yaml``, for the joints that are held fixed.
+
+    Raises:
+        RobotError: If the text cannot be loaded, or has other joints.
+    """
     with unnamed_file(text.encode(), suffix=".urdf") as path:
         try:
             loaded = load_robot(path, config=config)
@@ -53,9 +70,12 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
         )
     model = loaded.model.copy()
     model.armature, model.gravity = robot.model.armature, robot.model.gravity
-    tree = tree_motion(robot, motion)
-    again = replace(tree, configuration=configurations(model, tree.q))
-    return relative_difference(tree_torque(replace(loaded, model=model), again), tree_torque(robot, tree))
+    viscous, coulomb = tree_friction(loaded)
+    active, chain = list(robot.tree_rows), robot.chain
+    if chain is not None:
+        rows = list(chain.passive)
+        chain = replace(chain, viscous_friction=viscous[rows], coulomb_friction=coulomb[rows])
+    return replace(robot, model=model, viscous_friction=viscous[active], coulomb_friction=coulomb[active], chain=chain)
 
 
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:

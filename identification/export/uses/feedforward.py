@@ -33,9 +33,10 @@ Array = np.ndarray
 
 _POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
 _JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1
-_SAMPLES = 400  # of the recordings, on which the feedforward is compared with no feedforward
-# Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them.
-_OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
+OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
+"""Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them."""
+_MOST = 2.0
+"""Largest torque that is asked for without a refusal, over the largest measured one."""
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
 
 
@@ -44,16 +45,17 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
 
     Args:
         corrected: The corrected model.
-        diagnosis: Gives the torque reduction to expect.
+        diagnosis: Gives the largest measured torques.
 
     Raises:
         ParameterError: If the robot has loops that keep frames together: they need a solver.
     """
     functions = Path(__file__).with_name("feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
-    constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(corrected).items())
+    values = _constants(corrected) | {"MEASURED": _measured(diagnosis, corrected.robot.nv), "MOST": _MOST}
+    constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in values.items())
     code = f"{imports}import math\n\n{constants}{functions}"
-    return f'"""{_docstring(corrected, diagnosis, over_samples(code))}\n"""\n\n{code}'
+    return f'"""{_docstring(corrected)}\n"""\n\n{code}'
 
 
 def loaded(code: str) -> dict[str, Any]:
@@ -70,8 +72,18 @@ def over_samples(code: str) -> dict[str, Any]:
     have to be read-only, so that a function that changed what it is given would not pass.
     """
     names = loaded(code)
-    names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None}
+    names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None, "_refuse": lambda _: None}
+    names["_within"] = lambda x, limit: np.clip(x, -limit, limit)
     return names
+
+
+def _measured(diagnosis: Diagnosis, nv: int) -> _Limits:
+    """Largest measured torque of each joint, infinite where none was measured."""
+    if diagnosis.replay is not None:
+        largest = diagnosis.replay.largest_torque()
+    else:
+        largest = np.abs(diagnosis.evidence.tau_measured).max(axis=0, initial=0.0)
+    return _Limits(np.where(largest > 0, largest, np.inf) if len(largest) else np.full(nv, np.inf))
 
 
 def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str) -> str:
@@ -87,8 +99,9 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
     joints = np.repeat(np.arange(len(names)), _JOINT_ROWS)
     terms = _series(law["gravity"](_rows(q))), _series(law["friction"](_rows(q), _rows(v)))
     terms = (*terms, _series(law["cogging"](_rows(q))), _series(law["torque"](_rows(q), _rows(v), _rows(0.0 * v))))
+    terms = (*terms, _series(law["headroom"](_rows(q), _rows(v), _rows(0.0 * v))))
     own = [np.broadcast_to(part, q.shape)[np.arange(len(q)), joints] for part in (q, v, *terms)]
-    headroom = np.array(law["LIMITS"])[joints] - np.abs(own[-1])
+    headroom = own.pop()
     cells = [text_cell(name) for name in names]
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -134,7 +147,7 @@ def _constants(corrected: CorrectedModel) -> dict[str, object]:
     laws: dict[str, list[tuple]] = {}
     for effect in corrected.others:
         laws.setdefault(effect.effect, []).append((row[str(effect.joint)], *effect.theta))
-    two_way, stribeck, by_load, eccentric = (laws.get(name, []) for name in _OWN_LAWS)
+    two_way, stribeck, by_load, eccentric = (laws.get(name, []) for name in OWN_LAWS)
     late = [corrected.delays.get(joint, 0.0) + corrected.lags.get(joint, 0.0) for joint in robot.joint_names]
     return {
         "JOINTS": robot.joint_names,
@@ -201,8 +214,8 @@ def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " n
     return (tree[1:] - tree[0]).T, tree[0]
 
 
-def _docstring(corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
-    """The docstring of the file: how it is used, what it gains, what is not in it."""
+def _docstring(corrected: CorrectedModel) -> str:
+    """The docstring of the file: how it is used, and what is not in it."""
     robot = corrected.robot
     names = robot.joint_names
     lines = [
@@ -212,11 +225,9 @@ def _docstring(corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, A
         "the drives [N m or N]; gravity, friction, cogging (with constant torques and springs) and headroom give parts",
         "of it. Where LEAD is not zero the drive is late: give the motion that is wanted so many seconds later.",
         "",
-        "Torque that the feedback has to give, root mean square on data that no fit has seen:",
-        f"{'joint':20s} {'no feedforward':>15s} {'given model':>15s} {'this file':>15s}",
+        "torque never asks for more than LIMITS. It refuses a motion that needs more than MOST times the largest",
+        "MEASURED torque.",
     ]
-    for row in _gains(corrected, diagnosis, law):
-        lines.append(f"{row[0]:20s} {row[1]:15.4g} {row[2]:15.4g} {row[3]:15.4g} {row[4]}")
     missing = _missing(corrected)
     if missing:
         lines += ["", f"Not in it: {'; '.join(missing)}."]
@@ -225,27 +236,8 @@ def _docstring(corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, A
 
 def _missing(corrected: CorrectedModel) -> list[str]:
     words = (
-        (effect_named(e.effect, corrected.given).words, e.joint) for e in corrected.others if e.effect not in _OWN_LAWS
+        (effect_named(e.effect, corrected.given).words, e.joint) for e in corrected.others if e.effect not in OWN_LAWS
     )
     out = [f"{effect_words.lost or effect_words.name} ({joint})" for effect_words, joint in words]
     out += [f"play ({joint})" for joint in corrected.plays]
     return out + [f"springs of transmissions ({joint})" for joint in corrected.compliances]
-
-
-def _gains(
-    corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, Any]
-) -> list[tuple[str, float, float, float, str]]:
-    """For each joint what feedback has to give without feedforward, with the given model, and with the law."""
-    evidence = diagnosis.evidence
-    at = np.unique(np.linspace(0, len(evidence.t) - 1, _SAMPLES).astype(int)) if len(evidence.t) else np.zeros(0, int)
-    own = _series(law["torque"](*(_rows(part[at]) for part in (evidence.q, evidence.v, evidence.a))))
-    left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
-    none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
-    lacks = bool(_missing(corrected)) or any(finding.recording is not None for finding in diagnosis.findings)
-    lacks = lacks or (bool(diagnosis.adjusted) and corrected.base is corrected.given)
-    out = []
-    for j, gap in enumerate(diagnosis.joints):
-        # Where the file lacks something of the model that was judged, what it leaves itself counts.
-        after = max(gap.rms_after, float(left[j])) if lacks else gap.rms_after
-        out.append((gap.joint, float(none[j]), gap.rms_before, after, gap.unit))
-    return out

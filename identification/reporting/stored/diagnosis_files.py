@@ -1,4 +1,4 @@
-"""The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/2``), report, models and proposed motion.
+"""The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/3``), report, models and proposed motion.
 
 All of them appear together, or none where one of them could not be written.
 """
@@ -25,10 +25,10 @@ from identification.diagnosis.result import (
     NotTestable,
     Rival,
     Unexplained,
+    WrittenFile,
 )
 from identification.export.all_files import NAMES as ALWAYS
 from identification.export.all_files import OPTIONAL, export_texts, not_held
-from identification.export.corrected.corrected_yaml import write_corrected
 from identification.file_sets import with_run, write_together
 from identification.files import (
     looks_like_log,
@@ -45,13 +45,13 @@ if TYPE_CHECKING:
     from identification.diagnosis.rest_law import Dependence
     from identification.geometry.result import GeometryResult
 
-SCHEMA = "gap-diagnosis/2"
+SCHEMA = "gap-diagnosis/3"
 
 Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 
-NAMES = ("diagnosis.json", "report.html", "corrected.yaml")
-NEXT = "next.csv"
+INDEX, REPORT, NEXT = "diagnosis.json", "report.html", "next.csv"
 MODELS = (*ALWAYS, *OPTIONAL)
+"""Models and laws."""
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
@@ -74,6 +74,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "data_warnings": _plain(diagnosis.data_warnings),
         "next_experiment": _plain(diagnosis.next_experiment),
         "rollout": _plain(diagnosis.rollout),
+        "files": [_file(file) for file in diagnosis.files],
         "seconds": _plain(diagnosis.seconds),
         "version": diagnosis.version,
         **geometry,
@@ -106,6 +107,12 @@ def _finding(finding: Finding) -> Json:
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
     } | ({} if finding.recording is None else {"recording": finding.recording})
+
+
+def _file(file: WrittenFile) -> Json:
+    """A file with what it leaves; one that was not written says why."""
+    out = {name: _plain(value) for name, value in asdict(file).items() if name != "refused"}
+    return out | ({"refused": file.refused} if file.refused else {})
 
 
 def _without_words(entry: Bound | NotTestable) -> dict[str, object]:
@@ -177,7 +184,7 @@ def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str |
     Raises:
         UsageError: If a target is of the wrong kind, is read, or its folder may not be written to.
     """
-    names = (*NAMES, NEXT, *MODELS)
+    names = (INDEX, REPORT, NEXT, *MODELS)
     if out is not None:
         require_writable_folder(out, names)
         require_kept(read, (out / name for name in names))
@@ -226,26 +233,25 @@ def write_outputs(
     check_targets(out, json_file)
     texts: dict[str, str] = {}
     if out is not None:
-        corrected = write_corrected(diagnosis, robot.source, robot.sha256)
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         if tell is not None:
             for sentence in not_held(diagnosis.notes[before:]):
                 tell(sentence)
-        texts = {NAMES[1]: _report(diagnosis, robot), NAMES[2]: corrected, **models}
+        texts = {REPORT: _report(diagnosis, robot), **models}
         if diagnosis.next_motion is not None:
             from identification.next_experiment.proposal_words import reference_text  # with all that plans motions
 
             texts[NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
             diagnosis = _with_digest(diagnosis, texts[NEXT])
         texts = {name: with_run(name, text, diagnosis.run) for name, text in texts.items()}
-        texts[NAMES[0]] = json_text(diagnosis)
+        texts[INDEX] = json_text(diagnosis)
     with ExitStack() as renamed:
         if json_file is not None:
             renamed.enter_context(temporary_beside(json_file)).write_text(json_text(diagnosis), encoding="utf-8")
         if out is not None:
             write_together(out, texts, obsolete=(NEXT, *MODELS))
-    places = [] if out is None else [out / name for name in (*NAMES, *texts) if name in texts]
+    places = [] if out is None else [out / name for name in (INDEX, REPORT, *texts) if name in texts]
     return tuple(dict.fromkeys([*places, *([] if json_file is None else [json_file])]))
 
 

@@ -1,4 +1,4 @@
-"""A diagnosis read back from its ``diagnosis.json`` (schema ``gap-diagnosis/2``), without the samples behind it."""
+"""A diagnosis read back from its ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), without its samples."""
 
 from __future__ import annotations
 
@@ -24,14 +24,17 @@ from identification.diagnosis.result import (
     Rival,
     Unexplained,
     Value,
+    WrittenFile,
 )
-from identification.reporting.stored.diagnosis_files import NAMES, SCHEMA
+from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
 from identification.reporting.stored.diagnosis_schema import require_document
 from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 
-FILE = NAMES[0]
+FILE = INDEX
+OLDER = ("gap-diagnosis/2",)
+"""Schemas of earlier versions that are read as well."""
 
 
 def read_diagnosis(path: str | Path) -> Diagnosis:
@@ -58,7 +61,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     except (ValueError, RecursionError) as error:  # the second for lists in one another without end
         raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema != SCHEMA:
+    if schema not in (SCHEMA, *OLDER):
         told = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
         raise LogError(f"{path} {told}, wanted {SCHEMA}: diagnose the recording again with this version.")
     try:
@@ -104,6 +107,18 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
         minor=tuple(_finding(finding) for finding in content["minor"]),
         run=content["run"],
         geometry=read_geometry(content),
+        files=tuple(_file(file) for file in content.get("files", ())),
+    )
+
+
+def _file(file: Mapping[str, Any]) -> WrittenFile:
+    return WrittenFile(
+        file["file"],
+        {joint: _number(value) for joint, value in file["rms_left"].items()},
+        {joint: _number(value) for joint, value in file["rms_given"].items()},
+        tuple(file["holds"]),
+        tuple(file["lacks"]),
+        file.get("refused", ""),
     )
 
 

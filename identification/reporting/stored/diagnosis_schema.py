@@ -1,4 +1,4 @@
-"""The kinds of value in ``diagnosis.json`` (schema ``gap-diagnosis/2``), so that a damaged file is refused at once."""
+"""The kinds of value in ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), to refuse a damaged file at once."""
 
 from __future__ import annotations
 
@@ -267,6 +267,17 @@ class NotTestablePart(_Part, frozen=True):
     why: str
 
 
+class FilePart(_Part, frozen=True):
+    """What a written file leaves, or why it was not written."""
+
+    file: str
+    rms_left: dict[str, Number | None]
+    rms_given: dict[str, Number | None]
+    holds: list[str]
+    lacks: list[str]
+    refused: str = ""
+
+
 class Document(_Part, frozen=True):
     """The whole file."""
 
@@ -289,6 +300,7 @@ class Document(_Part, frozen=True):
     version: str
     frames: list[FramePart] = []
     geometry: GeometryPart | None = None
+    files: list[FilePart] = []
 
 
 def require_document(content: dict[str, Any]) -> None:

@@ -23,7 +23,7 @@ from identification.batch.diagnose_each import (
 from identification.data.reading import ReadOptions, read_recording
 from identification.export.all_files import NAMES as MODELS
 from identification.pipeline import diagnose
-from identification.reporting.stored.diagnosis_files import NAMES, to_json
+from identification.reporting.stored.diagnosis_files import INDEX, REPORT, to_json
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError
 
@@ -136,7 +136,7 @@ def test_progress_counts_the_recordings(pendulum, logs):
 def test_each_recording_gets_its_folder_and_a_refused_one_none(pendulum, logs, tmp_path):
     diagnose_each(pendulum, logs[1:3], out=tmp_path / "out", jobs=1)
     written = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*"))
-    assert written == sorted(f"out/run0/{name}" for name in (*NAMES, *MODELS))
+    assert written == sorted(f"out/run0/{name}" for name in (INDEX, REPORT, *MODELS))
 
 
 @pytest.mark.parametrize(

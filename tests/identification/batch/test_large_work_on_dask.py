@@ -19,7 +19,7 @@ from joblib import parallel_config
 
 from identification.batch.diagnose_each import diagnose_each
 from identification.export.all_files import NAMES as MODELS
-from identification.reporting.stored.diagnosis_files import NAMES
+from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.maps import operational_map as streaming
@@ -181,7 +181,7 @@ def test_a_worker_writes_the_files_into_the_folder_that_the_caller_named(cluster
     monkeypatch.chdir(tmp_path)
     found = diagnose_each(load_robot(PENDULUM), recordings[:1] + recordings[-1:], out="out")
     written = {str(path.relative_to(tmp_path)): path for path in tmp_path.rglob("*") if path.is_file()}
-    assert sorted(written) == sorted(f"out/run0/{name}" for name in (*NAMES, *MODELS))
+    assert sorted(written) == sorted(f"out/run0/{name}" for name in (INDEX, REPORT, *MODELS))
     assert json.loads(written["out/run0/diagnosis.json"].read_text()) == json.loads(json.dumps(found.rows[0].document))
 
 

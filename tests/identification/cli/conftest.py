@@ -17,7 +17,7 @@ from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
-# The contract's diagnosis.json (schema gap-diagnosis/2) as types: every field, nothing besides.
+# The contract's diagnosis.json (schema gap-diagnosis/3) as types: every field, nothing besides.
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -163,8 +163,17 @@ class NotTestable(Strict):
     why: str
 
 
+class File(Strict):
+    file: str
+    rms_left: dict[str, Positive]
+    rms_given: dict[str, Positive]
+    holds: list[str]
+    lacks: list[str]
+    refused: str = ""
+
+
 class Document(Strict):
-    schema: Literal["gap-diagnosis/2"]
+    schema: Literal["gap-diagnosis/3"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
     run: Annotated[str, msgspec.Meta(min_length=8)]
     gap: Gap
@@ -179,6 +188,7 @@ class Document(Strict):
     data_warnings: list[str]
     next_experiment: dict[str, Any] | None
     rollout: dict[str, Any] | None
+    files: list[File]
     seconds: Positive
     version: str
 

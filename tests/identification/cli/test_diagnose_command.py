@@ -17,11 +17,11 @@ import pytest
 
 from identification.cli.main import main
 from identification.export.all_files import NAMES as MODELS
-from identification.reporting.stored.diagnosis_files import NAMES
+from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 
 pytestmark = pytest.mark.whole
 
-OURS = sorted([*NAMES, *MODELS])
+OURS = sorted([INDEX, REPORT, *MODELS])
 
 
 def names_in(folder: Path) -> list[str]:
@@ -37,7 +37,7 @@ def diagnosed(tmp_path, capsys):
         assert main(["diagnose", *map(str, words), "--json", str(file)]) == 0
         assert capsys.readouterr().err == ""
         content = json.loads(file.read_text())
-        del content["seconds"], content["run"]
+        del content["seconds"], content["run"], content["files"]
         return content
 
     return run
@@ -61,9 +61,9 @@ def finished(tmp_path_factory, pendulum, swing, written):
 
 @pytest.fixture
 def plain(finished) -> dict:
-    """What diagnose says of the recording without any option, without its time and its run."""
+    """What diagnose says of the recording without any option, without its time, its run and its files."""
     content = json.loads((finished / "one.json").read_text())
-    del content["seconds"], content["run"]
+    del content["seconds"], content["run"], content["files"]
     return content
 
 

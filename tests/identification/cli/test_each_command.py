@@ -11,7 +11,7 @@ import pytest
 
 from identification.cli.main import main
 from identification.export.all_files import NAMES as MODELS
-from identification.reporting.stored.diagnosis_files import NAMES
+from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 
 pytestmark = pytest.mark.whole
 
@@ -35,7 +35,7 @@ def finished(tmp_path_factory, pendulum, logs):
 def test_one_refused_recording_is_exit_code_2_and_the_others_are_written(finished):
     out, code = finished
     written = sorted(str(path.relative_to(out)) for path in out.rglob("*.*"))
-    ours = ["diagnoses.csv", "diagnoses.json", "fleet.html", *(f"good/{name}" for name in (*NAMES, *MODELS))]
+    ours = ["diagnoses.csv", "diagnoses.json", "fleet.html", *(f"good/{name}" for name in (INDEX, REPORT, *MODELS))]
     assert (code, written) == (2, sorted(ours))
 
 

@@ -63,4 +63,4 @@ def test_files_that_could_not_be_written_are_named(tmp_path):
         tmp_path / name
         for name in ("corrected.urdf", "corrected.xml", "randomisation.yaml", "isaac_lab.py", "simulators.yaml")
     ]
-    assert not_written(tmp_path, paths) == ("feedforward.py", "feedforward.csv")
+    assert not_written(tmp_path, paths) == ("corrected.yaml", "feedforward.py", "feedforward.csv")

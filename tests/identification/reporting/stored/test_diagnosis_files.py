@@ -24,7 +24,7 @@ def diagnosis(made_up) -> Diagnosis:
 def test_a_folder_gets_all_files(made_up, tmp_path):
     out = tmp_path / "new" / "report"
     written = write_outputs(diagnosis(made_up), ROBOT, out=out, json_file=None)
-    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml", *MODELS]
+    assert [path.name for path in written] == ["diagnosis.json", "report.html", *MODELS]
     assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in written)
     assert read_corrected(out / "corrected.yaml").sha256 == ROBOT.sha256
 
@@ -32,7 +32,7 @@ def test_a_folder_gets_all_files(made_up, tmp_path):
 def test_the_json_can_go_to_another_place(made_up, tmp_path):
     written = write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=tmp_path / "a.json")
     assert written == (tmp_path / "a.json",)
-    assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/2"
+    assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/3"
 
 
 def test_without_a_target_nothing_is_written(made_up):

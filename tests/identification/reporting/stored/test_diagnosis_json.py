@@ -126,8 +126,17 @@ class Rollout(Strict):
     rms_after: dict[str, float | None]
 
 
+class File(Strict):
+    file: str
+    rms_left: dict[str, float]
+    rms_given: dict[str, float]
+    holds: list[str]
+    lacks: list[str]
+    refused: str = ""
+
+
 class Document(Strict):
-    schema: Literal["gap-diagnosis/2"]
+    schema: Literal["gap-diagnosis/3"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
     run: str
     gap: Gap
@@ -142,6 +151,7 @@ class Document(Strict):
     data_warnings: list[str]
     next_experiment: Next | None
     rollout: Rollout | None
+    files: list[File]
     seconds: float
     version: str
 

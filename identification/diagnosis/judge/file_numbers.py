@@ -1,0 +1,44 @@
+"""Numbers of the corrected model that belong together: sizes of effects, and the moves that were fitted beside them.
+
+What a diagnosis states are the sizes and those moves that differ from zero for certain. A model of these alone may be
+another one: a size that was found beside a move of a mass is wrong without that move, however uncertain the move is.
+"""
+
+from __future__ import annotations
+
+from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.findings.findings import Shown
+from identification.diagnosis.judge.findings.parameters import finding_parameters
+from identification.diagnosis.model.terms import ordered
+from identification.diagnosis.result import Adjusted, FittedNumbers
+
+
+def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
+    """Sets of numbers that were fitted together, the stated sizes first.
+
+    A structure that has no name is no part of the corrected model: where there is one, all is fitted again without it.
+
+    Args:
+        shown: The effects, and the fit that states their sizes.
+    """
+    problem, named = shown.problem, shown.named
+    out = [FittedNumbers(all_moves(problem, shown.joint_fit), {})]
+    if named != shown.chosen:
+        terms = ordered(named)
+        alone = joint_fit(problem.of(named), terms, shown.found)
+        robot = problem.session.robot
+        sizes = {term.place: finding_parameters(robot, term, alone) for term in terms}
+        out.append(FittedNumbers(all_moves(problem, alone), sizes))
+    return tuple(out)
+
+
+def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
+    """Every move of the model within its tolerances, however uncertain.
+
+    Args:
+        problem: Names the moves.
+        fitted: Gives their sizes.
+    """
+    pairs = ((problem.columns.nuisances[k], float(fitted.x[k])) for k in problem.moves)
+    return tuple(Adjusted(move.name, change, move.sigma) for move, change in pairs if move.relative and change)

@@ -1,0 +1,67 @@
+"""The recordings of a diagnosis, kept so that every model and law that is written can be run over them again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.data.changes import Change, robot_in
+from identification.data.log import Log
+from identification.data.signals import smoothed_where
+from phantom_dyn.array_types import Float
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Motion and measured torque of all recordings, and the samples that residuals are counted on.
+
+    Attributes:
+        robot: The model that was judged.
+        logs: The recordings.
+        changes: What is known to be different in each of them; empty if nothing is.
+        cutoff_hz: Edge of the judged band.
+        parts: Blocks of samples that are judged: index of the log, first sample in its band, and the one behind the
+            last.
+        weights: What each sample in the band of each log counts, ``(n, nv)``: less where friction may hold a joint.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    changes: tuple[Change, ...]
+    cutoff_hz: float
+    parts: tuple[tuple[int, int, int], ...]
+    weights: tuple[Float[Array, "_ nv"], ...]
+
+    def robot_in(self, robot: Robot, log: int) -> Robot:
+        """A model as it was in one recording, with the load that is known of it there."""
+        return robot_in(robot, self.changes[log]) if self.changes else robot
+
+    def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
+        """A series of one log at the full rate, in the judged band."""
+        band = self.logs[log].band
+        wide = band(series)
+        if self.cutoff_hz >= 0.99 * band.cutoff_hz:
+            return wide
+        return smoothed_where(wide, self.logs[log].valid_in_band, band.rate_hz / band.step, self.cutoff_hz)
+
+    def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
+        """Squared residuals in the judged band, and what their samples count, summed over each block.
+
+        Args:
+            torque: Drive torque [N m or N] that a model or a law asks for along one log, at the full rate.
+        """
+        judged = sorted({log for log, _, _ in self.parts})
+        left = {k: self.in_band(self.logs[k].tau - torque(k), k) ** 2 * self.weights[k] for k in judged}
+        sums = [
+            (left[k][start:stop].sum(axis=0), self.weights[k][start:stop].sum(axis=0)) for k, start, stop in self.parts
+        ]
+        return np.array(sums).swapaxes(0, 1)
+
+    def largest_torque(self) -> Float[Array, " nv"]:
+        """Largest measured torque of each joint [N m or N], over all samples that may be used."""
+        return np.array([np.abs(log.tau[log.valid]).max(axis=0, initial=0.0) for log in self.logs]).max(axis=0)

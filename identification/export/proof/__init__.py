@@ -1,0 +1,1 @@
+"""Written models and laws, loaded back and run over the recordings."""

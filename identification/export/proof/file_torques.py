@@ -1,0 +1,257 @@
+"""The drive torque that each written model or law asks for along a recording, after it was loaded back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from identification.data.log import Log
+from identification.diagnosis.law.rest import inputs_of
+from identification.diagnosis.model.known_geometry import of_torques
+from identification.diagnosis.model.operations import operate, with_known
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.replay import Replay
+from identification.export.corrected.corrected_mjcf import zeros_in_file
+from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect, with_zeros_moved
+from identification.export.corrected.corrected_urdf import robot_of_urdf
+from identification.export.corrected.corrected_yaml import known_effects, read_corrected
+from identification.export.corrected.found_effects import moved_by
+from identification.export.model_files.reload import robot_with_urdf
+from identification.export.proof.formats import OF_DRIVES, used_numbers
+from identification.export.uses.feedforward import over_samples
+from identification.export.uses.residual_model import loaded as loaded_residual
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.unnamed_file import unnamed_file
+from phantom_dyn.motion import Motion, read_only
+
+Array = np.ndarray
+# Drive torque that is asked for along a log, by the index of the log, ``(N, nv)`` at the full rate.
+Asked = Callable[[int], Float[Array, "N nv"]]
+
+_STEPS = 20000
+"""Steps of one recording at which a law that is called step by step is asked; between them it is interpolated."""
+
+
+def torque_of_model(
+    replay: Replay,
+    robot: Robot,
+    effects: tuple[KnownEffect, ...] = (),
+    beside: Callable[[Motion], Float[Array, "N nv"]] | None = None,
+) -> Asked:
+    """What a robot with effects asks for, by the laws of the catalogue.
+
+    Args:
+        replay: The recordings.
+        robot: The model.
+        effects: Effects on top of it.
+        beside: A torque that the drives have to give as well.
+    """
+    robot = replace(robot, soft_friction=replay.robot.soft_friction)
+
+    def asked(log: int) -> Array:
+        there = replay.robot_in(robot, log)
+        operation = operate(there, replay.logs[log], (), log, replay.cutoff_hz)
+        if beside is not None:
+            tau = operation.tau + beside(operation)
+            operation = replace(operation, tau=tau, expected=tau)
+        return with_known(there, operation, effects).tau if effects else operation.tau
+
+    return asked
+
+
+def torque_of_urdf(replay: Replay, text: str, corrected: CorrectedModel, config: Path | None) -> Asked:
+    """What a URDF asks for with the given rotors, loops and gravity, which it has no place for.
+
+    Args:
+        replay: The recordings.
+        text: Of the URDF.
+        corrected: The model that it was made of.
+        config: The robot's ``robot.yaml``.
+    """
+    robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
+    return torque_of_model(replay, robot)
+
+
+def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> Asked:
+    """What a MJCF asks for; the model that it holds is that of MuJoCo to all digits, which was compared before.
+
+    Args:
+        replay: The recordings.
+        corrected: The model that it was made of.
+        effects: What it holds of the findings; those on drives and transmissions act by their own laws.
+    """
+    robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else corrected.robot
+    return torque_of_model(
+        replay, robot, of_drives(corrected, effects), lambda motion: torque_beside(corrected, motion)
+    )
+
+
+def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
+    """Effects that act on what the drive is asked for, or between drive and link.
+
+    Args:
+        corrected: The model.
+        effects: Of which.
+    """
+    return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & OF_DRIVES)
+
+
+def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
+    """Torque [N m or N] that springs, constant torques, cogging and couplings ask of the drives.
+
+    Args:
+        corrected: The corrected model.
+        motion: N samples of the active joints.
+    """
+    at = {joint: row for row, joint in enumerate(corrected.robot.joint_names)}
+    out = np.zeros_like(motion.v)
+    for joint, (stiffness, relaxed) in corrected.springs.items():
+        out[:, at[joint]] += stiffness * (motion.q[:, at[joint]] - relaxed)
+    for joint, offset in corrected.offsets.items():
+        out[:, at[joint]] -= offset
+    for joint, waves in corrected.cogging.items():
+        orders, amplitudes, phases = np.array(waves).T
+        out[:, at[joint]] -= np.sin(motion.q[:, at[joint], None] * orders + phases) @ amplitudes
+    for c in corrected.couplings:
+        first, second = at[c.first], at[c.second]
+        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (motion.v, motion.a))
+        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
+        out[:, first] += shared
+        out[:, second] += c.ratio * shared
+    return out
+
+
+def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
+    """What the given model asks for with the effects and moves of a ``corrected.yaml``.
+
+    Args:
+        replay: The recordings.
+        text: Of the file.
+        robot: The given model.
+        known: Effects that belong to it already.
+    """
+    with unnamed_file(text.encode(), suffix=".yaml") as path:
+        found = known_effects((path,), robot)
+        moved = moved_by(robot, read_corrected(path).adjusted)
+    return torque_of_model(replay, moved, (*known, *of_torques(found)))
+
+
+def torque_of_randomisation(replay: Replay, text: str, base: Robot, known: tuple[KnownEffect, ...]) -> Asked:
+    """What the robot in the middle of a ``randomisation.yaml`` asks for: the values that were found.
+
+    Args:
+        replay: The recordings.
+        text: Of the file.
+        base: The model that the values are added to.
+        known: Effects that belong to it already.
+    """
+    values: dict[tuple[str, str | None], list[float]] = {}
+    for entry in yaml.safe_load(text)["found"]:
+        values.setdefault((entry["effect"], entry["joint"]), []).append(float(entry["value"]))
+    found = tuple(KnownEffect(effect, joint, tuple(theta)) for (effect, joint), theta in values.items())
+    return torque_of_model(replay, base, (*known, *found))
+
+
+def torque_of_feedforward(replay: Replay, code: str) -> Asked:
+    """What a ``feedforward.py`` asks for, of the motion that comes a drive's delay later.
+
+    Args:
+        replay: The recordings.
+        code: Of the file.
+    """
+    law = over_samples(code)
+    leads = np.array(law["LEAD"])
+
+    def asked(log: int) -> Array:
+        motion = replay.logs[log].motion
+        out = np.empty_like(motion.v)
+        for lead in np.unique(leads):
+            ahead = [_later(motion.t, x, float(lead)) for x in (motion.q, motion.v, motion.a)]
+            torque = law["torque"](*([read_only(row) for row in x.T] for x in ahead))
+            for j in np.flatnonzero(leads == lead):
+                out[:, j] = torque[j]
+        return out
+
+    return asked
+
+
+def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
+    """A series some time later; the last sample at the end."""
+    return x if seconds == 0 else np.column_stack([np.interp(t + seconds, t, column) for column in x.T])
+
+
+def torque_of_actuators(
+    replay: Replay, code: str, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]
+) -> Asked:
+    """What the links of the corrected model ask for with the actuators of an ``isaac_lab.py``.
+
+    Args:
+        replay: The recordings.
+        code: Of the file.
+        corrected: The model whose links it goes with.
+        effects: What the file holds of the findings; delays and limits act by their own laws.
+    """
+    names: dict[str, Any] = {"__name__": "isaac_lab"}
+    exec(compile(code, "isaac_lab.py", "exec"), names)
+    robot = with_actuators(corrected, names["JOINTS"])
+    return torque_of_model(replay, robot, of_drives(corrected, effects))
+
+
+def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, float]]) -> Robot:
+    """The links of a corrected model with friction and rotors by joint, under Isaac Lab's names.
+
+    Args:
+        corrected: The corrected model.
+        joints: Numbers of each joint.
+    """
+    zeros = zeros_in_file(corrected)
+    robot = with_zeros_moved(corrected.robot, zeros) if zeros else corrected.robot
+    for row, joint in enumerate(robot.joint_names):
+        stated = joints.get(joint, {})
+        robot = with_friction(
+            robot,
+            joint,
+            viscous=stated.get("viscous_friction", 0.0) - float(robot.viscous_friction[row]),
+            coulomb=stated.get("dynamic_friction", 0.0) - float(robot.coulomb_friction[row]),
+        )
+        robot = with_rotor_inertia(robot, joint, stated.get("armature", 0.0) - float(robot.rotor_inertia[row]))
+    return robot
+
+
+def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) -> Asked:
+    """What a model asks for with the torque of a ``residual.py`` on one joint.
+
+    Args:
+        replay: The recordings.
+        code: Of the file.
+        model: What the corrected model asks for without it.
+        robot: The model that the inputs of the law are of.
+    """
+    names = loaded_residual(code)
+    row = robot.joint_names.index(names["JOINT"])
+
+    def asked(log: int) -> Array:
+        operation = operate(robot, replay.logs[log], (), log, replay.cutoff_hz)
+        out = np.array(model(log))
+        out[:, row] -= _stepped(names["Residual"](), replay.logs[log], operation, robot, row)
+        return out
+
+    return asked
+
+
+def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
+    """Torque of a law that is called step by step."""
+    others = [k for k in range(robot.nv) if k != row]
+    inputs = inputs_of(robot, log, operation, row, others)
+    every = max(math.ceil(len(inputs["t"]) / _STEPS), 1)
+    few = {name: series[::every] for name, series in inputs.items()}
+    return np.interp(inputs["t"], few["t"], law.along(few))

@@ -1,0 +1,67 @@
+"""Which findings each kind of file can hold, by the numbers of an effect that its format has a place for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from identification.diagnosis.model.terms import KnownEffect
+from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, zeros_in_file
+from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect
+from identification.export.uses.feedforward import OWN_LAWS
+from phantom_dyn.effects.described import ModelNumbers
+
+OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "gap", "stiffness"})
+"""Numbers of an effect that act on what the drive is asked for, not as a torque beside it."""
+_URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
+_DRIVES = frozenset({"rotor_inertia", "delay"})
+_MJCF = _URDF | _DRIVES | {"offset", "spring", "gain", "lag", "gap", "stiffness", "waves", "coupling"}
+
+
+@dataclass(frozen=True)
+class Format:
+    """What one kind of file has places for.
+
+    Attributes:
+        numbers: Fields of `ModelNumbers`; None if it holds every effect by its own law.
+        laws: Effects that it holds by a law of its own.
+    """
+
+    numbers: frozenset[str] | None
+    laws: tuple[str, ...] = ()
+
+
+LAWS = Format(None)
+URDF_FORMAT = Format(_URDF)
+MJCF_FORMAT = Format(_MJCF)
+ISAAC_FORMAT = Format(_URDF | _DRIVES)
+FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness"}, OWN_LAWS)
+
+
+def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
+    """True if a file of this kind holds all of an effect.
+
+    Args:
+        kind: Of the file.
+        corrected: The model that the file is made of.
+        effect: With the contract's parameters in order.
+    """
+    if kind.numbers is None or effect.effect in kind.laws:
+        return True
+    numbers = numbers_of_effect(corrected.given, effect)
+    used = used_numbers(numbers)
+    if not numbers.whole or not used <= kind.numbers:
+        return False
+    joint = str(effect.joint)
+    if "zero" in used and kind is not FEEDFORWARD_FORMAT:
+        return joint in zeros_in_file(corrected)
+    return "stiffness" not in used or joint in compliances_in_mjcf(corrected)
+
+
+def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
+    """Names of the numbers that an effect has."""
+    values = {field.name: getattr(numbers, field.name) for field in fields(ModelNumbers) if field.name != "whole"}
+    return frozenset(
+        name
+        for name, value in values.items()
+        if value is not None and not (isinstance(value, float | tuple) and not value)
+    )

@@ -1,0 +1,229 @@
+"""Which files may be handed out: what each leaves of the recorded torque, beside the given model and what is claimed.
+
+A file that leaves more than the given model on any joint, or clearly more than the diagnosis claims of what it holds,
+would do harm where it is loaded. It is not written, and the reason is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.special import stdtrit
+
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.replay import Replay
+from identification.diagnosis.result import Diagnosis, WrittenFile
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
+from identification.export.corrected.found_effects import within_tolerance
+from identification.export.proof.file_torques import (
+    Asked,
+    torque_beside,
+    torque_of_actuators,
+    torque_of_feedforward,
+    torque_of_mjcf,
+    torque_of_model,
+    torque_of_randomisation,
+    torque_of_residual,
+    torque_of_urdf,
+    torque_of_yaml,
+)
+from identification.export.proof.formats import (
+    FEEDFORWARD_FORMAT,
+    ISAAC_FORMAT,
+    LAWS,
+    MJCF_FORMAT,
+    URDF_FORMAT,
+    Format,
+    holds,
+)
+from identification.words.numbers_and_names import number
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.errors import PhantomDynError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_LEVEL = 0.05
+"""Chance that a file without any difference from the given model is refused, over all its joints together."""
+_ROUNDING = 1e-6
+"""Relative difference of two residuals that is none: laws in files are written again in other operations."""
+_MORE = 1.2
+"""Residual over the claimed one, beyond one noise floor, from which a file does not do what is claimed of it."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What written files are compared with, for one diagnosis and one corrected model.
+
+    Attributes:
+        diagnosis: What is claimed.
+        replay: The recordings.
+        corrected: The model that the files are made of.
+        known: Effects that belong to the given model already.
+        found: Effects that were found.
+        config: The robot's ``robot.yaml``, None without one.
+    """
+
+    diagnosis: Diagnosis
+    replay: Replay
+    corrected: CorrectedModel
+    known: tuple[KnownEffect, ...]
+    found: tuple[KnownEffect, ...]
+    config: Path | None
+
+    @property
+    def effects(self) -> tuple[KnownEffect, ...]:
+        """All effects beside the given model."""
+        return (*self.known, *self.found)
+
+    @cached_property
+    def given(self) -> Float[Array, "2 B nv"]:
+        """Squares that the given model leaves, and their counts."""
+        return self.replay.squares(torque_of_model(self.replay, self.corrected.given, self.known))
+
+    @cached_property
+    def estimate(self) -> Robot:
+        """The given model with its moves within tolerance, possible or not; without them where it cannot be built."""
+        try:
+            return within_tolerance(self.corrected.given, self.diagnosis)
+        except PhantomDynError:
+            return self.corrected.given
+
+    def of_urdf(self, text: str) -> WrittenFile:
+        """The record of a ``corrected.urdf``."""
+        asked = torque_of_urdf(self.replay, text, self.corrected, self.config)
+        return self._record("corrected.urdf", asked, URDF_FORMAT, self._given_as(URDF_FORMAT))
+
+    def of_mjcf(self) -> WrittenFile:
+        """The record of a ``corrected.xml`` whose model MuJoCo has loaded and compared."""
+        asked = torque_of_mjcf(self.replay, self.corrected, self._held(MJCF_FORMAT))
+        return self._record("corrected.xml", asked, MJCF_FORMAT, self._given_as(MJCF_FORMAT))
+
+    def of_yaml(self, text: str) -> WrittenFile:
+        """The record of a ``corrected.yaml``."""
+        return self._record("corrected.yaml", torque_of_yaml(self.replay, text, self.corrected.given, self.known), LAWS)
+
+    def of_randomisation(self, text: str) -> WrittenFile:
+        """The record of a ``randomisation.yaml``."""
+        asked = torque_of_randomisation(self.replay, text, self.corrected.base, self.known)
+        return self._record("randomisation.yaml", asked, LAWS)
+
+    def of_feedforward(self, code: str) -> WrittenFile:
+        """The record of a ``feedforward.py``."""
+        asked = torque_of_feedforward(self.replay, code)
+        return self._record("feedforward.py", asked, FEEDFORWARD_FORMAT, self._given_as(FEEDFORWARD_FORMAT))
+
+    def of_actuators(self, code: str) -> WrittenFile:
+        """The record of an ``isaac_lab.py``, with the links of the corrected model."""
+        asked = torque_of_actuators(self.replay, code, self.corrected, self._held(ISAAC_FORMAT))
+        return self._record("isaac_lab.py", asked, ISAAC_FORMAT, self._given_as(ISAAC_FORMAT))
+
+    def of_residual(self, code: str) -> WrittenFile:
+        """The record of a ``residual.py``, on top of the corrected model."""
+        model = torque_of_model(self.replay, self.corrected.base, self.effects)
+        asked = torque_of_residual(self.replay, code, model, self.estimate)
+        return self._record("residual.py", asked, LAWS)
+
+    def _held(self, kind: Format) -> tuple[KnownEffect, ...]:
+        return tuple(one for one in self.effects if holds(kind, self.corrected, one))
+
+    def _given_as(self, kind: Format) -> Asked:
+        """The given model with the known effects as far as a kind of file holds them."""
+        return self._as(kind, self.corrected.given, self.known)
+
+    def _as(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> Asked:
+        """A model with effects by their own laws; of those that a kind of file holds in part, that part."""
+        held = tuple(one for one in effects if holds(kind, self.corrected, one))
+        part = corrected_model(base, tuple(one for one in effects if one not in held))
+        beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: torque_beside(part, motion))
+        robot = part.robot if kind is not URDF_FORMAT else _with_rotors_of(part.robot, self.corrected.given)
+        return torque_of_model(self.replay, robot, held, beside)
+
+    def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
+        squares = self.replay.squares(asked)
+        before = self.given if given is None or not self.known else self.replay.squares(given)
+        names = self.corrected.given.joint_names
+        lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
+        left, had = rms(squares), rms(before)
+        return WrittenFile(
+            file,
+            dict(zip(names, left.tolist(), strict=True)),
+            dict(zip(names, had.tolist(), strict=True)),
+            tuple(_named(one) for one in self.found if one not in lacking),
+            tuple(_named(one) for one in lacking),
+            self._why_not(squares, before, lambda: self._claimed(kind, bool(lacking))),
+        )
+
+    def _claimed(self, kind: Format, lacks: bool) -> Float[Array, " nv"]:
+        """Residual of each joint that the diagnosis claims of what a file holds [N m or N]."""
+        whole = np.array([joint.rms_after for joint in self.diagnosis.joints])
+        if not lacks:
+            return whole
+        try:
+            part = rms(self.replay.squares(self._as(kind, self.estimate, self.effects)))
+        except PhantomDynError:
+            return whole
+        return np.maximum(whole, part)
+
+    def _why_not(self, squares: Array, before: Array, claimed: Callable[[], Array]) -> str:
+        left, had = rms(squares), rms(before)
+        joints = self.diagnosis.joints
+        worse = leaves_more(squares, before)
+        if worse.any():
+            j = int(np.argmax(np.where(worse, left / np.maximum(had, 1e-300), 0.0)))
+            return (
+                f"on {joints[j].joint} it would leave {number(left[j])} {joints[j].unit}, where the given model leaves "
+                f"{number(had[j])} {joints[j].unit}"
+            )
+        floor = np.array([joint.noise_floor for joint in joints])
+        wanted = claimed()
+        over = left > _MORE * wanted + floor
+        if over.any():
+            j = int(np.argmax(np.where(over, left / np.maximum(wanted, 1e-300), 0.0)))
+            return (
+                f"on {joints[j].joint} it would leave {number(left[j])} {joints[j].unit}, where "
+                f"{number(wanted[j])} {joints[j].unit} is claimed of what it holds"
+            )
+        return ""
+
+
+def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
+    """Root mean square of each joint, of squares and counts by block."""
+    total = squares.sum(axis=1)
+    return np.sqrt(total[0] / np.maximum(total[1], 1e-300))
+
+
+def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
+    """True for joints on which one model leaves more than another, by the paired differences over blocks.
+
+    The mean difference of squares is a ratio of sums over blocks; its deviation is that of a ratio, and the interval is
+    Student's, at 95 % over all joints together.
+
+    Args:
+        squares: Squares and counts of the one.
+        before: Of the other, on the same samples.
+    """
+    counts = squares[1]
+    blocks = len(counts)
+    total = np.maximum(counts.sum(axis=0), 1e-300)
+    mean = (squares[0] - before[0]).sum(axis=0) / total
+    spread = squares[0] - before[0] - mean * counts
+    deviation = np.sqrt(blocks / max(blocks - 1, 1) * (spread**2).sum(axis=0)) / total
+    reach = stdtrit(max(blocks - 1, 1), 1.0 - 0.5 * _LEVEL / counts.shape[1])
+    return (mean > reach * deviation) & (rms(squares) > (1.0 + _ROUNDING) * rms(before))
+
+
+def _with_rotors_of(robot: Robot, other: Robot) -> Robot:
+    from dataclasses import replace
+
+    model = robot.model.copy()
+    model.armature = other.model.armature
+    return replace(robot, model=model)
+
+
+def _named(effect: KnownEffect) -> str:
+    return effect.effect if effect.joint is None else f"{effect.effect} {effect.joint}"
