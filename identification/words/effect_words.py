@@ -88,8 +88,12 @@ def effect_words(effect: str) -> EffectWords:
     known = known_effect(effect)
     if known is not None:
         return known.words
-    plain = effect.replace("_", " ")
-    return EffectWords(plain, plain, "See what this effect means in its documentation.")
+    return shown_as(effect.replace("_", " "))
+
+
+def shown_as(name: str) -> EffectWords:
+    """Words for an effect of which nothing but its name is known."""
+    return EffectWords(name, name, "See what this effect means in its documentation.")
 
 
 def report_order(effect: str) -> int:

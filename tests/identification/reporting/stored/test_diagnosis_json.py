@@ -130,6 +130,7 @@ class Document(Strict):
     schema: Literal["gap-diagnosis/2"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
     run: str
+    robot: str
     gap: Gap
     joints: list[Joint]
     band_hz: tuple[float, float]
