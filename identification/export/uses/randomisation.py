@@ -120,12 +120,55 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
     robot, posture = randomisation.robot, randomisation.posture
     posture = np.zeros(robot.nv) if posture is None else posture
     theta = effect_named(bound.effect, robot).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
-    return None if theta is None else KnownEffect(bound.effect, bound.joint, theta)
+    return None if theta is None or not np.isfinite(theta).all() else KnownEffect(bound.effect, bound.joint, theta)
 
 
-def unseen_range(robot: Robot, bound: Bound) -> tuple[float, float]:
-    """Range of sizes that would not have been seen on a robot."""
+def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
+    """Range of sizes that would not have been seen on a robot; a size is how far from nothing an effect is."""
     return (-bound.below if effect_named(bound.effect, robot).either_sign else 0.0, bound.below)
+
+
+@dataclass(frozen=True)
+class UnseenRange:
+    """Where a parameter of an effect that was not seen may lie, as a finding of that effect would state it.
+
+    Attributes:
+        parameter: The contract's name.
+        unit: Its unit.
+        low, high: The range; infinite where the effect fades out towards infinity, as a stiffness does.
+        nothing: Value of a robot without the effect: 1 of a factor, infinite of a stiffness, else 0.
+    """
+
+    parameter: str
+    unit: str
+    low: float
+    high: float
+    nothing: float
+
+
+def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
+    """Range of the parameter of an effect between sizes that would not have been seen on a robot.
+
+    A bound is a size, which is not always what the effect's parameter is: a ratio that is off by 0.04 is 0.96 to 1.04,
+    a compliance of 0.001 at most is a stiffness of 1000 and more.
+    """
+    effect, posture = effect_named(bound.effect, robot), np.zeros(robot.nv)
+    low, high = unseen_sizes(robot, bound)
+    ends = [effect.sized(robot, bound.joint, bound.parameter, size, posture) for size in (0.0, low, high)]
+    nothing = ends[0]
+    # A size that alone does not make an effect is the value of a parameter.
+    if nothing is None:
+        return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
+    parameters = effect.parameters(robot, bound.joint)
+    names = [parameter.name for parameter in parameters]
+    # What is sized under another name is what the first parameter comes from.
+    place = names.index(bound.parameter) if bound.parameter in names else 0
+    one = parameters[place]
+    absent = float(nothing[place])
+    known = [float(np.clip(end[place], one.lower, one.upper)) for end in ends[1:] if end is not None]
+    # A size beyond what can be leaves the other side open, as far as the law makes sense.
+    beyond = [one.lower if min(known) >= absent else one.upper] if len(known) < len(ends) - 1 else []
+    return UnseenRange(one.name, one.unit, min(known + beyond), max(known + beyond), absent)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
@@ -174,7 +217,7 @@ def _hidden(
 ) -> tuple[KnownEffect, ...]:
     out = []
     for place in rng.choice(len(known), count, replace=False) if count else ():
-        low, high = unseen_range(randomisation.robot, known[place])
+        low, high = unseen_sizes(randomisation.robot, known[place])
         share = float(rng.uniform(low, high)) / known[place].below
         effect = unseen_effect(randomisation, known[place], share)
         out += [] if effect is None else [effect]
