@@ -317,8 +317,7 @@ class Effect(Rival):
             robot: The given model.
             joint: Where it sits.
             name: Parameter that `probe` names.
-            size: How large it is: the value of that parameter where nothing is zero, else how far from nothing it is.
-                The parameters of a size of zero are those of no effect, infinite ones of a stiffness.
+            size: Its value.
             posture: Mean positions [rad or m], about which the other parameters are those of `probe`.
         """
         known = self.parameters(robot, joint)

@@ -23,6 +23,8 @@ Array = np.ndarray
 
 SIGMAS = 2.0
 """Half width of a range in deviations."""
+_SLIGHT = 1e-3
+"""Share of a size at which an effect is nearly absent: it shows towards which value its parameter fades out."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
     robot, posture = randomisation.robot, randomisation.posture
     posture = np.zeros(robot.nv) if posture is None else posture
     theta = effect_named(bound.effect, robot).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
-    return None if theta is None or not np.isfinite(theta).all() else KnownEffect(bound.effect, bound.joint, theta)
+    return None if theta is None else KnownEffect(bound.effect, bound.joint, theta)
 
 
 def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
@@ -152,23 +154,28 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
     A bound is a size, which is not always what the effect's parameter is: a ratio that is off by 0.04 is 0.96 to 1.04,
     a compliance of 0.001 at most is a stiffness of 1000 and more.
     """
-    effect, posture = effect_named(bound.effect, robot), np.zeros(robot.nv)
+    effect = effect_named(bound.effect, robot)
     low, high = unseen_sizes(robot, bound)
-    ends = [effect.sized(robot, bound.joint, bound.parameter, size, posture) for size in (0.0, low, high)]
-    nothing = ends[0]
-    # A size that alone does not make an effect is the value of a parameter.
-    if nothing is None:
-        return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
     parameters = effect.parameters(robot, bound.joint)
     names = [parameter.name for parameter in parameters]
     # What is sized under another name is what the first parameter comes from.
     place = names.index(bound.parameter) if bound.parameter in names else 0
     one = parameters[place]
-    absent = float(nothing[place])
-    known = [float(np.clip(end[place], one.lower, one.upper)) for end in ends[1:] if end is not None]
-    # A size beyond what can be leaves the other side open, as far as the law makes sense.
-    beyond = [one.lower if min(known) >= absent else one.upper] if len(known) < len(ends) - 1 else []
-    return UnseenRange(one.name, one.unit, min(known + beyond), max(known + beyond), absent)
+
+    def value(size: float) -> float | None:
+        theta = effect.sized(robot, bound.joint, bound.parameter, size, np.zeros(robot.nv))
+        return None if theta is None else float(np.clip(theta[place], one.lower, one.upper))
+
+    largest, slight = value(high), value(_SLIGHT * high)
+    # A size that alone does not make an effect is the value of a parameter.
+    if largest is None or slight is None:
+        return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
+    # Where the law has a pole, at nothing or at a size beyond what can be, the range is open as far as it makes sense.
+    away = one.lower if largest > slight else one.upper
+    absent, other = value(0.0), value(low)
+    absent = away if absent is None else absent
+    ends = largest, away if other is None else other
+    return UnseenRange(one.name, one.unit, min(ends), max(ends), absent)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:

@@ -120,8 +120,8 @@ class TransmissionCompliance(Effect):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """The stiffness of a compliance; without any it is infinitely stiff."""
-        return (1.0 / size if size > 0 else np.inf,) if size >= 0 else None
+        """The stiffness of a compliance."""
+        return (1.0 / size,) if size > 0 else None
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where the encoder sits on the link's side."""
