@@ -21,12 +21,13 @@ Array = np.ndarray
 Kind = Literal["payload", "friction", "temperature", "controller"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-_TIP = "tip"
-
 
 @dataclass(frozen=True)
 class KnownPayload:
-    """A point mass [kg] and its centre [m] in the axes of ``payload_frame``, else of the joint that moves the link."""
+    """A point mass [kg] and its centre [m], counted from the ``payload_frame`` that ``robot.yaml`` states.
+
+    Where it states none, the centre counts from the joint that moves the link, as that of a finding does.
+    """
 
     mass: float
     center: tuple[float, float, float]
@@ -73,7 +74,7 @@ def robot_in(robot: Robot, change: Change) -> Robot:
 
 
 def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
-    """``robot`` with a point mass on ``payload_frame``, else on the link with frame ``tip``, else on the last."""
+    """``robot`` with a point mass on the link that `phantom_dyn.model.inertia.payload_body` says."""
     body = payload_body(robot)
     added = np.zeros_like(standard_parameters(robot))
     added[10 * (body - 1) : 10 * body] = point_mass_parameters(payload.mass, payload_center(robot, payload))
@@ -83,9 +84,8 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
     """Centre of the mass [m] in the frame of the joint that moves its link, as findings state it."""
     center = np.array(payload.center, dtype=float)
-    frame = robot.payload_frame or _TIP
-    if robot.model.existFrame(frame):
-        found = robot.model.frames[robot.model.getFrameId(frame)]
-        if found.parentJoint == payload_body(robot):
-            return np.asarray(found.placement.act(center))
-    return center
+    # A frame that is called tip says which link carries the mass, and nobody has stated it as the place to count from.
+    if robot.payload_frame is None:
+        return center
+    frame = robot.model.frames[robot.model.getFrameId(robot.payload_frame)]
+    return np.asarray(frame.placement.act(center))

@@ -105,7 +105,9 @@ class Diagnosis:
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         said = joined(names[:3], last=", " if more else " and ") + more
         closed = "" if self.gap.closed is None else f", {percent(self.gap.closed)} of the gap closed"
-        about = f" of {self.robot.name}" if self.robot is not None else ""
+        # A file of an earlier version does not say of which robot it is.
+        name = self.result.robot if self.robot is None else self.robot.name
+        about = f" of {name}" if name else ""
         return f"Diagnosis{about}: {self.verdict.replace('_', ' ')}{closed}\nFindings: {said or 'none'}"
 
     def _repr_html_(self) -> str:

@@ -52,7 +52,8 @@ class PayloadFit:
         std: Deviations of those of the ten that the recordings determine one by one, else nan, shape ``(10,)``.
         together: What it determines only in combinations, one equation each.
         unseen: What it does not show at all.
-        joint_from_frame: Pose of the frame that carries the payload in that joint's frame, shape ``(4, 4)``.
+        joint_from_frame: Pose of the stated frame that carries the payload in that joint's frame, shape ``(4, 4)``;
+            the identity where none was stated.
     """
 
     fit: Fit
@@ -92,7 +93,8 @@ def fit_payload(
         effects: What acts on the joints beside the model, in all recordings; recordings without payload help to tell
             it from the payload.
         unloaded: Recordings without it.
-        frame: That carries the payload; by default the robot's ``payload_frame``, else ``tip``, else the last link.
+        frame: That carries the payload; by default the robot's ``payload_frame``, else the link with a frame ``tip``,
+            else the last one, and then the frame of the joint that moves this link.
         expected: Ten parameters of a similar payload about the joint that moves it.
 
     Raises:
@@ -206,7 +208,7 @@ def _payload_fit(regressor: Regressor, expected: Array | None) -> PayloadFit:
         std,
         tuple(together),
         tuple(unseen),
-        _pose(robot, body),
+        _pose(robot),
     )
 
 
@@ -240,9 +242,8 @@ def _expected(fit: Fit, first: int) -> Array:
     return body_parameters(mass, np.array(moments) / mass, mass * _RADIUS**2 * np.eye(3))
 
 
-def _pose(robot: Robot, body: int) -> Array:
-    name = robot.payload_frame or "tip"
-    if not robot.model.existFrame(name):
+def _pose(robot: Robot) -> Array:
+    """The frame that is stated in that of the joint which moves it; where none is stated, that of the joint itself."""
+    if robot.payload_frame is None:
         return np.eye(4)
-    frame = robot.model.frames[robot.model.getFrameId(name)]
-    return frame.placement.homogeneous if frame.parentJoint == body else np.eye(4)
+    return robot.model.frames[robot.model.getFrameId(robot.payload_frame)].placement.homogeneous

@@ -29,14 +29,20 @@ _MOST_TOLD = 3
 
 def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
     """One sentence: which motion to record, and which rivals it separates."""
-    load = "" if trial.mass is None else f" with {_mass_words(trial.mass)}"
+    load = stated = ""
+    if trial.mass is not None:
+        load, stated = f" with {_mass_words(trial.mass)}", f", write {_entry(trial.mass)}"
     if trial.gains is not None:
         load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
+        stated = ", write these gains as its controller"
+    # What is known of a recording counts only where it is written down.
+    stated += " beside its file name in recordings.yaml," if stated else ""
     motion = f"{trial.candidate.shapes.duration:g} s, {trial.candidate.kind}"
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
-        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
-        f"together with this recording: with a probability of {percent(power)} it separates {_pairs_words(separated)}."
+        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at){stated} and "
+        f"diagnose it together with this recording: with a probability of {percent(power)} it separates "
+        f"{_pairs_words(separated)}."
     )
 
 
@@ -72,10 +78,13 @@ def _hypothesis_words(one: Hypothesis) -> str:
 
 
 def _mass_words(mass: KnownMass) -> str:
-    if mass.frame:
-        return f"a known mass of {mass.mass:g} kg at {mass.frame}"
     x, y, z = mass.center
-    return f"a known mass of {mass.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of the last joint's frame"
+    return f"a known mass of {mass.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of {mass.frame}"
+
+
+def _entry(mass: KnownMass) -> str:
+    """The mass as ``recordings.yaml`` states it."""
+    return f"payload: {{mass: {mass.mass:g}, center: [{', '.join(f'{x:g}' for x in mass.center)}]}}"
 
 
 def reference_text(motion: Motion, joint_names: tuple[str, ...]) -> str:

@@ -23,7 +23,7 @@ from identification.next_experiment.separation import Rivalry, separation
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ChainError, ParameterError
-from phantom_dyn.model.inertia import payload_body
+from phantom_dyn.model.inertia import payload_body, tip_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
@@ -48,23 +48,27 @@ _BURDEN = 0.1
 
 @dataclass(frozen=True)
 class KnownMass:
-    """A point mass [kg] at the payload frame, or with its centre [m] in the frame of the last moving joint."""
+    """A point mass [kg] with its centre [m], as ``recordings.yaml`` states it, and the frame that this counts from."""
 
     mass: float
     center: tuple[float, float, float]
-    frame: str | None
+    frame: str
 
 
 def known_mass(robot: Robot, share: float) -> KnownMass:
-    """A share of the mass of the link that carries it, at the payload frame, else at twice the way to its centre."""
+    """A share of the mass of the link that carries it.
+
+    It is at the payload frame that is stated, else at the frame ``tip``, else at twice the way to the link's centre.
+    """
     body = payload_body(robot)
     inertia = robot.model.inertias[body]
     mass = _one_digit(share * max(float(inertia.mass), 0.02))
-    frame = robot.payload_frame or "tip"
-    if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint == body:
-        return KnownMass(mass, (0.0, 0.0, 0.0), frame)
-    x, y, z = (round(2.0 * float(c), 3) for c in inertia.lever)
-    return KnownMass(mass, (x, y, z), None)
+    if robot.payload_frame is not None:
+        return KnownMass(mass, (0.0, 0.0, 0.0), f"frame {robot.payload_frame}")
+    tip = tip_of(robot)
+    # To a millimetre, so that the sentence says the numbers that were tried; a zero has no sign.
+    x, y, z = (round(float(c), 3) + 0.0 for c in (2.0 * inertia.lever if tip is None else tip))
+    return KnownMass(mass, (x, y, z), f"the frame of joint {robot.model.names[body]}")
 
 
 def carried(robot: Robot, mass: KnownMass) -> Robot:

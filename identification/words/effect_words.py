@@ -88,8 +88,12 @@ def effect_words(effect: str) -> EffectWords:
     known = known_effect(effect)
     if known is not None:
         return known.words
-    plain = effect.replace("_", " ")
-    return EffectWords(plain, plain, "See what this effect means in its documentation.")
+    return shown_as(effect.replace("_", " "))
+
+
+def shown_as(name: str) -> EffectWords:
+    """Words for an effect of which nothing but its name is known."""
+    return EffectWords(name, name, "See what this effect means in its documentation.")
 
 
 def report_order(effect: str) -> int:
@@ -139,9 +143,10 @@ def meaning_of(named: Named, parameter: str) -> str:
 def value_cell(value: Value) -> str:
     """A value for a table; a single angle in degrees as well."""
     shown = value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
-    if value.unit != "rad" or isinstance(value.value, list) or not math.isfinite(value.value):
+    values = _listed(value)
+    if value.unit != "rad" or len(values) != 1 or not math.isfinite(values[0]):
         return shown
-    return f"{shown}{NO_BREAK}({number(math.degrees(value.value))}°)"
+    return f"{shown}{NO_BREAK}({number(math.degrees(values[0]))}°)"
 
 
 def _shown(value: Value) -> str:

@@ -153,6 +153,14 @@ def payload_body(robot: Robot) -> int:
     return robot.model.njoints - 1
 
 
+def tip_of(robot: Robot) -> Float[Array, " 3"] | None:
+    """Where the frame ``tip`` is in the frame of the joint that moves it [m]; None if no moving link has one."""
+    if not robot.model.existFrame(_TIP):
+        return None
+    tip = robot.model.frames[robot.model.getFrameId(_TIP)]
+    return np.array(tip.placement.translation) if tip.parentJoint > 0 else None
+
+
 def point_mass_parameters(mass: float, center: Array) -> Array:
     """The ten standard inertial parameters of a point mass at ``center`` [m], about the joint origin."""
     return body_parameters(mass, np.asarray(center), np.zeros((3, 3)))

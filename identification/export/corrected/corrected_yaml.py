@@ -228,14 +228,12 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         effect = effect_named(entry.effect, robot)
     except PhantomDynError as error:
         raise ParameterError(f"{file}: {error}") from error
-    places = effect.places(robot)
     if entry.joint is None and not effect.can_sit(robot, None):
         raise ParameterError(
             f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
         )
-    # Two joints that are coupled need not be neighbours to be known.
-    apart = entry.joint.split("+") if entry.joint is not None else []
-    if entry.joint not in places and not set(apart) <= set(robot.joint_names):
+    # An effect of the whole robot may name the joint that its link hangs on.
+    if not effect.can_sit(robot, entry.joint) and (effect.scope == "pair" or entry.joint not in robot.joint_names):
         raise ParameterError(
             f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
             f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
@@ -303,22 +301,22 @@ def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
 
 def _require_lengths(effect: Effect, entry: CorrectedEffect, file: Path) -> None:
     """Refuse lists of an effect that takes numbers, and lists of unequal length of one that takes lists."""
-    lengths = {name: _length(value.value) for name, value in entry.parameters.items()}
+    values = {name: value.value for name, value in entry.parameters.items()}
     if not effect.takes_lists:
-        wrong = [name for name, length in lengths.items() if length is not None]
+        wrong = [name for name, value in values.items() if isinstance(value, list)]
         if wrong:
             raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")
         return
+    # A number is a list of one: so one wave was written once, and so one writes it by hand.
+    lengths = {name: len(value) if isinstance(value, list) else 1 for name, value in values.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
-        told = ", ".join(f"{name} {'one number' if n is None else f'{n} numbers'}" for name, n in lengths.items())
+        told = ", ".join(
+            f"{name} {f'{lengths[name]} numbers' if isinstance(value, list) else 'one number'}"
+            for name, value in values.items()
+        )
         raise ParameterError(
             f"{file}: {entry.effect} has {told}, wanted lists of one length, an entry for each wave: correct them."
         )
-
-
-def _length(value: float | list[float]) -> int | None:
-    """Of a list; None for a number."""
-    return len(value) if isinstance(value, list) else None
 
 
 def _require_possible(parameter: Parameter, numbers: list[float], where: str) -> None:

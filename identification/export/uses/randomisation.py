@@ -23,6 +23,8 @@ Array = np.ndarray
 
 SIGMAS = 2.0
 """Half width of a range in deviations."""
+_SLIGHT = 1e-3
+"""Share of a size at which an effect is nearly absent: it shows towards which value its parameter fades out."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +125,57 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
     return None if theta is None else KnownEffect(bound.effect, bound.joint, theta)
 
 
-def unseen_range(robot: Robot, bound: Bound) -> tuple[float, float]:
-    """Range of sizes that would not have been seen on a robot."""
+def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
+    """Range of sizes that would not have been seen on a robot; a size is how far from nothing an effect is."""
     return (-bound.below if effect_named(bound.effect, robot).either_sign else 0.0, bound.below)
+
+
+@dataclass(frozen=True)
+class UnseenRange:
+    """Where a parameter of an effect that was not seen may lie, as a finding of that effect would state it.
+
+    Attributes:
+        parameter: The contract's name.
+        unit: Its unit.
+        low, high: The range; infinite where the effect fades out towards infinity, as a stiffness does.
+        nothing: Value of a robot without the effect: 1 of a factor, infinite of a stiffness, else 0.
+    """
+
+    parameter: str
+    unit: str
+    low: float
+    high: float
+    nothing: float
+
+
+def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
+    """Range of the parameter of an effect between sizes that would not have been seen on a robot.
+
+    A bound is a size, which is not always what the effect's parameter is: a ratio that is off by 0.04 is 0.96 to 1.04,
+    a compliance of 0.001 at most is a stiffness of 1000 and more.
+    """
+    effect = effect_named(bound.effect, robot)
+    low, high = unseen_sizes(robot, bound)
+    parameters = effect.parameters(robot, bound.joint)
+    names = [parameter.name for parameter in parameters]
+    # What is sized under another name is what the first parameter comes from.
+    place = names.index(bound.parameter) if bound.parameter in names else 0
+    one = parameters[place]
+
+    def value(size: float) -> float | None:
+        theta = effect.sized(robot, bound.joint, bound.parameter, size, np.zeros(robot.nv))
+        return None if theta is None else float(np.clip(theta[place], one.lower, one.upper))
+
+    largest, slight = value(high), value(_SLIGHT * high)
+    # A size that alone does not make an effect is the value of a parameter.
+    if largest is None or slight is None:
+        return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
+    # Where the law has a pole, at nothing or at a size beyond what can be, the range is open as far as it makes sense.
+    away = one.lower if largest > slight else one.upper
+    absent, other = value(0.0), value(low)
+    absent = away if absent is None else absent
+    ends = largest, away if other is None else other
+    return UnseenRange(one.name, one.unit, min(ends), max(ends), absent)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
@@ -174,7 +224,7 @@ def _hidden(
 ) -> tuple[KnownEffect, ...]:
     out = []
     for place in rng.choice(len(known), count, replace=False) if count else ():
-        low, high = unseen_range(randomisation.robot, known[place])
+        low, high = unseen_sizes(randomisation.robot, known[place])
         share = float(rng.uniform(low, high)) / known[place].below
         effect = unseen_effect(randomisation, known[place], share)
         out += [] if effect is None else [effect]

@@ -1,7 +1,8 @@
-"""``randomisation.yaml`` (schema ``phantom-dyn-randomisation/1``): ranges for training in simulation.
+"""``randomisation.yaml`` (schema ``phantom-dyn-randomisation/2``): ranges for training in simulation.
 
-Ranges are stated of the parameters of effects, and of the fields of the corrected MJCF (body mass, damping,
-frictionloss, armature, gear and so on) that these parameters move.
+Ranges are stated of the parameters of effects, which count on top of the given model, and of the fields of the
+corrected MJCF (body mass, damping, frictionloss, armature, gear and so on) that these parameters move, which are
+absolute. The file says so itself. A parameter means the same in what was found and in what was not seen.
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Finding
 from identification.export.corrected.corrected_mjcf import corrected_elements
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, with_effects
-from identification.export.uses.randomisation import SIGMAS, Randomisation, found_range, unseen_effect, unseen_range
+from identification.export.uses.randomisation import (
+    SIGMAS,
+    Randomisation,
+    found_range,
+    unseen_effect,
+    unseen_range,
+    unseen_sizes,
+)
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
@@ -32,7 +40,21 @@ _DEFAULT = {("motor", "gear"): 1.0}
 _OF_DRIVES = "motor", "general"
 """Elements that are the same drive: which of them depends on what the drive has."""
 
-SCHEMA = "phantom-dyn-randomisation/1"
+SCHEMA = "phantom-dyn-randomisation/2"
+_ON_TOP, _ABSOLUTE = "on top of the given model", "absolute"
+_HEAD = f"""\
+# Ranges for training in simulation, from a diagnosis. All numbers are in SI units.
+#
+# found:  effects that the diagnosis found, counted {_ON_TOP} (with its moves within tolerance): a friction
+#         of 0.8 is 0.8 more than the model states. A range is two deviations to either side of the value.
+# unseen: effects that were not seen, also counted {_ON_TOP}, each from nothing to the size from which the
+#         recordings would have shown it. A parameter means the same as under found: a ratio of torque is a factor, of
+#         which 1 is nothing. Draw few of them at a time, as together they would have been seen. A range that ends at
+#         .inf (a stiffness: nothing is infinitely stiff) is drawn as drawn_as says, evenly from nothing on.
+# mjcf:   the same as numbers of corrected.xml, {_ABSOLUTE}: with 0.6 in the given model and 0.8 found, 1.4 stands here.
+#         range is what found leaves open, unseen_range what unseen does.
+# Use found and unseen, or mjcf: with both everything is counted twice.
+"""
 _TIMES = ("delay", "time_constant")
 
 
@@ -93,7 +115,7 @@ def mjcf_ranges(
     for bound in randomisation.unseen:
         changes: dict[Field, float] = {}
         # The upper end, the size that would have been seen, comes last.
-        for size in unseen_range(randomisation.robot, bound):
+        for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             there = None if effect is None else _written(corrected, (effect,))
             changes = _changes(there, base)
@@ -206,7 +228,7 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
 
 
 def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> str:
-    """The text of ``randomisation.yaml``; nothing is rounded.
+    """The text of ``randomisation.yaml``, with what its numbers count from in its first lines; nothing is rounded.
 
     Args:
         randomisation: Distribution of the robot.
@@ -221,23 +243,31 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
         "schema": SCHEMA,
         "robot": randomisation.robot.name,
         "control_step": randomisation.control_step,
+        "counts": {"found": _ON_TOP, "unseen": _ON_TOP, "mjcf": _ABSOLUTE},
         "found": _found_entries(randomisation),
         "correlation": randomisation.correlation.tolist(),
-        "unseen": [
-            {
-                "effect": bound.effect,
-                "joint": bound.joint,
-                "parameter": bound.parameter,
-                "unit": bound.unit,
-                "range": list(unseen_range(randomisation.robot, bound)),
-                **_steps(randomisation, bound.parameter, *unseen_range(randomisation.robot, bound)),
-            }
-            for bound in randomisation.unseen
-        ],
+        "unseen": [_unseen_entry(randomisation, bound) for bound in randomisation.unseen],
         "mjcf": fields,
         **note,
     }
-    return settings_text(content)
+    return _HEAD + settings_text(content)
+
+
+def _unseen_entry(randomisation: Randomisation, bound: Bound) -> dict[str, object]:
+    found = unseen_range(randomisation.robot, bound)
+    entry: dict[str, object] = {
+        "effect": bound.effect,
+        "joint": bound.joint,
+        "parameter": found.parameter,
+        "unit": found.unit,
+        "range": [found.low, found.high],
+        "nothing": found.nothing,
+        **_steps(randomisation, found.parameter, found.low, found.high),
+    }
+    if not math.isfinite(found.nothing):
+        sizes = list(unseen_sizes(randomisation.robot, bound))
+        entry["drawn_as"] = {"quantity": f"1/{found.parameter}", "unit": bound.unit, "range": sizes}
+    return entry
 
 
 def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:

@@ -37,6 +37,7 @@ from identification.files import (
     require_writable_folder,
     temporary_beside,
 )
+from identification.words.diagnosis_words import finding_name
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import looks_like_robot
@@ -61,6 +62,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
         "run": diagnosis.run,
+        "robot": diagnosis.robot,
         "gap": _plain(asdict(diagnosis.gap)),
         "joints": [_plain(asdict(joint)) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
@@ -95,6 +97,9 @@ def json_text(diagnosis: Diagnosis) -> str:
 
 
 def _finding(finding: Finding) -> Json:
+    # The words of a user's own effect are in the user's file, which a reader of this one may not have.
+    named = {} if finding.words is None else {"name": finding_name(finding)}
+    in_one = {} if finding.recording is None else {"recording": finding.recording}
     return {
         "effect": finding.effect,
         "joint": finding.joint,
@@ -106,7 +111,9 @@ def _finding(finding: Finding) -> Json:
         "probability": _plain(finding.probability),
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
-    } | ({} if finding.recording is None else {"recording": finding.recording})
+        **in_one,
+        **named,
+    }
 
 
 def _file(file: WrittenFile) -> Json:

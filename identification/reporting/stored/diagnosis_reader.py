@@ -29,6 +29,7 @@ from identification.diagnosis.result import (
 from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
 from identification.reporting.stored.diagnosis_schema import require_document
 from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
+from identification.words.effect_words import shown_as
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 
@@ -40,8 +41,8 @@ OLDER = ("gap-diagnosis/2",)
 def read_diagnosis(path: str | Path) -> Diagnosis:
     """The diagnosis that a file holds; numbers that were not finite are NaN.
 
-    What the file does not hold is empty: the samples, the names of robot and recordings, the notes and the motion that
-    is proposed next.
+    What the file does not hold is empty: the samples, the names of the recordings, the notes, the motion that is
+    proposed next, and in files of earlier versions the name of the robot.
 
     Args:
         path: ``diagnosis.json``, or the folder that it is in.
@@ -80,7 +81,7 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
     low, high = content["band_hz"]
     return Diagnosis(
         verdict=content["verdict"],
-        robot="",
+        robot=content.get("robot") or "",
         recordings=(),
         joints=joints,
         band_hz=(float(low), float(high)),
@@ -153,6 +154,7 @@ def _finding(finding: Mapping[str, Any]) -> Finding:
         verdict=finding["verdict"],
         recording=finding.get("recording"),
         share=finding["share"],
+        words=None if (name := finding.get("name")) is None else shown_as(name),
     )
 
 

@@ -55,6 +55,7 @@ class FindingPart(_Part, frozen=True):
     verdict: str
     recording: str | None = None
     measured: str | None = None
+    name: str | None = None
 
 
 class JointPart(_Part, frozen=True):
@@ -298,6 +299,7 @@ class Document(_Part, frozen=True):
     rollout: dict[str, Any] | None
     seconds: Number | None
     version: str
+    robot: str | None = None
     frames: list[FramePart] = []
     geometry: GeometryPart | None = None
     files: list[FilePart] = []

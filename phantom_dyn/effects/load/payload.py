@@ -63,7 +63,7 @@ class Payload(Effect):
         size="of {mass}",
         parameters={
             "mass": "additional mass",
-            "center_x": "its place along x of the frame that carries it",
+            "center_x": "its place along x of the frame of the joint that moves the link",
             "center_y": "its place along y",
             "center_z": "its place along z",
         },

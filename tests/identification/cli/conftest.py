@@ -176,6 +176,7 @@ class Document(Strict):
     schema: Literal["gap-diagnosis/3"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
     run: Annotated[str, msgspec.Meta(min_length=8)]
+    robot: str
     gap: Gap
     joints: list[Joint]
     band_hz: tuple[float, Positive]

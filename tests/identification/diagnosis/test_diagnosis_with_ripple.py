@@ -7,6 +7,8 @@ import pytest
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
+from identification.export.corrected.corrected_yaml import known_effects, write_corrected
+from identification.export.corrected.found_effects import effect_of
 from identification.pipeline import diagnose
 from phantom_dyn.motion import Motion
 
@@ -26,9 +28,18 @@ def test_it_is_named_and_nothing_else_is(found):
 
 @pytest.mark.parametrize(("name", "truth"), list(zip(("order", "amplitude", "phase"), THETA, strict=True)))
 def test_its_sizes_lie_within_their_intervals(found, name, truth):
-    value = found.findings[0].parameters[name]
-    assert abs(value.value - truth) <= 2.0 * value.std + 1e-12
-    assert value.std < 0.1 * truth
+    parameter = found.findings[0].parameters[name]
+    (value,), (std,) = parameter.value, parameter.std
+    assert abs(value - truth) <= 2.0 * std + 1e-12
+    assert std < 0.1 * truth
+
+
+def test_the_one_wave_that_was_found_is_written_and_read_back(found, planar2, tmp_path):
+    file = tmp_path / "corrected.yaml"
+    file.write_text(write_corrected(found, planar2.source, planar2.sha256))
+    (known,) = known_effects((file,), planar2)
+    assert known == effect_of(planar2, found.findings[0])
+    assert known.theta == pytest.approx(THETA, rel=0.1)
 
 
 def test_a_model_that_has_it_leaves_no_gap(planar2, lacking):

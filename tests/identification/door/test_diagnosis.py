@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import matplotlib as mpl
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import phantom_dyn as dyn
 from identification.door.diagnosis import Diagnosis
 from identification.reporting.diagnosis_summary import summary
-from identification.reporting.stored.diagnosis_files import to_json
+from identification.reporting.stored.diagnosis_files import json_text, to_json
 from made_up_diagnosis import made_up_diagnosis
+from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
@@ -111,6 +113,25 @@ def test_saved_and_loaded_again_it_says_the_same(diagnosis, tmp_path):
     assert {**to_json(loaded.result), "files": []} == to_json(diagnosis.result)
     assert [file.file for file in loaded.result.files][:2] == ["corrected.yaml", "corrected.urdf"]
     assert str(dyn.Diagnosis.load(tmp_path / "out")).splitlines()[0] == str(diagnosis).splitlines()[0]
+    assert repr(loaded) == repr(diagnosis)
+
+
+def test_a_file_without_the_name_of_the_robot_is_read_all_the_same(diagnosis, tmp_path):
+    # Files of earlier versions have no such key.
+    diagnosis.save(tmp_path)
+    content = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert content.pop("robot") == "pendulum"
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content))
+    assert repr(dyn.Diagnosis.load(tmp_path)) == repr(diagnosis).replace(" of pendulum", "")
+
+
+def test_an_effect_of_the_users_own_keeps_its_name_in_the_file(made_up, tmp_path):
+    own = EffectWords("drag in oil", "drag that grows with speed", "Look for oil.")
+    drag = dataclasses.replace(made_up.findings[0], effect="quadratic_drag", words=own)
+    made = Diagnosis(dataclasses.replace(made_up.result, robot="arm3", findings=(drag,)), made_up.robot)
+    (tmp_path / "diagnosis.json").write_text(json_text(made.result))
+    assert "Findings: drag in oil on joint turn" in repr(made)
+    assert repr(dyn.Diagnosis.load(tmp_path)) == repr(made)
 
 
 def test_the_folder_of_the_named_configuration_is_used_for_the_models(tmp_path, rubbing, diagnosis):
@@ -152,8 +173,6 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_numbers_that_are_not_finite_come_back_as_nan(made_up, tmp_path):
-    from identification.reporting.stored.diagnosis_files import json_text
-
     gap = dataclasses.replace(made_up.joints[0], rms_after=float("nan"))
     result = dataclasses.replace(made_up.result, joints=(gap, made_up.joints[1]))
     (tmp_path / "diagnosis.json").write_text(json_text(result))

@@ -21,6 +21,7 @@ def test_softer_gains_are_asked_for_in_the_sentence():
         "Record the motion of next.csv with the gains of the position controllers at 25 % of those in robot.yaml"
         " (10 s, Fourier series"
     )
+    assert "), write these gains as its controller beside its file name in recordings.yaml, and diagnose it" in said
     assert said.endswith(
         "with a probability of 90 % it separates viscous friction on joint pin from an input delay on joint pin."
     )

@@ -39,7 +39,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
         return _inertial(robot, term, x, cov)
     parameters, values, slope = _law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
-    return _named(parameters, values, std)
+    return _named(parameters, values, std, lists=effect.takes_lists)
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
@@ -87,10 +87,12 @@ def _law(
     return parameters, values, slope
 
 
-def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"]) -> dict[str, Value]:
-    """Values by name; where there are several of each parameter, one after the other, each is a list."""
+def _named(
+    parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"], *, lists: bool
+) -> dict[str, Value]:
+    """Values by name; of an effect that takes ``lists`` each is one, all of the same length, one after the other."""
     each = len(values) // len(parameters)
-    if each <= 1:
+    if not lists:
         return {p.name: Value(float(v), float(s), p.unit) for p, v, s in zip(parameters, values, std, strict=True)}
     return {
         p.name: Value(values[k * each : (k + 1) * each].tolist(), std[k * each : (k + 1) * each].tolist(), p.unit)

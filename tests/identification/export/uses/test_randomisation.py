@@ -105,7 +105,7 @@ def test_what_was_not_seen_widens_its_field(planar, diagnosed, friction):
 def test_the_file_says_delays_in_control_steps(planar, diagnosed, made):
     delay = made("input_delay", None, delay=Value(0.01, 0.001, "s"))
     content = yaml.safe_load(randomisation_text(randomisation_of(diagnosed(delay, bounds=UNSEEN[:2]), planar)))
-    assert content["schema"] == "phantom-dyn-randomisation/1"
+    assert content["schema"] == "phantom-dyn-randomisation/2"
     assert content["control_step"] == 0.005
     (entry,) = content["found"]
     assert entry["range"] == [pytest.approx(0.008), pytest.approx(0.012)]

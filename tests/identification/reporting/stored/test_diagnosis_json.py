@@ -139,6 +139,7 @@ class Document(Strict):
     schema: Literal["gap-diagnosis/3"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
     run: str
+    robot: str
     gap: Gap
     joints: list[Joint]
     band_hz: tuple[float, float]

@@ -147,10 +147,18 @@ def test_loadings_of_two_findings_have_the_covariance_of_the_fit(loaded, planar2
 def test_lists_of_parameters_hold_one_number_for_each_wave():
     # By hand: three parameters of two waves, one list after the other.
     parameters = tuple(Parameter(name, unit) for name, unit in (("order", "1"), ("amplitude", "N m"), ("phase", "rad")))
-    found = _named(parameters, np.arange(6.0), 0.1 * np.arange(6.0))
+    found = _named(parameters, np.arange(6.0), 0.1 * np.arange(6.0), lists=True)
     assert {name: (value.value, value.unit) for name, value in found.items()} == {
         "order": ([0.0, 1.0], "1"),
         "amplitude": ([2.0, 3.0], "N m"),
         "phase": ([4.0, 5.0], "rad"),
     }
     assert found["phase"].std == pytest.approx([0.4, 0.5])
+
+
+def test_one_wave_is_a_list_of_one_number_for_each_parameter():
+    # The contract: orders, amplitudes and phases are lists.
+    parameters = tuple(Parameter(name, "1") for name in ("order", "amplitude", "phase"))
+    found = _named(parameters, np.array([8.0, 0.1, 0.4]), np.zeros(3), lists=True)
+    assert [value.value for value in found.values()] == [[8.0], [0.1], [0.4]]
+    assert [value.std for value in found.values()] == [[0.0]] * 3
