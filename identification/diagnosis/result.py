@@ -176,10 +176,12 @@ class FittedNumbers:
     Attributes:
         moves: Of the model within its tolerances, those that are not certain included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
+        timing: Part of a sample by which the recorded torque is late; it is a property of the recordings.
     """
 
     moves: tuple[Adjusted, ...]
     sizes: dict[tuple[str, str | None], dict[str, Value]]
+    timing: float = 0.0
 
 
 @dataclass(frozen=True)

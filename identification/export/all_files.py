@@ -49,7 +49,7 @@ from identification.export.uses.residual_model import residual_code, residual_no
 from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
 from identification.regression.triangular import one_blas_thread
-from phantom_dyn.errors import PhantomDynError
+from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -132,7 +132,7 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
         replace(one, parameters=numbers.sizes.get((one.effect, one.joint), one.parameters))
         for one in diagnosis.findings
     )
-    return replace(diagnosis, findings=findings, adjusted=numbers.moves)
+    return replace(diagnosis, findings=findings, adjusted=numbers.moves, numbers=(numbers,))
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,8 @@ def _written(
 
     def proof_of(corrected: CorrectedModel) -> Proof | None:
         replay = diagnosis.replay
-        return None if replay is None else Proof(diagnosis, replay, corrected, known_torques, found, stated)
+        timing = diagnosis.numbers[0].timing if diagnosis.numbers else 0.0
+        return None if replay is None else Proof(diagnosis, replay, corrected, known_torques, found, stated, timing)
 
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
@@ -172,14 +173,19 @@ def _written(
     texts, told = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
-    residual = residual_of(diagnosis)
-    for name, make in _others(diagnosis, corrected, known_torques).items():
+    proof = proof_of(corrected)
+    texts, files, refused = proved(texts, proof)
+    notes += refused
+    others = dict[str, str]()
+    for name, make in _others(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():
         try:
-            texts[name] = make()
+            others[name] = make()
         except PhantomDynError as error:
             notes.append(f"{name} was not written: {error}")
-    texts, files, refused = proved(texts, proof_of(corrected))
+    others, more, refused = proved(others, proof)
+    texts, files = texts | others, (*files, *more)
     notes += refused
+    residual = residual_of(diagnosis)
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     if residual is not None and RESIDUAL in texts:
         notes.append(residual_note(residual))
@@ -218,8 +224,6 @@ def proved(
         if name not in texts:
             continue
         record = check(texts[name])
-        if name == ISAAC and not record.refused and URDF not in kept and MJCF not in kept:
-            record = replace(record, refused=f"neither {URDF} nor {MJCF}, whose links it goes with, was written")
         records.append(record)
         if record.refused:
             del kept[name]
@@ -367,8 +371,19 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 
 
 def _others(
-    diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...]
+    diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
+    """Texts to make by name, beside some model files; what goes with a model file needs one.
+
+    Raises:
+        PhantomDynError: Of a text that cannot be made, where it is made.
+    """
+
+    def with_links(make: Callable[[CorrectedModel, str], str]) -> str:
+        if not models:
+            raise EstimationError(f"neither {URDF} nor {MJCF}, whose links it goes with, was written.")
+        return make(corrected, corrected.given.name)
+
     @cache
     def code() -> str:
         return feedforward_code(corrected, diagnosis)
@@ -381,9 +396,14 @@ def _others(
             RESIDUAL_TABLE: lambda: residual_table(residual, diagnosis),
         }
     return offered | {
-        RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, corrected.base), known),
+        RANDOMISATION: lambda: randomisation_text(
+            randomisation_of(diagnosis, corrected.base),
+            known,
+            moves=diagnosis.adjusted if corrected.base is not corrected.given else (),
+            with_mjcf=MJCF in models,
+        ),
         FEEDFORWARD: code,
         TABLE: lambda: feedforward_table(corrected, diagnosis, code()),
-        ISAAC: lambda: isaac_lab_text(corrected, corrected.given.name),
-        SIMULATORS: lambda: simulators_text(corrected, corrected.given.name),
+        ISAAC: lambda: with_links(isaac_lab_text),
+        SIMULATORS: lambda: with_links(simulators_text),
     }

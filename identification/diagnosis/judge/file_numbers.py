@@ -10,6 +10,7 @@ from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.findings.parameters import finding_parameters
+from identification.diagnosis.model.nuisances import TIMING, moves_of
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.result import Adjusted, FittedNumbers
 
@@ -23,14 +24,20 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
         shown: The effects, and the fit that states their sizes.
     """
     problem, named = shown.problem, shown.named
-    out = [FittedNumbers(all_moves(problem, shown.joint_fit), {})]
+    out = [FittedNumbers(all_moves(problem, shown.joint_fit), {}, _timing(problem, shown.joint_fit))]
     if named != shown.chosen:
         terms = ordered(named)
         alone = joint_fit(problem.of(named), terms, shown.found)
         robot = problem.session.robot
         sizes = {term.place: finding_parameters(robot, term, alone) for term in terms}
-        out.append(FittedNumbers(all_moves(problem, alone), sizes))
+        out.append(FittedNumbers(all_moves(problem, alone), sizes, _timing(problem, alone)))
     return tuple(out)
+
+
+def _timing(problem: Problem, fitted: JointFit) -> float:
+    """Part of a sample by which the torque is late."""
+    moves = moves_of(problem.session.robot)
+    return float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
 
 
 def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:

@@ -19,6 +19,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+TIMING = "timing"
+"""Kind of the move that shifts all torques in time."""
+
 
 @dataclass(frozen=True)
 class Nuisance:
@@ -104,7 +107,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
         if soft is not None and modelled_friction_of(robot, joint)[1] > 0:
             out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), "softness", joint))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
-    out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), "timing", None))
+    out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
     return tuple(out)
 
 

@@ -17,6 +17,7 @@ from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.operations import operate, with_known
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
+from identification.diagnosis.result import Adjusted
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect, with_zeros_moved
 from identification.export.corrected.corrected_urdf import robot_of_urdf
@@ -68,7 +69,9 @@ def torque_of_model(
     return asked
 
 
-def torque_of_urdf(replay: Replay, text: str, corrected: CorrectedModel, config: Path | None) -> Asked:
+def torque_of_urdf(
+    replay: Replay, text: str, corrected: CorrectedModel, config: Path | None, effects: tuple[KnownEffect, ...]
+) -> Asked:
     """What a URDF asks for with the given rotors, loops and gravity, which it has no place for.
 
     Args:
@@ -76,9 +79,10 @@ def torque_of_urdf(replay: Replay, text: str, corrected: CorrectedModel, config:
         text: Of the URDF.
         corrected: The model that it was made of.
         config: The robot's ``robot.yaml``.
+        effects: What it holds of the findings; limits act by their own law.
     """
     robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
-    return torque_of_model(replay, robot)
+    return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
 def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> Asked:
@@ -145,31 +149,35 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
     return torque_of_model(replay, moved, (*known, *of_torques(found)))
 
 
-def torque_of_randomisation(replay: Replay, text: str, base: Robot, known: tuple[KnownEffect, ...]) -> Asked:
+def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
     """What the robot in the middle of a ``randomisation.yaml`` asks for: the values that were found.
 
     Args:
         replay: The recordings.
         text: Of the file.
-        base: The model that the values are added to.
+        robot: The given model.
         known: Effects that belong to it already.
     """
     values: dict[tuple[str, str | None], list[float]] = {}
-    for entry in yaml.safe_load(text)["found"]:
+    content = yaml.safe_load(text)
+    for entry in content["found"]:
         values.setdefault((entry["effect"], entry["joint"]), []).append(float(entry["value"]))
     found = tuple(KnownEffect(effect, joint, tuple(theta)) for (effect, joint), theta in values.items())
-    return torque_of_model(replay, base, (*known, *found))
+    moves = tuple(Adjusted(move["quantity"], move["change"], 0.0) for move in content["adjusted"])
+    return torque_of_model(replay, moved_by(robot, moves), (*known, *found))
 
 
 def torque_of_feedforward(replay: Replay, code: str) -> Asked:
     """What a ``feedforward.py`` asks for, of the motion that comes a drive's delay later.
+
+    What was asked of a drive beyond its limit had no effect, so it is added: the file is not to ask for it.
 
     Args:
         replay: The recordings.
         code: Of the file.
     """
     law = over_samples(code)
-    leads = np.array(law["LEAD"])
+    leads, limits = np.array(law["LEAD"]), np.array(law["LIMITS"])
 
     def asked(log: int) -> Array:
         motion = replay.logs[log].motion
@@ -179,7 +187,8 @@ def torque_of_feedforward(replay: Replay, code: str) -> Asked:
             torque = law["torque"](*([read_only(row) for row in x.T] for x in ahead))
             for j in np.flatnonzero(leads == lead):
                 out[:, j] = torque[j]
-        return out
+        logged = replay.logs[log].tau
+        return out + (logged - np.clip(logged, -limits, limits))
 
     return asked
 

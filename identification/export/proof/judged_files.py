@@ -42,6 +42,7 @@ from identification.export.proof.formats import (
 )
 from identification.words.numbers_and_names import number
 from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 
@@ -66,6 +67,7 @@ class Proof:
         known: Effects that belong to the given model already.
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
+        timing: Part of a sample by which the recorded torque is late.
     """
 
     diagnosis: Diagnosis
@@ -74,6 +76,7 @@ class Proof:
     known: tuple[KnownEffect, ...]
     found: tuple[KnownEffect, ...]
     config: Path | None
+    timing: float = 0.0
 
     @property
     def effects(self) -> tuple[KnownEffect, ...]:
@@ -83,7 +86,7 @@ class Proof:
     @cached_property
     def given(self) -> Float[Array, "2 B nv"]:
         """Squares that the given model leaves, and their counts."""
-        return self.replay.squares(torque_of_model(self.replay, self.corrected.given, self.known))
+        return self._squares(torque_of_model(self.replay, self.corrected.given, self.known))
 
     @cached_property
     def estimate(self) -> Robot:
@@ -95,7 +98,7 @@ class Proof:
 
     def of_urdf(self, text: str) -> WrittenFile:
         """The record of a ``corrected.urdf``."""
-        asked = torque_of_urdf(self.replay, text, self.corrected, self.config)
+        asked = torque_of_urdf(self.replay, text, self.corrected, self.config, self._held(URDF_FORMAT))
         return self._record("corrected.urdf", asked, URDF_FORMAT, self._given_as(URDF_FORMAT))
 
     def of_mjcf(self) -> WrittenFile:
@@ -109,7 +112,7 @@ class Proof:
 
     def of_randomisation(self, text: str) -> WrittenFile:
         """The record of a ``randomisation.yaml``."""
-        asked = torque_of_randomisation(self.replay, text, self.corrected.base, self.known)
+        asked = torque_of_randomisation(self.replay, text, self.corrected.given, self.known)
         return self._record("randomisation.yaml", asked, LAWS)
 
     def of_feedforward(self, code: str) -> WrittenFile:
@@ -128,6 +131,15 @@ class Proof:
         asked = torque_of_residual(self.replay, code, model, self.estimate)
         return self._record("residual.py", asked, LAWS)
 
+    def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
+        """Squares that a torque leaves as late as it was recorded, and their counts."""
+
+        def recorded(log: int) -> Array:
+            torque = asked(log)
+            return torque + self.timing * np.gradient(torque, axis=0) if self.timing else torque
+
+        return self.replay.squares(recorded)
+
     def _held(self, kind: Format) -> tuple[KnownEffect, ...]:
         return tuple(one for one in self.effects if holds(kind, self.corrected, one))
 
@@ -144,10 +156,12 @@ class Proof:
         return torque_of_model(self.replay, robot, held, beside)
 
     def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
-        squares = self.replay.squares(asked)
-        before = self.given if given is None or not self.known else self.replay.squares(given)
+        squares = self._squares(asked)
+        before = self.given if given is None or not self.known else self._squares(given)
         names = self.corrected.given.joint_names
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
+        # What adds noise to the readings alone takes nothing from a residual.
+        lacks = any(one in lacking or effect_named(one.effect, self.corrected.given).only_noise for one in self.found)
         left, had = rms(squares), rms(before)
         return WrittenFile(
             file,
@@ -155,8 +169,13 @@ class Proof:
             dict(zip(names, had.tolist(), strict=True)),
             tuple(_named(one) for one in self.found if one not in lacking),
             tuple(_named(one) for one in lacking),
-            self._why_not(squares, before, lambda: self._claimed(kind, bool(lacking))),
+            self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
         )
+
+    def _moves_rotors(self, kind: Format) -> bool:
+        """True if rotors moved within tolerance and the format has no place for them."""
+        moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
+        return kind is URDF_FORMAT and moved
 
     def _claimed(self, kind: Format, lacks: bool) -> Float[Array, " nv"]:
         """Residual of each joint that the diagnosis claims of what a file holds [N m or N]."""
@@ -164,7 +183,7 @@ class Proof:
         if not lacks:
             return whole
         try:
-            part = rms(self.replay.squares(self._as(kind, self.estimate, self.effects)))
+            part = rms(self._squares(self._as(kind, self.estimate, self.effects)))
         except PhantomDynError:
             return whole
         return np.maximum(whole, part)

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Bound, Finding
+from identification.diagnosis.result import Adjusted, Bound, Finding
 from identification.export.corrected.corrected_mjcf import corrected_elements
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, with_effects
 from identification.export.uses.randomisation import (
@@ -28,7 +28,7 @@ from identification.export.uses.randomisation import (
 )
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.errors import PhantomDynError
+from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.strict_yaml import settings_text
 
 Array = np.ndarray
@@ -45,8 +45,9 @@ _ON_TOP, _ABSOLUTE = "on top of the given model", "absolute"
 _HEAD = f"""\
 # Ranges for training in simulation, from a diagnosis. All numbers are in SI units.
 #
-# found:  effects that the diagnosis found, counted {_ON_TOP} (with its moves within tolerance): a friction
-#         of 0.8 is 0.8 more than the model states. A range is two deviations to either side of the value.
+# found:  effects that the diagnosis found, counted {_ON_TOP} after the relative changes under adjusted,
+#         which are within its tolerances: a friction of 0.8 is 0.8 more than the model states. A range is two
+#         deviations to either side of the value.
 # unseen: effects that were not seen, also counted {_ON_TOP}, each from nothing to the size from which the
 #         recordings would have shown it. A parameter means the same as under found: a ratio of torque is a factor, of
 #         which 1 is nothing. Draw few of them at a time, as together they would have been seen. A range that ends at
@@ -227,14 +228,24 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
     return out
 
 
-def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> str:
+def randomisation_text(
+    randomisation: Randomisation,
+    known: tuple[KnownEffect, ...] = (),
+    *,
+    moves: tuple[Adjusted, ...] = (),
+    with_mjcf: bool = True,
+) -> str:
     """The text of ``randomisation.yaml``, with what its numbers count from in its first lines; nothing is rounded.
 
     Args:
         randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
+        moves: Changes of the given model within its tolerances that the robot of the distribution has.
+        with_mjcf: False where there is no corrected MJCF.
     """
     try:
+        if not with_mjcf:
+            raise EstimationError("corrected.xml was not written, so there are no ranges of its numbers.")
         ranges, without = mjcf_ranges(randomisation, known)
         fields, note = [_field_entry(field) for field in ranges], _note(without)
     except PhantomDynError as error:
@@ -243,7 +254,8 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
         "schema": SCHEMA,
         "robot": randomisation.robot.name,
         "control_step": randomisation.control_step,
-        "counts": {"found": _ON_TOP, "unseen": _ON_TOP, "mjcf": _ABSOLUTE},
+        "counts": {"adjusted": _ON_TOP, "found": _ON_TOP, "unseen": _ON_TOP, "mjcf": _ABSOLUTE},
+        "adjusted": [{"quantity": move.quantity, "change": float(move.change)} for move in moves],
         "found": _found_entries(randomisation),
         "correlation": randomisation.correlation.tolist(),
         "unseen": [_unseen_entry(randomisation, bound) for bound in randomisation.unseen],

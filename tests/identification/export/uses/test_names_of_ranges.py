@@ -105,6 +105,7 @@ def test_the_file_says_what_its_numbers_count_from(planar, made, content):
     bound = Bound("viscous_friction", "shoulder", "coefficient", 0.02, "N m s/rad")
     said = content(found, bounds=(bound,))
     assert said["counts"] == {
+        "adjusted": "on top of the given model",
         "found": "on top of the given model",
         "unseen": "on top of the given model",
         "mjcf": "absolute",
