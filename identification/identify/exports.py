@@ -31,6 +31,17 @@ from phantom_dyn.motion import Motion
 URDF, MJCF = "corrected.urdf", "corrected.xml"
 
 
+def robots_in_files(full: FullModel, given: Robot) -> dict[str, Robot]:
+    """What each file holds of the identified model, by its name.
+
+    Args:
+        full: The model.
+        given: The robot as its file states it; a URDF has its rotors.
+    """
+    writable, _ = _without_negative_friction(full.robot)
+    return {URDF: _with_armature(writable, given), MJCF: writable}
+
+
 def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, config: Path | None) -> tuple[Export, ...]:
     """URDF and MJCF of the identified model.
 

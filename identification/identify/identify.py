@@ -14,7 +14,7 @@ from identification.data.refusal import fault_warnings, require_right
 from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
-from identification.identify.exports import exports
+from identification.identify.exports import exports, robots_in_files
 from identification.identify.hold_out import caution, held_out_evidence, joint_errors, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
 from identification.identify.identification import Identification
@@ -27,6 +27,7 @@ from identification.identify.identified_model import (
     without_estimated,
 )
 from identification.identify.missed_joints import missed_sentences, shared_effects
+from identification.identify.worse_files import without_worse_files
 from identification.regression.regressor import Regressor, torque_regressor
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn import __version__
@@ -94,6 +95,7 @@ def identify(
     full = full_model(robot, fitted, fit)
     progress("writing and loading models")
     files = exports(full, robot, split.train[0].motion, folder=folder or Path.cwd(), config=config)
+    files = without_worse_files(files, robots_in_files(full, robot), robot, split.test, split.cutoff_hz)
     base, others = parameters(fit)
     every = (*recordings, *hold_out)
     lacking = not_excited(fit.base, excited)
