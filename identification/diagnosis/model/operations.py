@@ -43,15 +43,22 @@ def operate(
         recording: Index of the log among several.
         band_hz: Edge of the band in which torques are judged [Hz].
     """
-    # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
-    moves = ~standing_still(log).all(axis=0)
-    motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
+    motion = motion_of(log)
     tau = inverse_dynamics(robot, motion)
     # What pushes from outside, the drive need not give.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
     plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, log.temperature)
     return with_known(robot, plain, known) if known else plain
+
+
+def motion_of(log: Log) -> Motion:
+    """Motion of a log in which a joint that is held all the time has neither velocity nor acceleration.
+
+    Its noise has a sign, which friction would follow, and an acceleration, which couples.
+    """
+    moves = ~standing_still(log).all(axis=0)
+    return Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
 def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:

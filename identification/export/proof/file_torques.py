@@ -14,7 +14,7 @@ import yaml
 from identification.data.log import Log
 from identification.diagnosis.law.rest import inputs_of
 from identification.diagnosis.model.known_geometry import of_torques
-from identification.diagnosis.model.operations import operate, with_known
+from identification.diagnosis.model.operations import motion_of, operate, with_known
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
@@ -170,7 +170,8 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 def torque_of_feedforward(replay: Replay, code: str) -> Asked:
     """What a ``feedforward.py`` asks for, of the motion that comes a drive's delay later.
 
-    What was asked of a drive beyond its limit had no effect, so it is added: the file is not to ask for it.
+    What was asked of a drive beyond its limit had no effect, so it is added: the file is not to ask for it. Measured
+    external forces did what the drives need not, and no file knows of them.
 
     Args:
         replay: The recordings.
@@ -180,15 +181,16 @@ def torque_of_feedforward(replay: Replay, code: str) -> Asked:
     leads, limits = np.array(law["LEAD"]), np.array(law["LIMITS"])
 
     def asked(log: int) -> Array:
-        motion = replay.logs[log].motion
+        motion = motion_of(replay.logs[log])
         out = np.empty_like(motion.v)
         for lead in np.unique(leads):
             ahead = [_later(motion.t, x, float(lead)) for x in (motion.q, motion.v, motion.a)]
             torque = law["torque"](*([read_only(row) for row in x.T] for x in ahead))
             for j in np.flatnonzero(leads == lead):
                 out[:, j] = torque[j]
-        logged = replay.logs[log].tau
-        return out + (logged - np.clip(logged, -limits, limits))
+        logged, external = replay.logs[log].tau, replay.logs[log].external
+        out += logged - np.clip(logged, -limits, limits)
+        return out if external is None else out - external
 
     return asked
 
