@@ -125,7 +125,9 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 def unseen_range(robot: Robot, bound: Bound) -> tuple[float, float]:
     """Range of sizes that would not have been seen on a robot."""
-    return (-bound.below if effect_named(bound.effect, robot).either_sign else 0.0, bound.below)
+    known = effect_named(bound.effect, robot).parameters(robot, bound.joint)
+    either = any(one.either_sign for one in known if one.name == bound.parameter)
+    return (-bound.below if either else 0.0, bound.below)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:

@@ -31,10 +31,8 @@ class ActuatorLag(Effect):
     name = "actuator_lag"
     scope = "either"
     regime = "high_acceleration"
-    uses_acceleration = True
-    follows_torque = True
-    follows_model = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration", "model", "torque")
+    shows_with = "acceleration"
     changes_with = "controller"
     words = EffectWords(
         name="actuator lag",

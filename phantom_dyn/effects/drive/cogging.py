@@ -37,8 +37,7 @@ class Cogging(Effect):
 
     name = "cogging"
     regime = "periodic_in_angle"
-    shape_held = True
-    takes_lists = True
+    fitted = "shape held"
     words = EffectWords(
         name="cogging",
         meaning="torque that repeats with the joint angle, the same at every speed",

@@ -35,12 +35,9 @@ class InputDelay(Effect):
     name = "input_delay"
     scope = "either"
     regime = "high_acceleration"
-    uses_acceleration = True
-    shape_is_estimate = True
-    follows_torque = True
-    follows_model = True
-    goes_with_motion = "acceleration"
-    tested_against_zero = True
+    made_of = ("acceleration", "model", "torque")
+    shows_with = "acceleration"
+    fitted = "secant"
     changes_with = "controller"
     words = EffectWords(
         name="an input delay",

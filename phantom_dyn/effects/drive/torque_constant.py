@@ -30,9 +30,7 @@ class TorqueConstant(Effect):
 
     name = "torque_constant"
     regime = "high_load"
-    uses_acceleration = True
-    scales_joint = True
-    either_sign = True
+    made_of = ("acceleration", "whole joint")
     changes_with = "temperature"
     words = EffectWords(
         name="a wrong torque constant",
@@ -63,6 +61,7 @@ class TorqueConstant(Effect):
                 plausible=(0.5, 2.0),
                 plausible_because="torque constants of one type of motor differ by some per cent, hot by a third; a "
                 "factor of two is another motor, and more is a unit or a gear ratio",
+                either_sign=True,
             ),
         )
 

@@ -26,7 +26,6 @@ class TorqueOffset(Effect):
 
     name = "torque_offset"
     regime = "everywhere"
-    either_sign = True
     exact = True
     words = EffectWords(
         name="a torque offset",
@@ -47,6 +46,7 @@ class TorqueOffset(Effect):
                 torque_unit(robot, joint),
                 plausible=(-limit, limit),
                 plausible_because="a constant torque beyond the drive's limit would hold the joint at its stop",
+                either_sign=True,
             ),
         )
 

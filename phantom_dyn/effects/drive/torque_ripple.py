@@ -47,10 +47,8 @@ class TorqueRipple(Effect):
 
     name = "torque_ripple"
     regime = "periodic_in_angle"
-    shape_held = True
-    takes_lists = True
-    uses_acceleration = True
-    follows_model = True
+    fitted = "shape held"
+    made_of = ("acceleration", "model")
     words = EffectWords(
         name="torque ripple",
         meaning="torque that repeats with the joint angle and grows with the load",

@@ -57,11 +57,11 @@ class TorqueSaturation(Effect):
     """See the module."""
 
     name = "torque_saturation"
-    goes_with_motion = "acceleration"
     regime = "saturated"
-    seen_by = "neither"
     # What the motion needs is without what a drive at its limit lacks.
-    follows_torque = True
+    made_of = ("torque",)
+    shows_with = "acceleration"
+    fitted = "any size"
     words = EffectWords(
         name="torque saturation",
         meaning="the drive gives less than what is commanded beyond a limit",

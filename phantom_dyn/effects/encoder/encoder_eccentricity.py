@@ -35,12 +35,10 @@ class EncoderEccentricity(Effect):
     """See the module."""
 
     name = "encoder_eccentricity"
-    on_link = True
     regime = "periodic_in_angle"
-    uses_acceleration = True
-    follows_model = True
-    first_order = True
-    displaces = True
+    made_of = ("acceleration", "model")
+    acts_as = "load"
+    fitted = "first order"
     words = EffectWords(
         name="encoder eccentricity",
         meaning="the position is read with an error that repeats with each turn",

@@ -33,13 +33,10 @@ class EncoderOffset(Effect):
     """See the module."""
 
     name = "encoder_offset"
-    on_link = True
     regime = "posture"
-    uses_acceleration = True
-    shape_is_estimate = True
-    follows_model = True
-    displaces = True
-    either_sign = True
+    made_of = ("acceleration", "model")
+    acts_as = "load"
+    fitted = "secant"
     words = EffectWords(
         name="an encoder offset",
         meaning="the position is read with a constant error",
@@ -63,6 +60,7 @@ class EncoderOffset(Effect):
                 far,
                 plausible=(-large, large),
                 plausible_because="a zero that is off by more than half a radian or ten centimetres is seen by eye",
+                either_sign=True,
             ),
         )
 

@@ -27,7 +27,7 @@ class EncoderQuantization(Effect):
 
     name = "encoder_quantization"
     regime = "low_speed"
-    only_noise = True
+    fitted = "nothing"
     words = EffectWords(
         name="coarse encoder steps",
         meaning="the position is rounded to a step coarser than stated",

@@ -31,7 +31,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     regime = "velocity_reversal"
-    rubs = True
+    acts_as = "dry friction"
     changes_with = "friction"
     words = EffectWords(
         name="Coulomb friction",

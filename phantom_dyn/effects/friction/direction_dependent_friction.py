@@ -35,9 +35,7 @@ class DirectionDependentFriction(Effect):
 
     name = "direction_dependent_friction"
     regime = "one_direction"
-    rubs = True
-    contains = ("coulomb_friction", "viscous_friction", "torque_offset")
-    same_as_sum = ("coulomb_friction", "torque_offset")
+    acts_as = "dry friction"
     words = EffectWords(
         name="direction-dependent friction",
         meaning="friction that is larger in one direction than in the other",

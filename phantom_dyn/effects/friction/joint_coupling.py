@@ -36,9 +36,8 @@ class JointCoupling(Effect):
 
     name = "joint_coupling"
     scope = "pair"
-    on_each_joint = ("coulomb_friction", "viscous_friction")
     regime = "velocity_reversal"
-    uses_acceleration = True
+    made_of = ("acceleration",)
     words = EffectWords(
         name="joint coupling",
         meaning="friction or inertia that acts when both joints move, as in a coupled transmission",

@@ -28,10 +28,8 @@ class LoadDependentFriction(Effect):
 
     name = "load_dependent_friction"
     regime = "high_load"
-    rubs = True
-    uses_acceleration = True
-    follows_model = True
-    follows_load = True
+    made_of = ("acceleration", "model", "load")
+    acts_as = "dry friction"
     changes_with = "friction"
     words = EffectWords(
         name="load-dependent friction",

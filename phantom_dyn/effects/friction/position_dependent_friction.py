@@ -11,6 +11,8 @@ URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the pos
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
@@ -39,10 +41,8 @@ class PositionDependentFriction(Effect):
 
     name = "position_dependent_friction"
     regime = "posture"
-    rubs = True
-    shape_held = True
-    takes_lists = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
+    fitted = "shape held"
     changes_with = "friction"
     words = EffectWords(
         name="position-dependent friction",
@@ -68,8 +68,9 @@ class PositionDependentFriction(Effect):
                 robot.position_units[row],
                 plausible=(-np.inf, np.inf),
                 plausible_because="a joint may rub at any place of its travel",
+                listed=True,
             ),
-            dry_range(robot, joint, "torque"),
+            replace(dry_range(robot, joint, "torque"), listed=True),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:

@@ -75,8 +75,7 @@ class PreslidingFriction(Effect):
 
     name = "presliding_friction"
     regime = "velocity_reversal"
-    rubs = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
     other_laws = (yielding,)
     words = EffectWords(
         name="presliding friction",

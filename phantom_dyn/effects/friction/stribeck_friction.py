@@ -37,9 +37,8 @@ class StribeckFriction(Effect):
 
     name = "stribeck_friction"
     regime = "low_speed"
-    rubs = True
-    acts_when_slow = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
+    shows_with = "slow motion"
     words = EffectWords(
         name="Stribeck friction",
         meaning="friction that falls as the joint starts to move and then levels off",

@@ -47,9 +47,8 @@ class TemperatureDependentFriction(Effect):
 
     name = "temperature_dependent_friction"
     regime = "time_drift"
-    rubs = True
-    shape_held = True
-    contains = ("coulomb_friction", "viscous_friction")
+    acts_as = "dry friction"
+    fitted = "shape held"
     words = EffectWords(
         name="temperature-dependent friction",
         meaning="friction that changes as the drive warms up",

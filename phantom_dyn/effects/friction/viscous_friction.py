@@ -32,8 +32,8 @@ class ViscousFriction(Effect):
 
     name = "viscous_friction"
     regime = "high_speed"
+    shows_with = "velocity"
     changes_with = "friction"
-    goes_with_motion = "velocity"
     words = EffectWords(
         name="viscous friction",
         meaning="friction torque that grows in proportion to speed",

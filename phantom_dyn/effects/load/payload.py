@@ -50,10 +50,10 @@ class Payload(Effect):
 
     name = "payload"
     scope = "robot"
-    on_link = True
     regime = "posture"
-    uses_acceleration = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration",)
+    acts_as = "load"
+    shows_with = "acceleration"
     inertial = "point mass"
     words = EffectWords(
         name="a payload",

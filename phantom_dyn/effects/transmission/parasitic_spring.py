@@ -27,9 +27,8 @@ class ParasiticSpring(Effect):
     """See the module."""
 
     name = "parasitic_spring"
-    on_link = True
     regime = "posture"
-    tends_to = ("torque_offset",)  # a soft spring that is at rest far away
+    acts_as = "load"
     words = EffectWords(
         name="a parasitic spring",
         meaning="a torque that pulls the joint towards one position, as a cable or hose does",

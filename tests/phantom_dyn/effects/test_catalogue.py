@@ -105,11 +105,6 @@ def test_an_effect_implements_the_protocol(effect):
     assert isinstance(effect, Effect)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_special_cases_are_effects_of_the_catalogue_other_than_itself(effect):
-    assert set(effect.contains) <= {other.name for other in EFFECTS} - {effect.name}
-
-
 @pytest.mark.parametrize("name", PARAMETERS)
 @pytest.mark.parametrize(("joint", "kind"), [("turn", 0), ("slide", 1)])
 def test_parameters_have_the_names_and_units_of_the_contract(arm, name, joint, kind):
@@ -293,9 +288,9 @@ def test_a_law_is_the_sum_of_its_special_case_where_its_numbers_are_zero(arm, sm
     np.testing.assert_allclose(torque[moving, 1], -simple[moving], atol=1e-9)
 
 
-def test_what_pulls_either_way_may_be_there_unseen_with_either_sign():
+def test_what_pulls_either_way_may_be_there_unseen_with_either_sign(arm):
     # By their laws: a constant torque, a ratio about one, gravity's direction and a zero have no sign of their own.
-    either = {effect.name for effect in EFFECTS if effect.either_sign}
+    either = {e.name for e in EFFECTS if any(one.either_sign for one in e.parameters(arm, e.places(arm)[-1]))}
     assert either == {"torque_offset", "torque_constant", "base_tilt", "encoder_offset"}
 
 
@@ -328,19 +323,21 @@ def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate
 
 
 # What sets single effects apart, by their laws: a gain of the whole torque; lists of waves, whose orders the positions
-# tell, and a reference temperature; a column that is the first order of a sine of the true angle; a delay, which a lag
-# or friction looks like.
+# tell, and a reference temperature; a column that is the first order of a sine of the true angle.
 APART = {
     "scales_joint": {"torque_constant"},
-    "takes_lists": LISTS,
     "shape_held": {*LISTS, "temperature_dependent_friction"},
     "first_order": {"encoder_eccentricity"},
-    "tested_against_zero": {"input_delay"},
     "rubs": {
         "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
         "load_dependent_friction", "position_dependent_friction", "temperature_dependent_friction",
     },
 }  # fmt: skip
+
+
+def test_effects_of_waves_and_of_places_take_lists(arm):
+    # By their laws: any number of waves, and of places.
+    assert {effect.name for effect in EFFECTS if effect.takes_lists(arm, effect.places(arm)[-1])} == LISTS
 
 
 @pytest.mark.parametrize("attribute", APART)
