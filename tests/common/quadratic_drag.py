@@ -31,7 +31,8 @@ class QuadraticDrag(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""
-        return (Parameter("coefficient", UNIT, 0.0),)
+        why = "half the density of water times a paddle of a square metre at a metre is 500"
+        return (Parameter("coefficient", UNIT, 0.0, plausible=(0.0, 500.0), plausible_because=why),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Squared speed in the direction of motion."""

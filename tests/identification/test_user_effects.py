@@ -29,7 +29,7 @@ from phantom_dyn.effects.author import EffectWords, LawEffect, Parameter, row_of
 class OilDrag(LawEffect):
     name = "thick_oil"
     regime = "high_speed"
-    words = EffectWords("drag in oil", "drag that grows with the cube of speed", "Look for oil.", size="of {coefficient}")
+    words = EffectWords("drag in oil", "drag that grows with speed", "Look for oil.", size="of {coefficient}")
 
     def parameters(self, robot, joint):
         return (Parameter("coefficient", "N m s^3/rad^3", lower=0.0),)

@@ -15,7 +15,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -115,6 +115,7 @@ class TorqueConstant(Effect):
         return ModelNumbers(whole=True, gain=float(theta[0]))
 
 
+@command_law
 @within
 def scaled_law(tau: float, ratio: float) -> float:
     """What the drive gives when ``tau`` is asked for."""

@@ -13,7 +13,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -69,6 +69,7 @@ class TorqueOffset(Effect):
         return ModelNumbers(whole=True, offset=theta.item())
 
 
+@torque_law
 @within
 def constant_law(torque: float) -> float:
     """The torque itself."""

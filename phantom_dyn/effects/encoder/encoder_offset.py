@@ -15,7 +15,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
 from phantom_dyn.effects.support.rows import branch_rows, row_of, secant
 from phantom_dyn.model.robot import Robot
@@ -115,6 +115,7 @@ class EncoderOffset(Effect):
         return ModelNumbers(whole=True, zero=theta.item())
 
 
+@reading_law
 @within
 def shifted_law(q: float, offset: float) -> float:
     """Reading of an encoder with a wrong zero at position ``q``."""

@@ -13,7 +13,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -94,6 +94,7 @@ class LoadDependentFriction(Effect):
         return Simulated(torque=torque, laws=(Law(loaded_law, row, (theta.item(),)),))
 
 
+@torque_law
 @jit
 def loaded_law(v: float, load: float, ratio: float) -> float:
     """Friction under a transmitted torque ``load``."""

@@ -20,7 +20,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.foreseen import foresees
 from phantom_dyn.effects.support.ranges import dry_range
@@ -170,6 +170,7 @@ def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tup
     return tuple(zip(levels.tolist(), np.diff(slopes).tolist(), places.tolist(), strict=True))
 
 
+@torque_law
 @jit
 def bent_law(q: float, v: float, level: float, slope: float, place: float) -> float:
     """Friction torque at position ``q`` that is a level up to a place and rises from there on."""

@@ -13,7 +13,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -116,6 +116,7 @@ class ParasiticSpring(Effect):
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 
+@torque_law
 @jit
 def spring_law(q: float, stiffness: float, rest_position: float) -> float:
     """Torque of the spring."""
