@@ -27,6 +27,7 @@ GOING_THROUGH_ALL = (
     "tests/phantom_dyn/effects/test_catalogue.py",
     "tests/phantom_dyn/effects/test_ranges.py",
     "tests/phantom_dyn/effects/test_relations.py",
+    "tests/identification/diagnosis/law/test_library.py",
     "tests/identification/diagnosis/model/test_structure.py",
     "tests/identification/diagnosis/model/test_terms.py",
     "tests/identification/scenarios/test_own_effects.py",

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import related
 from phantom_dyn.effects.simulated import Simulated
@@ -377,6 +377,14 @@ class Effect(Rival):
             return self.from_coefficients(robot, joint, x[:count], tuple(x[count:].tolist()) or shape)
 
         return self.parameters(robot, joint), law
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Its columns as terms of a formula, where they have no shape and are of the inputs at that moment.
+
+        Args:
+            middle: Middle of what the recordings hold of an input, for a term that is written about it.
+        """
+        return ()
 
     def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
         """A sentence on what such a size says of this robot; empty if there is nothing to say."""

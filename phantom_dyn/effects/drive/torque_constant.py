@@ -7,12 +7,13 @@ friction that is trusted, separates the two. URDF has no place for it; MJCF: act
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
@@ -95,6 +96,10 @@ class TorqueConstant(Effect):
     ) -> tuple[float, ...] | None:
         """The ratio of an excess."""
         return (1.0 / (1.0 + size),) if size > -1 else None
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """The torque itself."""
+        return (FormulaTerm("gain", "tl", lambda tl: tl, "{torque}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""

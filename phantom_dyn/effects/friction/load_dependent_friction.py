@@ -7,10 +7,12 @@ a payload is carried too; not the measured one, whose noise would bias the fit. 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.described import EffectWords, FormulaTerm
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
@@ -75,6 +77,11 @@ class LoadDependentFriction(Effect):
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """In one direction it is a torque constant or an offset."""
         return never_reverses(robot, operation, joint)
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Load in the direction of motion."""
+        kind = "friction that grows with load"
+        return (FormulaTerm(kind, "|tl|*sign(v)", lambda tl, v: np.abs(tl) * np.sign(v), "{torque}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""

@@ -7,10 +7,12 @@ URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
@@ -95,6 +97,11 @@ class ParasiticSpring(Effect):
     ) -> tuple[float, ...] | None:
         """About the posture."""
         return (size, float(posture[row_of(robot, joint)]))
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Position."""
+        rest = middle("q")
+        return (FormulaTerm("spring", less("q", rest), lambda q: q - rest, "{angle}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""

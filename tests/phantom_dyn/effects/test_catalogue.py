@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import inspect
 import re
 from dataclasses import replace
 
@@ -371,3 +372,21 @@ def test_no_device_has_a_stiffness_or_a_step_of_zero(arm, effect):
     # By their laws: a stiffness and a step are divided by; every other parameter may be zero.
     above = {p.name for p in effect.parameters(arm, effect.places(arm)[-1]) if p.above_zero}
     assert above == {"transmission_compliance": {"stiffness"}, "encoder_quantization": {"step"}}.get(effect.name, set())
+
+
+SAYING = [effect for effect in EFFECTS if effect.formula(lambda kind: 0.0)]
+
+
+@pytest.mark.parametrize("effect", SAYING, ids=name_of)
+def test_the_terms_that_an_effect_says_are_made_by_its_columns(arm, smooth, effect):
+    # Oracle: least squares; a torque constant scales friction too, which a formula counts by itself.
+    row, middles = 1, {"q": 0.1, "temp": 35.0}
+    signature = effect.signature(arm, smooth, "tilt", first_shape(effect, arm, smooth, "tilt"))
+    columns = signature.columns[:, 0]
+    load = smooth.transmitted if effect.name == "load_dependent_friction" else smooth.tau
+    inputs = {"q": smooth.q, "v": smooth.v, "a": smooth.a, "tl": load, "temp": smooth.temperature}
+    for term in effect.formula(middles.__getitem__):
+        given = [inputs[name][:, row] for name in inspect.signature(term.column).parameters]
+        wanted = np.broadcast_to(term.column(*given), len(smooth.t))
+        made = columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
+        np.testing.assert_allclose(made, wanted, atol=1e-9 * np.abs(wanted).max())
