@@ -169,8 +169,10 @@ def test_accelerations_and_the_torque_of_the_model_have_to_be_said(arm):
     assert "add 'acceleration' to made_of" in refusal(inertia(), arm)
     load = parts(lambda operation, row, theta: -theta[0] * operation.transmitted[:, row])
     assert "add 'model' to made_of" in refusal(load(), arm)
-    said = type("Said", (load,), {"made_of": ("model",)})()
-    assert tried(said, arm, "x.py") is said
+    for attribute, value in (("made_of", ("model",)), ("follows_model", True)):  # the second is how older files say it
+        said = type("Said", (load,), {attribute: value})()
+        assert said.follows_model
+        assert tried(said, arm, "x.py") is said
 
 
 @pytest.mark.parametrize(
