@@ -133,7 +133,7 @@ class Rival(ABC):
             either on a joint or on the whole robot.
         made_of: What its columns are computed from besides positions and velocities, see `Source`.
         acts_as: A ``load`` if its torque is on the link, so that the transmission passes it; ``dry friction`` if a
-            joint at standstill may hold it; None for what is wrong with drive, rotor or transmission.
+            joint at standstill may hold it; None for all else, as viscous friction, the drive and its rotor.
         shows_with: What its torque goes with: ``velocity``; ``acceleration``, or rate and peaks of the torque; or slow
             motion, if it acts where a joint creeps or turns about and nowhere else. A joint that noise moves, and a
             controller that answers it, look like the second; noise leaves the third open.
@@ -161,7 +161,7 @@ class Rival(ABC):
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """Names of the effects that are special cases of it."""
+        """Names of the effects that are special cases of it; a law that is not in the catalogue overrides this."""
         return related(self.name, "contains")
 
     @property
