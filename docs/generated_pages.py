@@ -35,12 +35,28 @@ def effects_page() -> str:
         f"``{ROBOT}``; where they depend on the model, as friction that cannot be less than none, another robot has "
         "others."
     )
-    return "\n".join([_heading("All effects", "="), lead, "", *(_effect(effect, robot) for effect in EFFECTS)])
+    parts = (_table(EFFECTS, robot), *(_effect(effect, robot) for effect in EFFECTS))
+    return "\n".join([_heading("All effects", "="), lead, "", *parts])
+
+
+def _table(effects: tuple[Effect, ...], robot: Robot) -> str:
+    """Name, law and parameters of each effect, a row each."""
+    lines = [".. list-table::", "   :header-rows: 1", "", "   * - effect", "     - what it is", "     - parameters"]
+    for effect in effects:
+        known = effect.parameters(robot, effect.places(robot)[0])
+        names = "by name" if effect.inertial == "free" else ", ".join(f"``{one.name}``" for one in known)
+        lists = ": lists" if any(one.listed for one in known) else ""
+        lines += [f"   * - `{effect.name}`_", f"     - {_law(effect).splitlines()[0]}", f"     - {names}{lists}"]
+    return "\n".join([*lines, ""])
+
+
+def _law(effect: Effect) -> str:
+    """The text of the effect's module; its first line says what the effect is."""
+    return inspect.getdoc(sys.modules[type(effect).__module__]) or ""
 
 
 def _effect(effect: Effect, robot: Robot) -> str:
-    law = inspect.getdoc(sys.modules[type(effect).__module__]) or ""
-    lines = [_heading(effect.name, "-"), law, ""]
+    lines = [_heading(effect.name, "-"), _law(effect), ""]
     place = effect.places(robot)[0]
     # Inertial parameters are ten a body, with one range each kind.
     shown = effect.parameters(robot, place)[:10]

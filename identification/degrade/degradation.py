@@ -58,7 +58,7 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
             raise ParameterError(f"{effect} lacks its parameter {parameter.name}: {_listed(effect, taken)}")
         _require_bounds(effect, parameter, given)
         theta += given
-    _require_counts(found, values)
+    _require_counts(effect, values, lists=found.takes_lists(robot, joint))
     return Degradation(found, joint, tuple(theta))
 
 
@@ -85,16 +85,16 @@ def _require_bounds(effect: str, parameter: Parameter, given: tuple[float, ...])
             raise ParameterError(f"{parameter.name}=0 of {effect} is out of bounds: wanted a number above 0.")
 
 
-def _require_counts(effect: Effect, values: Values) -> None:
+def _require_counts(effect: str, values: Values, *, lists: bool) -> None:
     counts = {name: len(given) for name, given in values.items()}
-    if effect.takes_lists:
+    if lists:
         if len(set(counts.values())) > 1:
             given = ", ".join(f"{count} of {name}" for name, count in counts.items())
-            raise ParameterError(f"{effect.name} was given {given}: give as many numbers of each, separated by commas.")
+            raise ParameterError(f"{effect} was given {given}: give as many numbers of each, separated by commas.")
         return
     for name, count in counts.items():
         if count != 1:
-            raise ParameterError(f"{name} of {effect.name} was given {count} numbers: it takes one.")
+            raise ParameterError(f"{name} of {effect} was given {count} numbers: it takes one.")
 
 
 def _listed(effect: str, parameters: tuple[Parameter, ...]) -> str:

@@ -8,38 +8,11 @@ from typing import Protocol
 
 from identification.diagnosis.result import Finding, Value
 from identification.words.numbers_and_names import NO_BREAK, number, value_words, with_unit
-from phantom_dyn.effects.catalogue import known_effect
+from phantom_dyn.effects.catalogue import kind_and_place, known_effect
 from phantom_dyn.effects.described import EffectWords
 
-# Reports list these first, in the contract's order (friction, transmission, drive, load, encoder); others follow.
-_FIRST = (
-    "viscous_friction",
-    "coulomb_friction",
-    "direction_dependent_friction",
-    "stribeck_friction",
-    "presliding_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
-    "temperature_dependent_friction",
-    "backlash",
-    "transmission_compliance",
-    "joint_coupling",
-    "cogging",
-    "torque_ripple",
-    "torque_saturation",
-    "torque_constant",
-    "torque_offset",
-    "input_delay",
-    "actuator_lag",
-    "rotor_inertia",
-    "payload",
-    "inertial_parameters",
-    "base_tilt",
-    "parasitic_spring",
-    "encoder_offset",
-    "encoder_eccentricity",
-    "encoder_quantization",
-)
+# Reports list kinds of effects in this order, and those of one kind in that of the catalogue.
+_KINDS = ("friction", "transmission", "drive", "load", "encoder")
 
 REGIMES: dict[str, str] = {
     "velocity_reversal": "where the velocity changes sign",
@@ -96,9 +69,10 @@ def shown_as(name: str) -> EffectWords:
     return EffectWords(name, name, "See what this effect means in its documentation.")
 
 
-def report_order(effect: str) -> int:
-    """Place of an effect in lists of a report."""
-    return _FIRST.index(effect) if effect in _FIRST else len(_FIRST)
+def report_order(effect: str) -> tuple[int, int]:
+    """Place of an effect in lists of a report: its kind, then its place in the catalogue; a user's own is last."""
+    kind, place = kind_and_place(effect) or ("", 0)
+    return _KINDS.index(kind) if kind in _KINDS else len(_KINDS), place
 
 
 def is_between_joints(effect: str) -> bool:

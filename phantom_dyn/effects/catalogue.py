@@ -67,6 +67,12 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
+def kind_and_place(name: str) -> tuple[str, int] | None:
+    """What an effect of the catalogue is about (the folder of its file), and its place there; None for any other."""
+    place = next((place for place, effect in enumerate(EFFECTS) if effect.name == name), None)
+    return None if place is None else (type(EFFECTS[place]).__module__.split(".")[-2:][0], place)
+
+
 def effects_of(robot: Robot) -> tuple[Effect, ...]:
     """Every effect that the given robot may have: the catalogue, then what the user brought for it."""
     return (*EFFECTS, *cast("tuple[Effect, ...]", robot.user_effects))

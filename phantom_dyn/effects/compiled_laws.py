@@ -1,108 +1,122 @@
-"""The compiled laws of the catalogue: one list a channel, and the functions that call a law by its place in the list.
+"""The compiled laws of the catalogue, gathered from the files of its effects, and what calls one by its number.
 
-An effect whose laws are not listed here is stepped in Python, and every effect beside it: a law is worth a line here
-where simulations with it have to be fast. Scalars in and out: a law that took an array would cost more than its
-numbers, for counting who holds the array.
+A law is marked where it stands, see `phantom_dyn.effects.simulated.torque_law`; its number is made of its name. An
+effect without a marked law is stepped in Python, and every effect beside it. Scalars in and out: a law that took an
+array would cost more than its numbers, for counting who holds the array.
 
-Numba does not see that a function which calls these must be compiled anew after a change of an effect's law: delete
-the ``__pycache__`` of this folder and of `phantom_dyn.simulation.compiled` then.
+Compiled code cannot call a function that it finds in a list, so the text of the functions below is made of the list.
+Numba does not see that a function which calls these must be compiled anew after a change of an effect's law or of the
+catalogue: delete the ``__pycache__`` of `phantom_dyn.simulation.compiled` then. A law that it does not know gives no
+number.
 """
 
 from __future__ import annotations
 
+import inspect
+import sys
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.drive.actuator_lag import lag_law
-from phantom_dyn.effects.drive.cogging import wave_law
+from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.drive.input_delay import delay_law
-from phantom_dyn.effects.drive.torque_constant import scaled_law
-from phantom_dyn.effects.drive.torque_offset import constant_law
-from phantom_dyn.effects.drive.torque_ripple import ripple_law
-from phantom_dyn.effects.drive.torque_saturation import clipped_law
-from phantom_dyn.effects.encoder.encoder_eccentricity import eccentric_law
-from phantom_dyn.effects.encoder.encoder_offset import shifted_law
-from phantom_dyn.effects.encoder.encoder_quantization import rounded_law
-from phantom_dyn.effects.friction.direction_dependent_friction import two_way_law
-from phantom_dyn.effects.friction.joint_coupling import shared_law
-from phantom_dyn.effects.friction.load_dependent_friction import loaded_law
-from phantom_dyn.effects.friction.position_dependent_friction import bent_law
-from phantom_dyn.effects.friction.presliding_friction import bristle_law, stick_law
-from phantom_dyn.effects.friction.stribeck_friction import falling_law
-from phantom_dyn.effects.transmission.parasitic_spring import spring_law
+from phantom_dyn.effects.simulated import Channel, channel_of
 
-TORQUES = (
-    two_way_law,
-    falling_law,
-    constant_law,
-    spring_law,
-    bristle_law,
-    stick_law,
-    loaded_law,
-    shared_law,
-    wave_law,
-    ripple_law,
-    bent_law,
-)
-COMMANDS = (scaled_law, clipped_law, delay_law, lag_law)
-READINGS = (shifted_law, eccentric_law, rounded_law)
+LawFunction = Callable[..., Any]
+
+# Inputs of the moment that a law of the torque channel may ask for; behind them are its parameters.
+_INPUTS = ("q", "v", "load")
+
+
+def laws_of(channel: Channel) -> tuple[LawFunction, ...]:
+    """Compiled laws of a channel in the order of the catalogue, those of one file in the order in which they stand."""
+    files = dict.fromkeys(type(effect).__module__ for effect in EFFECTS)
+    marked = (value for file in files for value in vars(sys.modules[file]).values() if channel_of(value) == channel)
+    # Without numba a law may be the plain function beside it.
+    return tuple(dict.fromkeys(marked))
+
+
+def number_of(law: LawFunction) -> int:
+    """The number of a law, the same in whatever catalogue it is."""
+    return zlib.crc32(f"{law.__module__}.{law.__name__}".encode())
+
+
+TORQUES, COMMANDS, READINGS = laws_of("torque"), laws_of("command"), laws_of("reading")
 # The one law with a memory too long for scalars: kernels call it themselves.
-DELAY = COMMANDS.index(delay_law)
+DELAY = number_of(delay_law)
 
 
-@jit
-def torque_of(
-    code: int,
-    p0: float,
-    p1: float,
-    p2: float,
-    p3: float,
-    s0: float,
-    s1: float,
-    s2: float,
-    q: float,
-    v: float,
-    load: float,
-) -> tuple[float, float, float, float]:
-    """State and torque of the law ``code`` with parameters ``p`` and state ``s``."""
-    if code == 0:
-        return s0, s1, s2, two_way_law(v, p0, p1, p2)
-    if code == 1:
-        return s0, s1, s2, falling_law(v, p0, p1)
-    if code == 2:
-        return s0, s1, s2, constant_law(p0)
-    if code == 3:
-        return s0, s1, s2, spring_law(q, p0, p1)
-    if code == 4:
-        z, torque = bristle_law(s0, s1, q, p0, p1)
-        return q, z, s2, torque
-    if code == 5:
-        stuck, anchor, torque = stick_law(s0, s1, s2, q, v, p0, p1, p2, p3)
-        return q, stuck, anchor, torque
-    if code == 6:
-        return s0, s1, s2, loaded_law(v, load, p0)
-    if code == 7:
-        return s0, s1, s2, shared_law(v, p0, p1)
-    if code == 8:
-        return s0, s1, s2, wave_law(q, p0, p1, p2)
-    if code == 9:
-        return s0, s1, s2, ripple_law(q, load, p0, p1, p2)
-    return s0, s1, s2, bent_law(q, v, p0, p1, p2)
+def torque_call(law: str, names: list[str]) -> str:
+    """Text that returns state and torque of a law, of which ``s0`` is the position of the step before.
+
+    Args:
+        law: What it is called in the text.
+        names: Of its arguments.
+
+    Raises:
+        TypeError: If they are not in the order of `phantom_dyn.effects.simulated.torque_law`.
+    """
+    inputs = [name for name in names if name in _INPUTS]
+    first = names.index(inputs[0]) if inputs else 0
+    numbers = [f"p{k}" for k in range(len(names) - first - len(inputs))]
+    remembers = names[0] == "last"
+    if names[first : first + len(inputs)] != inputs or remembers != (first > 0) or first > 3 or len(numbers) > 4:
+        raise TypeError(
+            f"A torque law takes {', '.join(names)}, wanted last and what it remembers (two numbers at most) if it has "
+            f"a memory, then those of {', '.join(_INPUTS)} that it needs, then four parameters at most: order them so."
+        )
+    if not remembers:
+        return f"return s0, s1, s2, {law}({', '.join([*inputs, *numbers])})"
+    remembered = [f"s{k + 1}" for k in range(first - 1)]
+    call = f"{law}({', '.join(['s0', *remembered, *inputs, *numbers])})"
+    return f"{', '.join([*remembered, 'torque'])} = {call}; return q, s1, s2, torque"
 
 
-@jit
-def command_of(code: int, p0: float, s0: float, dt: float, tau: float) -> tuple[float, float]:
-    """State and torque that the drive gives when ``tau`` is asked for, by any law but that of a delay."""
-    if code == 0:
-        return s0, scaled_law(tau, p0)
-    if code == 1:
-        return s0, clipped_law(tau, p0)
-    return lag_law(s0, tau, dt, p0)
+def _command_call(law: str, names: list[str]) -> str:
+    return f"return {law}(s0, tau, dt, p0)" if "dt" in names else f"return s0, {law}(tau, p0)"
 
 
-@jit
-def reading_of(code: int, p0: float, p1: float, p2: float, q: float) -> float:
-    """Reading of an encoder at position ``q``."""
-    if code == 0:
-        return shifted_law(q, p0)
-    if code == 1:
-        return eccentric_law(q, p0, p1, p2)
-    return rounded_law(q, p0)
+def _reading_call(law: str, names: list[str]) -> str:
+    return f"return {law}({', '.join(['q', *(f'p{k}' for k in range(len(names) - 1))])})"
+
+
+def _by_number(
+    head: str, unknown: str, laws: tuple[LawFunction, ...], call: Callable[[str, list[str]], str], doc: str
+) -> LawFunction:
+    """A compiled function that calls the law with a number, by comparing it with one number after the other."""
+    known = {f"law_{number_of(law)}": law for law in laws if law is not delay_law}
+    lines = [
+        f"    if code == {name.removeprefix('law_')}:\n        {call(name, list(inspect.signature(law).parameters))}"
+        for name, law in known.items()
+    ]
+    name, _, arguments = head.partition("(")
+    body = "\n".join([*lines, f"    return {unknown}"])
+    # What is compiled is kept under the name: other laws, another name.
+    full = f"{name}_{zlib.crc32(body.encode()):08x}"
+    scope: dict[str, Any] = {"__name__": __name__, "nan": np.nan, **known}
+    exec(compile(f"def {full}({arguments}:\n{body}\n", __file__, "exec"), scope)
+    made = scope[full]
+    made.__doc__ = doc
+    return jit(made)
+
+
+torque_of = _by_number(
+    "torque_of(code, p0, p1, p2, p3, s0, s1, s2, q, v, load)",
+    "s0, s1, s2, nan",
+    TORQUES,
+    torque_call,
+    "State (three numbers) and torque of the law ``code`` with parameters ``p`` and state ``s``.",
+)
+command_of = _by_number(
+    "command_of(code, p0, s0, dt, tau)",
+    "s0, nan",
+    COMMANDS,
+    _command_call,
+    "State and torque that the drive gives when ``tau`` is asked for, by any law but that of a delay.",
+)
+reading_of = _by_number(
+    "reading_of(code, p0, p1, p2, q)", "nan", READINGS, _reading_call, "Reading of an encoder at position ``q``."
+)

@@ -67,6 +67,30 @@ class EffectWords:
 
 
 @dataclass(frozen=True)
+class FormulaTerm:
+    """A column of an effect as a formula has it: what a torque that no effect explains may be made of.
+
+    Attributes:
+        kind: What it is, in words: terms of one kind stand for each other.
+        text: Over the inputs, as in ``|tl|*sign(v)``.
+        column: The same as a function. Its arguments are the inputs that it needs, by their names: ``q``, ``v`` and
+            ``a`` of the joint, ``tl`` (torque that the transmission passes), ``temp`` (temperature of the drive).
+        per: What the unit of the torque is divided by, with ``{angle}``, ``{speed}`` and ``{torque}`` for the units of
+            the joint; empty if the coefficient is a torque.
+    """
+
+    kind: str
+    text: str
+    column: Callable[..., Float[np.ndarray, " N"]]
+    per: str = ""
+
+
+def less(name: str, value: float) -> str:
+    """Text of a difference, as in ``(q - 0.3)``."""
+    return f"({name} {'+' if value < 0 else '-'} {abs(value):.3g})"
+
+
+@dataclass(frozen=True)
 class Coupling:
     """Something that turns with ``v_first + ratio v_second``, see `phantom_dyn.effects.friction.joint_coupling`."""
 

@@ -2,8 +2,8 @@
 
 An author gives a name, a regime, words, `Effect.parameters`, the law `Effect.torque`, its columns `Effect.signature`
 and how it enters a simulation `Effect.simulated`. All the rest has a default that is right for a torque on one joint
-that is linear in its parameters; what differs from that is said by an attribute or a small method here, so that
-nobody has to know effects by name.
+that is linear in its parameters; what differs from that is said by an attribute or a small method here, and what an
+effect is to another one in `phantom_dyn.effects.relations`, so that nobody else has to know effects by name.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from typing import Literal
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.relations import related
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -25,6 +26,23 @@ from phantom_dyn.motion import Motion
 Array = np.ndarray
 # What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
 Shape = tuple[float, ...]
+# What columns are computed from besides positions and velocities:
+# - acceleration: carries the noise of a twice differentiated position;
+# - model: the model's torque or its derivatives, so that the columns change with the model's parameters; those of the
+#   rigid-body regressor do not, as torque is linear in those;
+# - load: what the transmission passes, with all other findings in it;
+# - torque: the drive's torque with all other findings in it;
+# - whole joint: the torque of the joint that the coefficient scales, other findings included.
+Source = Literal["acceleration", "model", "load", "torque", "whole joint"]
+# How a fit takes the numbers of a law:
+# - plain: the torque is linear in the coefficients; each number of the shape is a parameter that is fitted with them;
+# - shape held: the joint fit of all parameters keeps the shape that the search has found;
+# - secant: the shape is the last estimate of the coefficients, and no parameter of its own;
+# - first order: the columns are a first-order expansion, so that the joint fit evaluates the law itself;
+# - size in shape: the coefficient is the share of the effect that is there and should be one; the shape is its size;
+# - any size: the same, and any size can be seen;
+# - nothing: it has no column, as it adds noise to the readings and nothing else.
+Fitted = Literal["plain", "shape held", "secant", "first order", "size in shape", "any size", "nothing"]
 # Drive torque more, ``(N, nv)``, from operation, joint, coefficients and shape.
 OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
 
@@ -43,6 +61,9 @@ class Parameter:
         plausible: Smallest and largest value that a sound device may have; outside it a size asks for a second look.
             None if nothing can be said.
         plausible_because: Where that range is from.
+        listed: True if it is a list, as all parameters of that effect are then (the orders of a cogging torque).
+        either_sign: True if it can be negative with nothing modelled, so that an undetected one is drawn with either
+            sign.
         tried: Of a law alone, see `phantom_dyn.effects.user.law_effect`: values to try of a parameter that the torque
             is not linear in; empty where it is linear.
     """
@@ -55,6 +76,8 @@ class Parameter:
     above_zero: bool = False
     plausible: tuple[float, float] | None = None
     plausible_because: str = ""
+    listed: bool = False
+    either_sign: bool = False
     tried: tuple[float, ...] = ()
 
 
@@ -105,69 +128,134 @@ class Rival(ABC):
 
     Attributes:
         name: The contract's, or one of its own for a cause that the catalogue has no name for.
+        regime: Where the effect shows most.
         scope: Where it sits: on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
             either on a joint or on the whole robot.
-        regime: Where the effect shows most.
-        contains: Names of the effects that are special cases of it.
-        tends_to: Names of effects on the same joint that it comes arbitrarily near to, without being them.
-        on_each_joint: Of an effect between two joints: names of effects of single joints that, on both of them, may
-            leave much the same.
-        same_as_sum: Names of effects whose sum is a special case of it, so that no data distinguish the two.
-        uses_acceleration: True if its columns carry the noise of a twice differentiated position.
-        follows_model: True if its columns are computed from the model's torque or its derivatives, so that they change
-            with the model's parameters. Columns of the rigid-body regressor do not: torque is linear in those.
-        follows_torque: True if its columns are computed from the torque with all other findings in it.
-        follows_load: True if its columns are computed from what the transmission passes, with all other findings in it.
-        on_link: True if its torque is on the link, so that the transmission passes it; friction and what is wrong with
-            the drive or its rotor are not.
-        scales_joint: True if its coefficient scales the whole torque of its joint, other findings included.
+        made_of: What its columns are computed from besides positions and velocities, see `Source`.
+        acts_as: A ``load`` if its torque is on the link, so that the transmission passes it; ``dry friction`` if a
+            joint at standstill may hold it; None for all else, as viscous friction, the drive and its rotor.
+        shows_with: What its torque goes with: ``velocity``; ``acceleration``, or rate and peaks of the torque; or slow
+            motion, if it acts where a joint creeps or turns about and nowhere else. A joint that noise moves, and a
+            controller that answers it, look like the second; noise leaves the third open.
+        fitted: How a fit takes its numbers, see `Fitted`.
         inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
             and first moments are free, the inertia follows from them), or each by itself, where only base parameters
             can be identified and a finding lists no others. None for an effect with columns of its own.
-        shape_is_estimate: True if the shape is the last estimate of a coefficient, and no parameter of its own.
-        shape_held: True if the joint fit of all parameters keeps the shape that the search has found.
-        first_order: True if its columns are a first-order expansion of the law, so that the joint fit evaluates the law
-            itself.
-        seen_by: What says how large it is: its coefficients; its shape, where the coefficient is the share of the
-            effect that is there and should be one; or neither, where it is that share and any size can be seen.
-        displaces: True if with it the links are elsewhere than the readings say, or feel another gravity, see
-            `Effect.true_motion`: what a wrong mass leaves there is another torque.
-        rubs: True if it is friction whose torque a joint at standstill may hold.
-        goes_with_motion: What its torque goes with: velocities, or accelerations and rate and peaks of the torque. A
-            joint that noise moves, and a controller that answers it, look like the second.
         exact: True if rigid bodies obey its law exactly, so that what is left beside it is not of its own making.
-        acts_when_slow: True if it may act where a joint creeps or turns about, and nowhere else.
-        tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
-            shape or use accelerations; without either it always does.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
             distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
 
     name: str
-    scope: Literal["joint", "pair", "robot", "either"] = "joint"
     regime: str
-    contains: tuple[str, ...] = ()
-    tends_to: tuple[str, ...] = ()
-    on_each_joint: tuple[str, ...] = ()
-    same_as_sum: tuple[str, ...] = ()
-    uses_acceleration: bool = False
-    follows_model: bool = False
-    follows_torque: bool = False
-    follows_load: bool = False
-    on_link: bool = False
-    scales_joint: bool = False
+    scope: Literal["joint", "pair", "robot", "either"] = "joint"
+    made_of: tuple[Source, ...] = ()
+    acts_as: Literal["load", "dry friction"] | None = None
+    shows_with: Literal["velocity", "acceleration", "slow motion"] | None = None
+    fitted: Fitted = "plain"
     inertial: Literal["point mass", "free"] | None = None
-    shape_is_estimate: bool = False
-    shape_held: bool = False
-    first_order: bool = False
-    seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
-    displaces: bool = False
-    rubs: bool = False
-    goes_with_motion: Literal["velocity", "acceleration"] | None = None
     exact: bool = False
-    acts_when_slow: bool = False
-    tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
+
+    # What these say, and the table of relations, in the words of those who ask.
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Names of the effects that are special cases of it; a law that is not in the catalogue overrides this."""
+        return related(self.name, "contains")
+
+    @property
+    def tends_to(self) -> tuple[str, ...]:
+        """Names of effects on the same joint that it comes arbitrarily near to, without being them."""
+        return related(self.name, "tends to")
+
+    @property
+    def on_each_joint(self) -> tuple[str, ...]:
+        """Of an effect between two joints: names of those of single joints that on both may leave much the same."""
+        return related(self.name, "resembles on each joint")
+
+    @property
+    def same_as_sum(self) -> tuple[str, ...]:
+        """Names of effects whose sum is a special case of it, so that no data distinguish the two."""
+        return related(self.name, "may be a sum with")
+
+    @property
+    def uses_acceleration(self) -> bool:
+        """True if its columns carry the noise of a twice differentiated position."""
+        return "acceleration" in self.made_of
+
+    @property
+    def follows_model(self) -> bool:
+        """True if its columns change with the parameters of the model."""
+        return "model" in self.made_of
+
+    @property
+    def follows_load(self) -> bool:
+        """True if its columns are computed from what the transmission passes, with all other findings in it."""
+        return "load" in self.made_of
+
+    @property
+    def follows_torque(self) -> bool:
+        """True if its columns are computed from the torque with all other findings in it."""
+        return "torque" in self.made_of
+
+    @property
+    def scales_joint(self) -> bool:
+        """True if its coefficient scales the whole torque of its joint, other findings included."""
+        return "whole joint" in self.made_of
+
+    @property
+    def on_link(self) -> bool:
+        """True if its torque is on the link, so that the transmission passes it."""
+        return self.acts_as == "load"
+
+    @property
+    def rubs(self) -> bool:
+        """True if it is friction whose torque a joint at standstill may hold."""
+        return self.acts_as == "dry friction"
+
+    @property
+    def goes_with_motion(self) -> Literal["velocity", "acceleration"] | None:
+        """What of the motion its torque goes with, however fast that is."""
+        return None if self.shows_with == "slow motion" else self.shows_with
+
+    @property
+    def acts_when_slow(self) -> bool:
+        """True if it may act where a joint creeps or turns about, and nowhere else."""
+        return self.shows_with == "slow motion"
+
+    @property
+    def shape_is_estimate(self) -> bool:
+        """True if the shape is the last estimate of a coefficient, and no parameter of its own."""
+        return self.fitted == "secant"
+
+    @property
+    def shape_held(self) -> bool:
+        """True if the joint fit of all parameters keeps the shape that the search has found."""
+        return self.fitted == "shape held"
+
+    @property
+    def first_order(self) -> bool:
+        """True if its columns are a first-order expansion of the law, so that the joint fit evaluates the law."""
+        return self.fitted == "first order"
+
+    @property
+    def seen_by(self) -> Literal["coefficient", "shape", "neither"]:
+        """What says how large it is; neither, where any size can be seen."""
+        return "shape" if self.fitted == "size in shape" else "neither" if self.fitted == "any size" else "coefficient"
+
+    @property
+    def only_noise(self) -> bool:
+        """True if it adds noise to the readings and nothing else, so that simulated motion does not include it."""
+        return self.fitted == "nothing"
+
+    @property
+    def displaces(self) -> bool:
+        """True if with it the links are elsewhere than the readings say, or feel another gravity.
+
+        What a wrong mass leaves there is another torque.
+        """
+        return False
 
     @property
     def stays(self) -> bool:
@@ -235,24 +323,25 @@ class Effect(Rival):
 
     Attributes:
         words: How reports describe it.
-        takes_lists: True if each parameter is a list, all of the same length (the orders of a cogging torque);
-            ``theta`` is one list after the other.
-        either_sign: True if its size can be negative, so that an undetected one is drawn with either sign.
         changes_with: Kind of change between two recordings that may change it: of friction, of temperature (which
             changes friction too), or of the controller; None if no known change does.
-        only_noise: True if it adds noise to the readings and nothing else: its signature has no columns, and simulated
-            motion does not include it.
     """
 
     words: EffectWords
-    takes_lists: bool = False
-    either_sign: bool = False
     changes_with: Literal["friction", "temperature", "controller"] | None = None
-    only_noise: bool = False
+
+    @property
+    def displaces(self) -> bool:
+        """True if it has a `true_motion` of its own."""
+        return type(self).true_motion is not Effect.true_motion
 
     @abstractmethod
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""
+
+    def takes_lists(self, robot: Robot, joint: str | None) -> bool:
+        """True if each parameter is a list, all of the same length; ``theta`` is one list after the other."""
+        return any(one.listed for one in self.parameters(robot, joint))
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Further parameters of the law that a device may have, all or none; no fit estimates them."""
@@ -288,6 +377,14 @@ class Effect(Rival):
             return self.from_coefficients(robot, joint, x[:count], tuple(x[count:].tolist()) or shape)
 
         return self.parameters(robot, joint), law
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Its columns as terms of a formula, where they have no shape and are of the inputs at that moment.
+
+        Args:
+            middle: Middle of what the recordings hold of an input, for a term that is written about it.
+        """
+        return ()
 
     def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
         """A sentence on what such a size says of this robot; empty if there is nothing to say."""

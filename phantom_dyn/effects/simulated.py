@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+F = TypeVar("F", bound=Callable[..., Any])
 
+_MARK = "_channel_of_a_simulation"
 # Damping ratio of link and motor on a spring between them; gears and belts have 0.02 to 0.1.
 SPRING_DAMPING = 0.05
 
@@ -43,9 +46,46 @@ class Transmission:
     gap: float
 
 
+Channel = Literal["torque", "command", "reading"]
+
+
+def torque_law(function: F) -> F:
+    """Mark a compiled function as a law that adds a torque on its joint, so that `compiled_laws` gathers it.
+
+    Its arguments are scalars: of ``q``, ``v`` and ``load`` (position, velocity and transmitted torque of the moment)
+    those that it needs, then its parameters. A law with a memory has ``last`` (position of the step before) and what it
+    remembers in front, two numbers at most, and returns what it remembers now before its torque.
+    """
+    return _marked(function, "torque")
+
+
+def command_law(function: F) -> F:
+    """Mark a compiled function as a law of what a drive gives when ``tau`` is asked for, see `torque_law`.
+
+    Its arguments are ``tau`` and its parameter. A law with a memory has one number in front and ``dt``, the length of
+    the step, behind ``tau``, and returns the next number before what the drive gives.
+    """
+    return _marked(function, "command")
+
+
+def reading_law(function: F) -> F:
+    """Mark a compiled function as a law of what an encoder reads at position ``q``, its parameters behind it."""
+    return _marked(function, "reading")
+
+
+def _marked(function: F, channel: Channel) -> F:
+    setattr(function, _MARK, channel)
+    return function
+
+
+def channel_of(function: object) -> Channel | None:
+    """Channel of a law that is marked; None for anything else."""
+    return getattr(function, _MARK, None)
+
+
 @dataclass(frozen=True)
 class Law:
-    """A channel of `Simulated` on one joint, for compiled steps: a function that `compiled_laws` lists.
+    """A channel of `Simulated` on one joint, for compiled steps: a function that is marked as a law of that channel.
 
     Attributes:
         function: Compiled law on scalars, in the effect's own file.

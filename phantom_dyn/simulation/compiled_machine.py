@@ -54,9 +54,7 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
     if found[0] is None:
         return None
-    torques, commands, readings = (
-        packed(channel, known) for channel, known in zip(channels, (TORQUES, COMMANDS, READINGS), strict=True)
-    )
+    torques, commands, readings = map(packed, channels)
     laws_of_all = EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
     return Compiled(found[1], found[0], laws_of_all)
 

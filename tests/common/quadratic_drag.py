@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.described import EffectWords, FormulaTerm
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Moment, Simulated
@@ -31,12 +33,17 @@ class QuadraticDrag(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""
-        return (Parameter("coefficient", UNIT, 0.0),)
+        why = "half the density of water times a paddle of a square metre at a metre is 500"
+        return (Parameter("coefficient", UNIT, 0.0, plausible=(0.0, 500.0), plausible_because=why),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Squared speed in the direction of motion."""
         v = operation.v[:, row_of(robot, joint)]
         return on_one_joint(robot, joint, coefficient=(v * np.abs(v), UNIT))
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """The same column."""
+        return (FormulaTerm("drag", "v*|v|", lambda v: v * np.abs(v), "{speed}^2"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law on the joint."""

@@ -89,7 +89,16 @@ def test_the_reference_of_effects_has_the_law_and_the_ranges_of_each(monkeypatch
     page = importlib.import_module("generated_pages").effects_page()
     for effect in EFFECTS:
         assert f"\n{effect.name}\n{'-' * len(effect.name)}\n" in f"\n{page}"
-    assert page.count(".. list-table::") == len(EFFECTS)
+    assert page.count(".. list-table::") == len(EFFECTS) + 1
+
+
+def test_the_table_of_effects_has_what_each_is_in_the_order_of_the_catalogue(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    page = importlib.import_module("generated_pages").effects_page()
+    assert re.findall(r"^   \* - `(\w+)`_$", page, flags=re.MULTILINE) == [effect.name for effect in EFFECTS]
+    # By hand, from the law.
+    assert "   * - `viscous_friction`_\n     - Viscous friction: ``torque = -c v``.\n     - ``coefficient``\n" in page
+    assert "     - ``order``, ``amplitude``, ``phase``: lists\n" in page
 
 
 def test_the_reference_of_commands_has_the_help_of_each(monkeypatch):

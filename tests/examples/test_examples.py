@@ -24,7 +24,6 @@ from identification.data.readers.column_map import read_column_map
 from identification.scenarios.recordings_file import read_changes
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
-from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.model.robot_config import RobotConfig, read_robot_config
 from phantom_dyn.motion import Motion
 from places import CHECKOUT
@@ -102,23 +101,6 @@ def test_own_robot_refuses_a_log_that_is_not_there_in_one_sentence(tmp_path):
     said = ended("own_robot.py", PENDULUM, tmp_path / "log.csv").err
     assert "does not exist" in said
     assert said.count("\n") == 1
-
-
-def test_the_page_on_effects_lists_those_of_the_catalogue_in_its_order():
-    section = (DOCS / "effects.md").read_text()
-    assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == [effect.name for effect in EFFECTS]
-
-
-def test_the_page_on_effects_names_the_parameters_of_every_one():
-    robot = load_robot(PENDULUM.with_name("planar2.urdf"))  # a coupling needs two joints
-    section = (DOCS / "effects.md").read_text()
-    for effect in EFFECTS:
-        (row,) = re.findall(rf"^\| `{effect.name}` \|.*\|(.*)\|$", section, flags=re.MULTILINE)
-        wanted = [parameter.name for parameter in effect.parameters(robot, effect.places(robot)[0])]
-        if effect.name == "payload":  # where the mass may be zero, a centre says nothing
-            wanted += ["moment_x", "moment_y", "moment_z"]
-        if effect.name != "inertial_parameters":  # by name, as many as the robot has
-            assert re.findall(r"`(\w+)`", row) == wanted
 
 
 @pytest.mark.parametrize("page", [CHECKOUT / "README.md", *sorted(DOCS.glob("*.md"))], ids=lambda page: page.name)

@@ -35,5 +35,5 @@ def test_it_finds_nothing_where_nothing_is_and_the_size_that_was_put_in(example,
     assert (none.verdict, none.findings) == ("no_gap", ())
     (finding,) = some.findings
     size = finding.parameters["coefficient"]
-    assert (some.verdict, finding.effect, finding.joint) == ("explained", "paddle_drag", "axis")
+    assert (some.verdict, finding.effect, finding.joint) == ("explained", "bellows", "axis")
     assert abs(size.value - 50.0) < 2.0 * size.std < 1.0

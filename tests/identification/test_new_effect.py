@@ -24,7 +24,8 @@ TRUTH = 0.4
 @pytest.fixture(scope="module", autouse=True)
 def listed():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(catalogue, "EFFECTS", (*catalogue.EFFECTS, QuadraticDrag()))
+        others = (effect for effect in catalogue.EFFECTS if effect.name != QuadraticDrag.name)
+        patch.setattr(catalogue, "EFFECTS", (*others, QuadraticDrag()))
         yield
 
 

@@ -27,16 +27,16 @@ from phantom_dyn.effects.author import EffectWords, LawEffect, Parameter, row_of
 
 
 class OilDrag(LawEffect):
-    name = "quadratic_drag"
+    name = "thick_oil"
     regime = "high_speed"
     words = EffectWords("drag in oil", "drag that grows with speed", "Look for oil.", size="of {coefficient}")
 
     def parameters(self, robot, joint):
-        return (Parameter("coefficient", "N m s^2/rad^2", lower=0.0),)
+        return (Parameter("coefficient", "N m s^3/rad^3", lower=0.0),)
 
     def torque(self, robot, operation, joint, theta):
         v = operation.v[:, row_of(robot, joint)]
-        return torque_on_joint(robot, joint, -theta[0] * v * np.abs(v))
+        return torque_on_joint(robot, joint, -theta[0] * v**3)
 """
 TRUTH = 0.4
 
@@ -76,7 +76,7 @@ def motion(lab):
 @pytest.fixture(scope="module")
 def recording(lab, planar2, motion):
     """The planar arm moved along a path, with drag on its elbow."""
-    return lab.recording(planar2, motion, -TRUTH * motion.v * np.abs(motion.v) * [0.0, 1.0])
+    return lab.recording(planar2, motion, -TRUTH * motion.v**3 * [0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def diagnosis(robot, recording):
 
 
 def test_a_law_alone_is_named_where_it_is_and_nothing_else_is(diagnosis):
-    assert [(finding.effect, finding.joint) for finding in diagnosis.findings] == [("quadratic_drag", "elbow")]
+    assert [(finding.effect, finding.joint) for finding in diagnosis.findings] == [("thick_oil", "elbow")]
     assert diagnosis.verdict == "explained"
 
 
@@ -95,13 +95,13 @@ def test_its_parameter_is_within_its_interval(diagnosis):
 
 
 def test_without_it_the_same_recording_is_explained_by_something_else(planar2, recording):
-    assert "quadratic_drag" not in {finding.effect for finding in diagnose(planar2, (recording,)).findings}
+    assert "thick_oil" not in {finding.effect for finding in diagnose(planar2, (recording,)).findings}
 
 
 def test_a_recording_without_it_has_no_finding_and_a_bound_for_it(lab, robot, planar2, motion):
     found = diagnose(robot, (lab.recording(planar2, motion),))
     assert (found.verdict, found.findings) == ("no_gap", ())
-    bounds = {bound.joint: bound.below for bound in found.bounds if bound.effect == "quadratic_drag"}
+    bounds = {bound.joint: bound.below for bound in found.bounds if bound.effect == "thick_oil"}
     assert set(bounds) == {"shoulder", "elbow"}
     assert 0.0 < bounds["elbow"] < TRUTH
 
@@ -120,12 +120,12 @@ def test_the_report_says_it_in_its_words(diagnosis):
     page = report_html(diagnosis)
     assert "The recording shows drag in oil of 0.4" in page
     assert "Look for oil." in page
-    assert "quadratic drag" not in page
+    assert "thick oil" not in page
 
 
 def test_the_file_of_the_diagnosis_names_it_and_holds_no_words(diagnosis):
     document = to_json(diagnosis)
-    assert document["findings"][0]["effect"] == "quadratic_drag"
+    assert document["findings"][0]["effect"] == "thick_oil"
     assert all(set(entry) == {"effect", "joint", "why"} for entry in document["not_testable"])
     assert all("words" not in entry for entry in document["bounds"])
 
@@ -135,14 +135,14 @@ def test_a_corrected_yaml_is_read_back_with_the_effects_and_refused_without(plan
     path.write_text(write_corrected(diagnosis, planar2.source, planar2.sha256))
     value = diagnosis.findings[0].parameters["coefficient"].value
     known = known_effects((path,), robot)
-    assert known == (KnownEffect("quadratic_drag", "elbow", (value,)),)
-    with pytest.raises(ParameterError, match=r"Unknown effect 'quadratic_drag'.*needs its file \(--effects FILE.py\)"):
+    assert known == (KnownEffect("thick_oil", "elbow", (value,)),)
+    with pytest.raises(ParameterError, match=r"Unknown effect 'thick_oil'.*needs its file \(--effects FILE.py\)"):
         known_effects((path,), planar2)
 
 
 def test_with_its_finding_in_the_model_nothing_is_left_to_find(robot, recording, diagnosis):
     value = diagnosis.findings[0].parameters["coefficient"].value
-    assert diagnose(robot, (recording,), known=(KnownEffect("quadratic_drag", "elbow", (value,)),)).findings == ()
+    assert diagnose(robot, (recording,), known=(KnownEffect("thick_oil", "elbow", (value,)),)).findings == ()
 
 
 def test_workers_have_the_same_effects(robot, recording, tmp_path):
@@ -153,7 +153,7 @@ def test_workers_have_the_same_effects(robot, recording, tmp_path):
     found = diagnose_each(robot, [tmp_path / "one.csv", tmp_path / "two.csv"], jobs=2, out=tmp_path / "out")
     assert [row.refusal for row in found.rows] == [None, None]
     assert [row.causes for row in found.rows] == [("drag in oil on joint elbow",)] * 2
-    assert "effect: quadratic_drag" in (tmp_path / "out" / "two" / "corrected.yaml").read_text()
+    assert "effect: thick_oil" in (tmp_path / "out" / "two" / "corrected.yaml").read_text()
 
 
 def test_a_change_that_the_effect_names_may_change_it(robot, planar2):

@@ -1,13 +1,18 @@
 """The library: terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
 
+Effects of the catalogue say their own (`Effect.formula`), also beside others that a formula may need; what is listed
+here no effect of the catalogue makes. A term that an effect has come to say is its own then.
+
 Parameters inside a term (a speed, a place, a time) take values from a grid over what the recording holds; they are
 chosen without a look at the residual, so that no held-out block has a say.
 """
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +21,8 @@ from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.responses import delayed, resonator
 from identification.diagnosis.law.rest import Rest, RestLog
 from phantom_dyn.array_types import Float
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.described import FormulaTerm, less
 from phantom_dyn.signals.recursive import lagging
 
 Array = np.ndarray
@@ -55,11 +62,6 @@ class Term:
     columns: tuple[Series, ...]
 
 
-def less(name: str, value: float) -> str:
-    """Text of a difference."""
-    return f"({name} {'+' if value < 0 else '-'} {abs(value):.3g})"
-
-
 def rounded(x: float | np.floating) -> float:
     """A number as a formula prints it: what is computed is what is read."""
     return float(f"{x:.3g}")
@@ -93,6 +95,32 @@ class _Joint:
     def names(self, *kinds: str) -> frozenset[str]:
         return frozenset(kind if kind == "t" else f"{kind}.{self.joint}" for kind in kinds)
 
+    @cached_property
+    def said_by_effects(self) -> dict[frozenset[str], list[Term]]:
+        """Terms of the effects of the catalogue, by their inputs; those of the same inputs by their text."""
+        units = {"angle": self.angle, "speed": self.speed, "torque": self.rest.unit}
+        out: dict[frozenset[str], list[Term]] = {}
+        # One by one, as the middle of an input that no recording has is not known.
+        for effect in EFFECTS:
+            for one in effect.formula(self.middle):
+                kinds = tuple(inspect.signature(one.column).parameters)
+                out.setdefault(frozenset(kinds), []).append(
+                    self.term(one.kind, " ".join(kinds), one.text, one.per.format(**units), self._series(one, kinds))
+                )
+        return {kinds: sorted(terms, key=lambda term: term.texts) for kinds, terms in out.items()}
+
+    def _series(self, one: FormulaTerm, kinds: tuple[str, ...]) -> Series:
+        inputs = [self.get(kind) for kind in kinds]
+        return lambda log: np.broadcast_to(one.column(*(get(log) for get in inputs)), log.t.shape)
+
+    def middle(self, kind: str) -> float:
+        """Middle of an input: of the travel for a position, of the values for others; zero where there is none."""
+        if not self.has(kind):
+            return 0.0
+        values = self.all(kind)
+        ends = np.percentile(values, [1, 99])
+        return rounded(0.5 * (ends[0] + ends[1]) if kind == "q" else float(np.mean(values)))
+
     def term(self, kind: str, inputs: str, text: str, per: str, column: Series) -> Term:
         return Term(kind, self.names(*inputs.split()), (text,), per, (column,))
 
@@ -100,7 +128,7 @@ class _Joint:
 def library(rest: Rest, *, memory: bool = True) -> tuple[Term, ...]:
     """All terms that the recordings allow, with or without linear answers that have memory."""
     at = _Joint(rest, rest.joint)
-    out = [Term("offset", frozenset(), ("1",), "", (lambda log: np.ones(len(log.t)),))]
+    out = [*_said(at, "")]
     if at.has("v") and at.has("q"):
         out += [*_friction(at), *_place(at), *_memory(at), *_drift(at)]
         out += _dynamic_motion(at) if memory else ()
@@ -112,14 +140,22 @@ def library(rest: Rest, *, memory: bool = True) -> tuple[Term, ...]:
     out += _supply(at)
     for other in rest.others:
         out += _other(at, _Joint(rest, other))
-    return tuple(term for term in out if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
+    out += [term for terms in at.said_by_effects.values() for term in terms]
+    # What an effect says is there twice, in its place among its like and at the end; what is listed here may be too.
+    own = {term.texts: term for terms in at.said_by_effects.values() for term in terms}
+    known = {term.texts: own.get(term.texts, term) for term in out}
+    return tuple(term for term in known.values() if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
+
+
+def _said(at: _Joint, inputs: str) -> list[Term]:
+    """Terms that effects of the catalogue say, of certain inputs."""
+    return at.said_by_effects.get(frozenset(inputs.split()), [])
 
 
 def _friction(at: _Joint) -> Iterator[Term]:
     v = at.get("v")
     fast = float(np.percentile(np.abs(at.all("v")), 90))
-    yield at.term("friction", "v", "sign(v)", "", lambda log: np.sign(v(log)))
-    yield at.term("damping", "v", "v", at.speed, v)
+    yield from _said(at, "v")
     yield at.term("drag", "v", "v*|v|", f"{at.speed}^2", lambda log: v(log) * np.abs(v(log)))
     for share in _SPEEDS:
         vs = rounded(share * fast)
@@ -133,16 +169,16 @@ def _place(at: _Joint) -> Iterator[Term]:
     """Of the position alone, and friction that depends on it."""
     q, v = at.get("q"), at.get("v")
     low, high = (float(x) for x in np.percentile(at.all("q"), [1, 99]))
-    wide, middle = high - low, rounded(0.5 * (low + high))
+    wide, middle = high - low, at.middle("q")
 
     def x(log: RestLog) -> Array:
         return q(log) - middle
 
     d = less("q", middle)
-    for power, kind in ((1, "spring"), (2, "uneven spring"), (3, "hardening spring")):
+    for power, kind in ((1, ""), (2, "uneven spring"), (3, "hardening spring")):
         text = d if power == 1 else f"{d}^{power}"
         per = at.angle if power == 1 else f"{at.angle}^{power}"
-        yield at.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)
+        yield from [at.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)] if kind else _said(at, "q")
         yield at.term(
             "friction over position", "q v", f"{text}*sign(v)", per,
             lambda log, p=power: x(log) ** p * np.sign(v(log)),
@@ -293,12 +329,10 @@ def _step(log: RestLog) -> float:
 def _load(at: _Joint) -> Iterator[Term]:
     tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
-    yield at.term("gain", "tl", "tl", unit, tl)
+    yield from _said(at, "tl")
     yield at.term("one-sided gain", "tl", "|tl|", unit, lambda log: np.abs(tl(log)))
     yield at.term("gain that changes with load", "tl", "tl*|tl|", f"{unit}^2", lambda log: tl(log) * np.abs(tl(log)))
-    yield at.term(
-        "friction that grows with load", "tl v", "|tl|*sign(v)", unit, lambda log: np.abs(tl(log)) * np.sign(v(log))
-    )
+    yield from _said(at, "tl v")
     yield at.term(
         "friction that grows with load", "tl v", "tl^2*sign(v)", f"{unit}^2",
         lambda log: tl(log) ** 2 * np.sign(v(log)),
@@ -309,18 +343,10 @@ def _load(at: _Joint) -> Iterator[Term]:
 
 
 def _heat(at: _Joint) -> Iterator[Term]:
-    temp, v = at.get("temp"), at.get("v")
-    middle = rounded(float(np.mean(at.all("temp"))))
-    d = less("temp", middle)
-    yield at.term("offset that changes with temperature", "temp", d, "°C", lambda log: temp(log) - middle)
-    yield at.term(
-        "friction that changes with temperature", "temp v", f"{d}*sign(v)", "°C",
-        lambda log: (temp(log) - middle) * np.sign(v(log)),
-    )  # fmt: skip
-    yield at.term(
-        "damping that changes with temperature", "temp v", f"{d}*v", f"°C {at.speed}",
-        lambda log: (temp(log) - middle) * v(log),
-    )  # fmt: skip
+    temp, middle = at.get("temp"), at.middle("temp")
+    kind, d = "offset that changes with temperature", less("temp", middle)
+    yield at.term(kind, "temp", d, "°C", lambda log: temp(log) - middle)
+    yield from _said(at, "temp v")
 
 
 def _supply(at: _Joint) -> Iterator[Term]:

@@ -42,12 +42,16 @@ class OwnEffect(Effect):
     def __init__(self, inner: Effect, recording: int, file: str):
         self.inner, self.recording, self.file = inner, recording, file
         self.name = own_name(inner.name, recording)
-        self.contains = tuple(own_name(name, recording) for name in inner.contains)
-        self.scope, self.regime, self.uses_acceleration = inner.scope, inner.regime, inner.uses_acceleration
-        self.shape_is_estimate, self.seen_by = inner.shape_is_estimate, inner.seen_by
-        self.follows_model, self.follows_torque = inner.follows_model, inner.follows_torque
-        self.follows_load, self.on_link = inner.follows_load, inner.on_link
-        self.words, self.rubs = inner.words, inner.rubs
+        self._contains = tuple(own_name(name, recording) for name in inner.contains)
+        self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
+        # A gain of one recording scales nothing in the others, and a shape is that of this recording.
+        self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
+        self.fitted = "plain" if inner.fitted == "shape held" else inner.fitted
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """What the effect contains, in the same recording."""
+        return self._contains
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Those of the effect."""

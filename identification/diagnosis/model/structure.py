@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.effect import Rival, Shape, Signature
+from phantom_dyn.effects.effect import Rival, Shape, Signature, Source
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
@@ -39,10 +39,14 @@ class Drift(Rival):
     regime = "time_drift"
 
     def __init__(
-        self, name: str, steady: str, whole: Callable[[Operation, int], Array], *, uses_acceleration: bool = False
+        self, name: str, steady: str, whole: Callable[[Operation, int], Array], made_of: tuple[Source, ...] = ()
     ):
-        self.name, self.contains, self._whole = name, (steady,), whole
-        self.uses_acceleration = uses_acceleration
+        self.name, self._steady, self._whole, self.made_of = name, (steady,), whole, made_of
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """What it is where it does not change."""
+        return self._steady
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """What changes, as it is and times slow cosines of time."""
@@ -93,7 +97,11 @@ class Field(Rival):
 
     name = "field"
     regime = "posture"
-    contains = ("torque_offset", "parasitic_spring")
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A force that is the same everywhere, and one that goes with the joint's own position."""
+        return ("torque_offset", "parasitic_spring")
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Hinge functions of each position, which a contact that starts somewhere leaves."""
@@ -137,8 +145,12 @@ class Supply(Rival):
     name = "supply"
     scope = "either"
     regime = "high_load"
-    contains = ("torque_constant",)
-    uses_acceleration = True
+    made_of = ("acceleration",)
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A drive that gives less at any load."""
+        return ("torque_constant",)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """How long [s] a supply takes to give way."""
@@ -163,9 +175,7 @@ STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
     Drift("drifting_damping", "viscous_friction", lambda operation, j: _scaled(operation.v[:, j])),
-    Drift(
-        "drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), uses_acceleration=True
-    ),
+    Drift("drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)),
     Rhythm(),
     Field(),
     Contact(),

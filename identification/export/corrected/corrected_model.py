@@ -183,7 +183,7 @@ def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]
     theta = np.asarray(effect.theta, dtype=float)
     wanted = len(law.parameters(robot, effect.joint))
     count = len(theta)
-    lists = law.takes_lists and count > 0 and count % wanted == 0
+    lists = law.takes_lists(robot, effect.joint) and count > 0 and count % wanted == 0
     if not (lists or count in (wanted, wanted + len(law.optional_parameters(robot, effect.joint)))):
         raise ParameterError(
             f"{effect.effect} was given {count} parameters, wanted {wanted}: give the contract's, in order."

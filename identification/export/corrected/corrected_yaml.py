@@ -14,7 +14,7 @@ from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from identification.geometry.pins import loops_of
 from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, UsageError, known_names, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.settings_file import (
@@ -239,7 +239,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
             f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
         )
     names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
-    _require_lengths(effect, entry, file)
+    _require_lengths(entry, file, lists=effect.takes_lists(robot, entry.joint))
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
     # Inertial parameters that are not named did not move.
@@ -299,10 +299,10 @@ def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
         )
 
 
-def _require_lengths(effect: Effect, entry: CorrectedEffect, file: Path) -> None:
+def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None:
     """Refuse lists of an effect that takes numbers, and lists of unequal length of one that takes lists."""
     values = {name: value.value for name, value in entry.parameters.items()}
-    if not effect.takes_lists:
+    if not lists:
         wrong = [name for name, value in values.items() if isinstance(value, list)]
         if wrong:
             raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")

@@ -127,7 +127,9 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
     """Range of sizes that would not have been seen on a robot; a size is how far from nothing an effect is."""
-    return (-bound.below if effect_named(bound.effect, robot).either_sign else 0.0, bound.below)
+    known = effect_named(bound.effect, robot).parameters(robot, bound.joint)
+    either = any(one.either_sign for one in known if one.name == bound.parameter)
+    return (-bound.below if either else 0.0, bound.below)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import recursive
@@ -31,10 +31,8 @@ class ActuatorLag(Effect):
     name = "actuator_lag"
     scope = "either"
     regime = "high_acceleration"
-    uses_acceleration = True
-    follows_torque = True
-    follows_model = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration", "model", "torque")
+    shows_with = "acceleration"
     changes_with = "controller"
     words = EffectWords(
         name="actuator lag",
@@ -131,13 +129,14 @@ def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[A
     return recursive((new, old), (1.0, -keep), tau[:, None])[:, 0]
 
 
+@command_law
 @jit
-def lag_law(now: float, asked: float, dt: float, time_constant: float) -> tuple[float, float]:
+def lag_law(now: float, tau: float, dt: float, time_constant: float) -> tuple[float, float]:
     """Torque at the end of a step and its mean over the step; ``now`` is not a number at the first."""
     if np.isnan(now):
-        now = asked
+        now = tau
     if time_constant <= 0.0:
-        return asked, asked
+        return tau, tau
     steps = max(dt / time_constant, 1e-12)
     rest = np.expm1(-steps)
-    return asked + (now - asked) * (1.0 + rest), asked - (now - asked) * rest / steps
+    return tau + (now - tau) * (1.0 + rest), tau - (now - tau) * rest / steps

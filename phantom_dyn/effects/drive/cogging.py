@@ -15,7 +15,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in, slowest_order
 from phantom_dyn.effects.support.position_waves import (
     each_wave,
@@ -37,8 +37,7 @@ class Cogging(Effect):
 
     name = "cogging"
     regime = "periodic_in_angle"
-    shape_held = True
-    takes_lists = True
+    fitted = "shape held"
     words = EffectWords(
         name="cogging",
         meaning="torque that repeats with the joint angle, the same at every speed",
@@ -110,6 +109,7 @@ class Cogging(Effect):
         return ModelNumbers(whole=True, waves=tuple(each_wave(theta)))
 
 
+@torque_law
 @within
 def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
     """One wave of the law."""

@@ -15,7 +15,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
@@ -35,12 +35,9 @@ class InputDelay(Effect):
     name = "input_delay"
     scope = "either"
     regime = "high_acceleration"
-    uses_acceleration = True
-    shape_is_estimate = True
-    follows_torque = True
-    follows_model = True
-    goes_with_motion = "acceleration"
-    tested_against_zero = True
+    made_of = ("acceleration", "model", "torque")
+    shows_with = "acceleration"
+    fitted = "secant"
     changes_with = "controller"
     words = EffectWords(
         name="an input delay",
@@ -161,6 +158,7 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
     return lengths @ history[:, 1:] / lengths.sum()
 
 
+@command_law
 @within
 def delay_law(
     line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float

@@ -25,8 +25,8 @@ class RotorInertia(Effect):
 
     name = "rotor_inertia"
     regime = "high_acceleration"
-    uses_acceleration = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration",)
+    shows_with = "acceleration"
     exact = True
     words = EffectWords(
         name="rotor inertia",

@@ -7,15 +7,16 @@ friction that is trusted, separates the two. URDF has no place for it; MJCF: act
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -30,9 +31,7 @@ class TorqueConstant(Effect):
 
     name = "torque_constant"
     regime = "high_load"
-    uses_acceleration = True
-    scales_joint = True
-    either_sign = True
+    made_of = ("acceleration", "whole joint")
     changes_with = "temperature"
     words = EffectWords(
         name="a wrong torque constant",
@@ -63,6 +62,7 @@ class TorqueConstant(Effect):
                 plausible=(0.5, 2.0),
                 plausible_because="torque constants of one type of motor differ by some per cent, hot by a third; a "
                 "factor of two is another motor, and more is a unit or a gear ratio",
+                either_sign=True,
             ),
         )
 
@@ -97,6 +97,10 @@ class TorqueConstant(Effect):
         """The ratio of an excess."""
         return (1.0 / (1.0 + size),) if size > -1 else None
 
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """The torque itself."""
+        return (FormulaTerm("gain", "tl", lambda tl: tl, "{torque}"),)
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
         needed = operation.tau[:, row_of(robot, joint)]
@@ -116,6 +120,7 @@ class TorqueConstant(Effect):
         return ModelNumbers(whole=True, gain=float(theta[0]))
 
 
+@command_law
 @within
 def scaled_law(tau: float, ratio: float) -> float:
     """What the drive gives when ``tau`` is asked for."""

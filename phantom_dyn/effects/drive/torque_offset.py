@@ -7,13 +7,15 @@ actuator.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -26,7 +28,6 @@ class TorqueOffset(Effect):
 
     name = "torque_offset"
     regime = "everywhere"
-    either_sign = True
     exact = True
     words = EffectWords(
         name="a torque offset",
@@ -47,12 +48,17 @@ class TorqueOffset(Effect):
                 torque_unit(robot, joint),
                 plausible=(-limit, limit),
                 plausible_because="a constant torque beyond the drive's limit would hold the joint at its stop",
+                either_sign=True,
             ),
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus one: the drive cancels the offset."""
         return on_one_joint(robot, joint, torque=(-np.ones(len(operation.t)), torque_unit(robot, joint)))
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """The constant."""
+        return (FormulaTerm("offset", "1", lambda: np.ones(1)),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The constant on the joint."""
@@ -69,6 +75,7 @@ class TorqueOffset(Effect):
         return ModelNumbers(whole=True, offset=theta.item())
 
 
+@torque_law
 @within
 def constant_law(torque: float) -> float:
     """The torque itself."""

@@ -20,7 +20,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in
 from phantom_dyn.effects.support.position_waves import (
     each_wave,
@@ -47,10 +47,8 @@ class TorqueRipple(Effect):
 
     name = "torque_ripple"
     regime = "periodic_in_angle"
-    shape_held = True
-    takes_lists = True
-    uses_acceleration = True
-    follows_model = True
+    fitted = "shape held"
+    made_of = ("acceleration", "model")
     words = EffectWords(
         name="torque ripple",
         meaning="torque that repeats with the joint angle and grows with the load",
@@ -139,6 +137,7 @@ def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
     return friction + low_passed(load - friction, operation.band_hz, 1.0 / operation.dt, order=_POLES)
 
 
+@torque_law
 @jit
 def ripple_law(q: float, load: float, order: float, amplitude: float, phase: float) -> float:
     """One wave of the law under a transmitted torque ``load``."""

@@ -14,7 +14,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     hidden_behind_drive,
@@ -57,11 +57,11 @@ class TorqueSaturation(Effect):
     """See the module."""
 
     name = "torque_saturation"
-    goes_with_motion = "acceleration"
     regime = "saturated"
-    seen_by = "neither"
     # What the motion needs is without what a drive at its limit lacks.
-    follows_torque = True
+    made_of = ("torque",)
+    shows_with = "acceleration"
+    fitted = "any size"
     words = EffectWords(
         name="torque saturation",
         meaning="the drive gives less than what is commanded beyond a limit",
@@ -246,4 +246,4 @@ def held_within(tau, limit):
     return np.minimum(np.maximum(tau, -limit), limit)
 
 
-clipped_law = jit(held_within)
+clipped_law = command_law(jit(held_within))

@@ -15,7 +15,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
@@ -35,12 +35,10 @@ class EncoderEccentricity(Effect):
     """See the module."""
 
     name = "encoder_eccentricity"
-    on_link = True
     regime = "periodic_in_angle"
-    uses_acceleration = True
-    follows_model = True
-    first_order = True
-    displaces = True
+    made_of = ("acceleration", "model")
+    acts_as = "load"
+    fitted = "first order"
     words = EffectWords(
         name="encoder eccentricity",
         meaning="the position is read with an error that repeats with each turn",
@@ -153,6 +151,7 @@ def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, 
     return sine, cosine * v, cosine * a - sine * v**2
 
 
+@reading_law
 @within
 def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
     """Reading of a disc off its centre at position ``q``."""

@@ -15,7 +15,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
 from phantom_dyn.effects.support.rows import branch_rows, row_of, secant
 from phantom_dyn.model.robot import Robot
@@ -33,13 +33,10 @@ class EncoderOffset(Effect):
     """See the module."""
 
     name = "encoder_offset"
-    on_link = True
     regime = "posture"
-    uses_acceleration = True
-    shape_is_estimate = True
-    follows_model = True
-    displaces = True
-    either_sign = True
+    made_of = ("acceleration", "model")
+    acts_as = "load"
+    fitted = "secant"
     words = EffectWords(
         name="an encoder offset",
         meaning="the position is read with a constant error",
@@ -63,6 +60,7 @@ class EncoderOffset(Effect):
                 far,
                 plausible=(-large, large),
                 plausible_because="a zero that is off by more than half a radian or ten centimetres is seen by eye",
+                either_sign=True,
             ),
         )
 
@@ -117,6 +115,7 @@ class EncoderOffset(Effect):
         return ModelNumbers(whole=True, zero=theta.item())
 
 
+@reading_law
 @within
 def shifted_law(q: float, offset: float) -> float:
     """Reading of an encoder with a wrong zero at position ``q``."""

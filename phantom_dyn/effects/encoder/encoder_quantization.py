@@ -14,7 +14,7 @@ from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
@@ -27,7 +27,7 @@ class EncoderQuantization(Effect):
 
     name = "encoder_quantization"
     regime = "low_speed"
-    only_noise = True
+    fitted = "nothing"
     words = EffectWords(
         name="coarse encoder steps",
         meaning="the position is rounded to a step coarser than stated",
@@ -79,6 +79,7 @@ class EncoderQuantization(Effect):
         )
 
 
+@reading_law
 @within
 def rounded_law(q: float, step: float) -> float:
     """Reading of a coarse encoder at position ``q``."""

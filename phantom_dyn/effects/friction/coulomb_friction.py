@@ -6,9 +6,11 @@ URDF: ``<dynamics friction>``; MJCF: joint ``frictionloss``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
@@ -31,7 +33,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     regime = "velocity_reversal"
-    rubs = True
+    acts_as = "dry friction"
     changes_with = "friction"
     words = EffectWords(
         name="Coulomb friction",
@@ -59,6 +61,10 @@ class CoulombFriction(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled torque it is not negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),)
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Direction of motion."""
+        return (FormulaTerm("friction", "sign(v)", lambda v: np.sign(v)),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""

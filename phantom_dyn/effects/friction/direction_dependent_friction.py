@@ -14,7 +14,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.ranges import dry_range, viscous_range
 from phantom_dyn.effects.support.rows import (
@@ -35,9 +35,7 @@ class DirectionDependentFriction(Effect):
 
     name = "direction_dependent_friction"
     regime = "one_direction"
-    rubs = True
-    contains = ("coulomb_friction", "viscous_friction", "torque_offset")
-    same_as_sum = ("coulomb_friction", "torque_offset")
+    acts_as = "dry friction"
     words = EffectWords(
         name="direction-dependent friction",
         meaning="friction that is larger in one direction than in the other",
@@ -128,6 +126,7 @@ class DirectionDependentFriction(Effect):
         )
 
 
+@torque_law
 @jit
 def two_way_law(v: float, half: float, positive: float, negative: float) -> float:
     """Torque besides the mean level: half the difference of both levels, and viscous friction of the direction."""

@@ -18,7 +18,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import damping_unit, inertia_unit, row_of, torque_on_rows, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -36,9 +36,8 @@ class JointCoupling(Effect):
 
     name = "joint_coupling"
     scope = "pair"
-    on_each_joint = ("coulomb_friction", "viscous_friction")
     regime = "velocity_reversal"
-    uses_acceleration = True
+    made_of = ("acceleration",)
     words = EffectWords(
         name="joint coupling",
         meaning="friction or inertia that acts when both joints move, as in a coupled transmission",
@@ -174,7 +173,8 @@ def _combined(x: Float[Array, "N nv"], rows: tuple[int, int], ratio: float) -> F
     return x[:, rows[0]] + ratio * x[:, rows[1]]
 
 
+@torque_law
 @jit
-def shared_law(w: float, coulomb: float, viscous: float) -> float:
-    """Friction of what turns with both joints."""
-    return -(coulomb * np.sign(w) + viscous * w)
+def shared_law(v: float, coulomb: float, viscous: float) -> float:
+    """Friction of what turns with both joints at their speeds together."""
+    return -(coulomb * np.sign(v) + viscous * v)

@@ -7,13 +7,15 @@ a payload is carried too; not the measured one, whose noise would bias the fit. 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.described import EffectWords, FormulaTerm
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -28,10 +30,8 @@ class LoadDependentFriction(Effect):
 
     name = "load_dependent_friction"
     regime = "high_load"
-    rubs = True
-    uses_acceleration = True
-    follows_model = True
-    follows_load = True
+    made_of = ("acceleration", "model", "load")
+    acts_as = "dry friction"
     changes_with = "friction"
     words = EffectWords(
         name="load-dependent friction",
@@ -78,6 +78,11 @@ class LoadDependentFriction(Effect):
         """In one direction it is a torque constant or an offset."""
         return never_reverses(robot, operation, joint)
 
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Load in the direction of motion."""
+        kind = "friction that grows with load"
+        return (FormulaTerm(kind, "|tl|*sign(v)", lambda tl, v: np.abs(tl) * np.sign(v), "{torque}"),)
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""
         row = row_of(robot, joint)
@@ -96,6 +101,7 @@ class LoadDependentFriction(Effect):
         return Simulated(torque=torque, laws=(Law(loaded_law, row, (theta.item(),)),))
 
 
+@torque_law
 @jit
 def loaded_law(v: float, load: float, ratio: float) -> float:
     """Friction under a transmitted torque ``load``."""

@@ -11,6 +11,8 @@ URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the pos
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
@@ -18,7 +20,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.foreseen import foresees
 from phantom_dyn.effects.support.ranges import dry_range
@@ -39,10 +41,8 @@ class PositionDependentFriction(Effect):
 
     name = "position_dependent_friction"
     regime = "posture"
-    rubs = True
-    shape_held = True
-    takes_lists = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
+    fitted = "shape held"
     changes_with = "friction"
     words = EffectWords(
         name="position-dependent friction",
@@ -68,8 +68,9 @@ class PositionDependentFriction(Effect):
                 robot.position_units[row],
                 plausible=(-np.inf, np.inf),
                 plausible_because="a joint may rub at any place of its travel",
+                listed=True,
             ),
-            dry_range(robot, joint, "torque"),
+            replace(dry_range(robot, joint, "torque"), listed=True),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
@@ -169,6 +170,7 @@ def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tup
     return tuple(zip(levels.tolist(), np.diff(slopes).tolist(), places.tolist(), strict=True))
 
 
+@torque_law
 @jit
 def bent_law(q: float, v: float, level: float, slope: float, place: float) -> float:
     """Friction torque at position ``q`` that is a level up to a place and rises from there on."""

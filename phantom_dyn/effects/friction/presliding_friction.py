@@ -20,7 +20,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     never_reverses,
@@ -75,8 +75,7 @@ class PreslidingFriction(Effect):
 
     name = "presliding_friction"
     regime = "velocity_reversal"
-    rubs = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
     other_laws = (yielding,)
     words = EffectWords(
         name="presliding friction",
@@ -233,6 +232,7 @@ def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> t
     return np.array([q, stuck, anchor]), torque
 
 
+@torque_law
 @jit
 def stick_law(
     last: float,
@@ -266,6 +266,7 @@ def stick_law(
     return 0.0, anchor, -torque * np.sign(v)
 
 
+@torque_law
 @jit
 def bristle_law(last: float, z: float, q: float, torque: float, displacement: float) -> tuple[float, float]:
     """Deflection of the bristle at position ``q`` and its torque; ``last`` and ``z`` are those of the step before."""

@@ -13,7 +13,7 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.ranges import dry_range
 from phantom_dyn.effects.support.rows import (
@@ -37,9 +37,8 @@ class StribeckFriction(Effect):
 
     name = "stribeck_friction"
     regime = "low_speed"
-    rubs = True
-    acts_when_slow = True
-    contains = ("coulomb_friction",)
+    acts_as = "dry friction"
+    shows_with = "slow motion"
     words = EffectWords(
         name="Stribeck friction",
         meaning="friction that falls as the joint starts to move and then levels off",
@@ -127,6 +126,7 @@ class StribeckFriction(Effect):
         return ModelNumbers(coulomb=float(theta[0]))
 
 
+@torque_law
 @jit
 def falling_law(v: float, fall: float, velocity: float) -> float:
     """Friction torque at standstill less that at velocity ``v``."""

@@ -10,10 +10,12 @@ the mean of its recording, else the reference. URDF and MJCF have a place for th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
@@ -47,9 +49,8 @@ class TemperatureDependentFriction(Effect):
 
     name = "temperature_dependent_friction"
     regime = "time_drift"
-    rubs = True
-    shape_held = True
-    contains = ("coulomb_friction", "viscous_friction")
+    acts_as = "dry friction"
+    fitted = "shape held"
     words = EffectWords(
         name="temperature-dependent friction",
         meaning="friction that changes as the drive warms up",
@@ -153,6 +154,15 @@ class TemperatureDependentFriction(Effect):
         if change < _LEAST_CHANGE:
             return f"the temperature of {joint} changes by {change:.2g} °C only, wanted {_LEAST_CHANGE:g} °C or more"
         return never_reverses(robot, operation, joint)
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Direction and speed of motion, times the temperature."""
+        kind, rest = "{} that changes with temperature", middle("temp")
+        warmer = less("temp", rest)
+        return (
+            FormulaTerm(kind.format("friction"), f"{warmer}*sign(v)", lambda temp, v: (temp - rest) * np.sign(v), "°C"),
+            FormulaTerm(kind.format("damping"), f"{warmer}*v", lambda temp, v: (temp - rest) * v, "°C {speed}"),
+        )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law on the joint, zero at rest; at the reference where no temperature is known."""

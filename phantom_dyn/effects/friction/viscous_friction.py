@@ -7,9 +7,11 @@ URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
@@ -32,8 +34,8 @@ class ViscousFriction(Effect):
 
     name = "viscous_friction"
     regime = "high_speed"
+    shows_with = "velocity"
     changes_with = "friction"
-    goes_with_motion = "velocity"
     words = EffectWords(
         name="viscous friction",
         meaning="friction torque that grows in proportion to speed",
@@ -63,6 +65,10 @@ class ViscousFriction(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled coefficient it is not negative."""
         return ((-modelled_friction_of(robot, joint)[0], np.inf),)
+
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Velocity."""
+        return (FormulaTerm("damping", "v", lambda v: v, "{speed}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""

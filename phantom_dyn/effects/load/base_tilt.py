@@ -47,12 +47,10 @@ class BaseTilt(Effect):
 
     name = "base_tilt"
     scope = "robot"
-    on_link = True
     regime = "posture"
-    shape_is_estimate = True
-    follows_model = True
-    displaces = True
-    either_sign = True
+    made_of = ("model",)
+    acts_as = "load"
+    fitted = "secant"
     exact = True
     words = EffectWords(
         name="a tilted base",
@@ -80,6 +78,7 @@ class BaseTilt(Effect):
                 default=0.0,
                 plausible=(-_LEANING, _LEANING),
                 plausible_because="a base that leans by more than twenty degrees is seen by eye",
+                either_sign=True,
             )
             for name in _ANGLES
         )

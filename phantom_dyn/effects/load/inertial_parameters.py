@@ -34,11 +34,10 @@ class InertialParameters(Effect):
     """See the module."""
 
     name = "inertial_parameters"
-    on_link = True
     regime = "posture"
-    contains = ("payload",)
-    uses_acceleration = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration",)
+    acts_as = "load"
+    shows_with = "acceleration"
     exact = True
     inertial = "free"
     words = EffectWords(

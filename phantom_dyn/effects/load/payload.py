@@ -2,7 +2,8 @@
 """A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
 
 It is negative where the model carries a part that the robot does not. Where that is about a body on a fixed or locked
-joint (a hand), it stands for that body, whose own inertia goes with it.
+joint (a hand), it stands for that body, whose own inertia goes with it. Where the mass may be zero, a finding states
+first moments ``moment_x``, ``moment_y`` and ``moment_z`` in place of the centre.
 
 It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
 last link with four numbers instead of ten; on a pendulum the two are the same thing.
@@ -50,10 +51,10 @@ class Payload(Effect):
 
     name = "payload"
     scope = "robot"
-    on_link = True
     regime = "posture"
-    uses_acceleration = True
-    goes_with_motion = "acceleration"
+    made_of = ("acceleration",)
+    acts_as = "load"
+    shows_with = "acceleration"
     inertial = "point mass"
     words = EffectWords(
         name="a payload",

@@ -6,6 +6,8 @@ rad/m on a linear one. Cogging and ripple share them; see `cogging_orders` for h
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phantom_dyn.array_types import Float
@@ -29,6 +31,7 @@ def wave_parameters(robot: Robot, joint: str | None, amplitude: Parameter) -> tu
         0.0,
         plausible=(0.0, _MOST_TURNS),
         plausible_because="slots, poles and teeth times a gear ratio are fewer",
+        listed=True,
     )
     phase = Parameter(
         "phase",
@@ -37,8 +40,9 @@ def wave_parameters(robot: Robot, joint: str | None, amplitude: Parameter) -> tu
         np.pi,
         plausible=(-np.pi, np.pi),
         plausible_because="a wave may begin anywhere",
+        listed=True,
     )
-    return order, amplitude, phase
+    return order, replace(amplitude, listed=True), phase
 
 
 def sines_and_cosines(q: Float[Array, " N"], orders: Shape) -> tuple[Float[Array, "N m"], tuple[str, ...]]:

@@ -49,8 +49,8 @@ class Backlash(Effect):
 
     name = "backlash"
     regime = "velocity_reversal"
-    seen_by = "shape"
-    follows_model = True
+    made_of = ("model",)
+    fitted = "size in shape"
     other_laws = (under_all_load,)
     words = EffectWords(
         name="backlash",

@@ -7,13 +7,15 @@ URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -27,9 +29,8 @@ class ParasiticSpring(Effect):
     """See the module."""
 
     name = "parasitic_spring"
-    on_link = True
     regime = "posture"
-    tends_to = ("torque_offset",)  # a soft spring that is at rest far away
+    acts_as = "load"
     words = EffectWords(
         name="a parasitic spring",
         meaning="a torque that pulls the joint towards one position, as a cable or hose does",
@@ -97,6 +98,11 @@ class ParasiticSpring(Effect):
         """About the posture."""
         return (size, float(posture[row_of(robot, joint)]))
 
+    def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
+        """Position."""
+        rest = middle("q")
+        return (FormulaTerm("spring", less("q", rest), lambda q: q - rest, "{angle}"),)
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
@@ -117,6 +123,7 @@ class ParasiticSpring(Effect):
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 
+@torque_law
 @jit
 def spring_law(q: float, stiffness: float, rest_position: float) -> float:
     """Torque of the spring."""

@@ -53,9 +53,8 @@ class TransmissionCompliance(Effect):
 
     name = "transmission_compliance"
     regime = "high_acceleration"
-    uses_acceleration = True
-    shape_is_estimate = True
-    follows_model = True
+    made_of = ("acceleration", "model")
+    fitted = "secant"
     words = EffectWords(
         name="transmission compliance",
         meaning="the transmission gives like a spring between motor and link",

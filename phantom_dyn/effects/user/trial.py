@@ -224,13 +224,13 @@ def _require_said(
     if effect.follows_model or effect.follows_torque:
         return
     if np.abs(law(loaded) - whole).max() > least:
-        raise EffectError(f"{origin}: its torque follows that of the model: set follows_model = True.")
+        raise EffectError(f"{origin}: its torque follows that of the model: add 'model' to made_of.")
     tau = operation.tau
     jolted = Operation(operation.t, operation.q, operation.v, 1.1 * operation.a, robot, tau, tau, tau)
     if np.abs(law(jolted) - whole).max() > least and not effect.uses_acceleration:
         raise EffectError(
-            f"{origin}: its torque uses accelerations, which are noisy: set uses_acceleration = True, or use a "
-            "velocity."
+            f"{origin}: its torque uses accelerations, which are noisy: add 'acceleration' to made_of, or use "
+            "a velocity."
         )
 
 

@@ -1,7 +1,7 @@
 """Compiled steps of a tree of one-degree joints, some with motors that may move apart from their links.
 
 The same midpoint rule as `phantom_dyn.simulation.stepping`. Passive joints of a closed chain follow the active ones, of
-which there are ``nv``.
+which there are ``nv``. Laws of effects are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations

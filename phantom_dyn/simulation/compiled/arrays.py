@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn.effects.compiled_laws import delay_law
+from phantom_dyn.effects.compiled_laws import delay_law, number_of
 from phantom_dyn.effects.simulated import Law
 
 Array = np.ndarray
@@ -19,7 +19,7 @@ class Laws(NamedTuple):
     """Laws of one channel, in their order; ``k`` of them.
 
     Attributes:
-        codes: Places in the list of the channel, ``(k,)``.
+        codes: Numbers of the laws, see `phantom_dyn.effects.compiled_laws.number_of`, ``(k,)``.
         rows: Joints, ``(k,)``.
         others: Joints whose speed counts too, ``(k,)``.
         shares: Weight of that speed, ``(k,)``.
@@ -135,15 +135,15 @@ class Rows(NamedTuple):
     after: Array
 
 
-def packed(laws: list[Law], known: tuple) -> Laws:
-    """Laws of one channel as arrays; ``known`` is the channel's list of laws."""
+def packed(laws: list[Law]) -> Laws:
+    """Laws of one channel as arrays."""
     k = len(laws)
     numbers, state = np.zeros((k, 4)), np.zeros((k, 3))
     for i, law in enumerate(laws):
         numbers[i, : len(law.numbers)] = law.numbers
         state[i, : len(law.start)] = law.start
     return Laws(
-        np.array([known.index(law.function) for law in laws], np.int64),
+        np.array([number_of(law.function) for law in laws], np.int64),
         np.array([law.row for law in laws], np.int64),
         np.array([law.other for law in laws], np.int64),
         np.array([law.share for law in laws], float),

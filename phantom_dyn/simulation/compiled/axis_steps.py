@@ -1,6 +1,7 @@
 """Compiled steps of a machine with one joint: a link with a motor that is tied to it, or apart from it by a spring.
 
-The same rule as `phantom_dyn.simulation.stepping`, where with one joint nothing is left to solve.
+The same rule as `phantom_dyn.simulation.stepping`, where with one joint nothing is left to solve. Laws of effects
+are called by their numbers, see `phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations

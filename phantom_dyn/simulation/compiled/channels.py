@@ -1,4 +1,7 @@
-"""Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give."""
+"""Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give.
+
+Laws of effects are called by their numbers, which are no places in a list: see `phantom_dyn.effects.compiled_laws`.
+"""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ import pytest
 
 from identification.cli.main import main
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
@@ -34,34 +35,7 @@ Regime = Literal[
     "time_drift",
     "everywhere",
 ]
-Effect = Literal[
-    "viscous_friction",
-    "coulomb_friction",
-    "direction_dependent_friction",
-    "stribeck_friction",
-    "presliding_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
-    "temperature_dependent_friction",
-    "backlash",
-    "transmission_compliance",
-    "joint_coupling",
-    "cogging",
-    "torque_ripple",
-    "torque_saturation",
-    "torque_constant",
-    "torque_offset",
-    "input_delay",
-    "actuator_lag",
-    "rotor_inertia",
-    "payload",
-    "inertial_parameters",
-    "base_tilt",
-    "parasitic_spring",
-    "encoder_offset",
-    "encoder_eccentricity",
-    "encoder_quantization",
-]
+Effect = Literal[tuple(effect.name for effect in EFFECTS)]
 
 
 class Strict(msgspec.Struct, forbid_unknown_fields=True):

@@ -29,29 +29,28 @@ def clean(tmp_path_factory, lab, planar2, written) -> Path:
 
 
 @pytest.fixture(scope="module")
-def dragged(clean) -> Path:
-    """The same with a paddle on the elbow, as `degrade` writes it."""
-    out = clean.with_name("dragged.csv")
-    words = ["--effect", "paddle_drag", "--joint", "elbow", "--set", f"coefficient={TRUTH}", "--out", str(out)]
+def covered(clean) -> Path:
+    """The same with bellows on the elbow, as `degrade` writes it."""
+    out = clean.with_name("covered.csv")
+    words = ["--effect", "bellows", "--joint", "elbow", "--set", f"coefficient={TRUTH}", "--out", str(out)]
     assert main(["degrade", str(ARM), str(clean), "--effects", str(FILE), *words]) == 0
     return out
 
 
 @pytest.fixture(scope="module")
-def diagnosed(dragged) -> Path:
-    out = dragged.with_name("report")
-    assert main(["diagnose", str(ARM), str(dragged), "--effects", str(FILE), "--out", str(out)]) == 0
+def diagnosed(covered) -> Path:
+    out = covered.with_name("report")
+    assert main(["diagnose", str(ARM), str(covered), "--effects", str(FILE), "--out", str(out)]) == 0
     return out
 
 
-def test_degrade_adds_the_law_along_the_motion(clean, dragged):
-    # Closed form: the drive has to give c v |v| more; v by differences of the positions, out of their noise.
-    before, after = (np.genfromtxt(file, delimiter=",", names=True) for file in (clean, dragged))
-    v = np.gradient(before["qelbow"], before["t"])
-    v = np.convolve(v, np.ones(21) / 21, "same")
+def test_degrade_adds_the_law_along_the_motion(clean, covered):
+    # Closed form: the drive has to give c q^3 more.
+    before, after = (np.genfromtxt(file, delimiter=",", names=True) for file in (clean, covered))
+    law = before["qelbow"] ** 3
     more = after["tauelbow"] - before["tauelbow"]
-    assert np.corrcoef(more[50:-50], (v * np.abs(v))[50:-50])[0, 1] > 0.999
-    assert np.polyfit((v * np.abs(v))[50:-50], more[50:-50], 1)[0] == pytest.approx(TRUTH, rel=0.03)
+    assert np.corrcoef(more[50:-50], law[50:-50])[0, 1] > 0.999
+    assert np.polyfit(law[50:-50], more[50:-50], 1)[0] == pytest.approx(TRUTH, rel=0.03)
     np.testing.assert_array_equal(after["taushoulder"], before["taushoulder"])
 
 
@@ -59,26 +58,26 @@ def test_diagnose_names_it_with_the_size_that_was_put_in(diagnosed):
     document = json.loads((diagnosed / "diagnosis.json").read_text())
     (finding,) = document["findings"]
     found = finding["parameters"]["coefficient"]
-    assert (finding["effect"], finding["joint"], document["verdict"]) == ("paddle_drag", "elbow", "explained")
+    assert (finding["effect"], finding["joint"], document["verdict"]) == ("bellows", "elbow", "explained")
     assert abs(found["value"] - TRUTH) < 2.0 * found["std"] < 0.1 * TRUTH
 
 
 def test_the_models_say_that_they_have_no_place_for_it(diagnosed):
     text = "".join((diagnosed / name).read_text() for name in ("corrected.urdf", "corrected.xml", "feedforward.py"))
-    assert text.count("paddle drag") >= 3
+    assert text.count("stiff bellows") >= 3
 
 
-def test_with_reads_the_finding_back(dragged, diagnosed, capsys):
+def test_with_reads_the_finding_back(covered, diagnosed, capsys):
     known = ["--with", str(diagnosed / "corrected.yaml")]
-    assert main(["diagnose", str(ARM), str(dragged), *known, "--effects", str(FILE)]) == 0
-    assert "paddle drag" not in capsys.readouterr().out
-    assert main(["diagnose", str(ARM), str(dragged), *known]) == 2
-    assert "Unknown effect 'paddle_drag'" in capsys.readouterr().err
+    assert main(["diagnose", str(ARM), str(covered), *known, "--effects", str(FILE)]) == 0
+    assert "stiff bellows" not in capsys.readouterr().out
+    assert main(["diagnose", str(ARM), str(covered), *known]) == 2
+    assert "Unknown effect 'bellows'" in capsys.readouterr().err
 
 
 def test_compare_reads_a_diagnosis_that_names_it(diagnosed, capsys):
     assert main(["compare", str(diagnosed), str(diagnosed)]) == 0
-    assert "Paddle drag on joint elbow, coefficient" in capsys.readouterr().out
+    assert "Bellows on joint elbow, coefficient" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["diagnose", "degrade", "view"])
@@ -88,8 +87,8 @@ def test_compare_reads_a_diagnosis_that_names_it(diagnosed, capsys):
         ("x = 1", "mine.py defines no effect, wanted a class of LawEffect or Effect"),
         ("def", "mine.py is no Python (SyntaxError in line 1: invalid syntax)"),
         (None, "mine.py cannot be read (No such file or directory)"),
-        (FILE.read_text().replace("paddle_drag", "payload"), "PaddleDrag has the name payload, which the catalogue"),
-        (FILE.read_text().replace("theta[0] * v", "np.inf * v"), "class PaddleDrag: torque gave values that are not"),
+        (FILE.read_text().replace("bellows", "payload"), "Bellows has the name payload, which the catalogue"),
+        (FILE.read_text().replace("theta[0] *", "1e999 *"), "class Bellows: torque gave values that are not"),
     ],
     ids=["no effect", "no Python", "no file", "taken name", "not finite"],
 )  # fmt: skip
@@ -100,7 +99,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_sentence(clean, tmp_path, 
     if text is not None:
         mine.write_text(text)
     out = tmp_path / "out.csv"
-    more = ["--effect", "paddle_drag", "--out", str(out)] if command == "degrade" else []
+    more = ["--effect", "bellows", "--out", str(out)] if command == "degrade" else []
     assert main([command, str(ARM), str(clean), "--effects", str(mine), *more]) == 2
     err = capsys.readouterr().err
     assert said in err

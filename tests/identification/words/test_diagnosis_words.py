@@ -11,24 +11,22 @@ from identification.words.effect_words import REGIMES, effect_words, regime_sent
 from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn.effects.catalogue import EFFECTS
 
-CONTRACT_EFFECTS = """viscous_friction coulomb_friction direction_dependent_friction stribeck_friction
-presliding_friction load_dependent_friction position_dependent_friction temperature_dependent_friction
-backlash transmission_compliance joint_coupling cogging torque_ripple torque_saturation torque_constant torque_offset
-input_delay actuator_lag rotor_inertia payload inertial_parameters base_tilt
-parasitic_spring encoder_offset encoder_eccentricity encoder_quantization""".split()
 CONTRACT_REGIMES = """velocity_reversal low_speed high_speed high_load high_acceleration one_direction
 periodic_in_angle posture saturated time_drift everywhere""".split()
 
 
-def test_reports_list_effects_in_the_order_of_the_contract():
-    assert sorted((effect.name for effect in EFFECTS), key=report_order) == CONTRACT_EFFECTS
+def test_reports_list_effects_by_kind_and_those_of_one_kind_as_the_catalogue_does():
+    # By hand, from the files of the effects: some of each kind, the last from elsewhere.
+    listed = """viscous_friction coulomb_friction joint_coupling parasitic_spring backlash torque_offset input_delay
+    payload base_tilt encoder_offset encoder_quantization belt_slip""".split()
+    assert sorted(sorted(listed), key=report_order) == listed
 
 
 def test_every_regime_of_the_contract_has_words():
     assert list(REGIMES) == CONTRACT_REGIMES
 
 
-@pytest.mark.parametrize("effect", CONTRACT_EFFECTS)
+@pytest.mark.parametrize("effect", [effect.name for effect in EFFECTS])
 def test_words_show_no_internal_name_and_the_next_step_is_a_sentence(effect):
     entry = effect_words(effect)
     assert "_" not in entry.name + entry.meaning + entry.next_step

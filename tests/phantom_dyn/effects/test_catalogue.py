@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import inspect
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,22 +10,12 @@ import pytest
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.described import ModelNumbers
-from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.effect import Effect, Rival
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
-# The names of the contract.
-CONTRACT = {
-    "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction",
-    "presliding_friction", "load_dependent_friction", "position_dependent_friction", "temperature_dependent_friction",
-    "backlash",
-    "transmission_compliance", "joint_coupling", "cogging", "torque_ripple", "torque_saturation", "torque_constant",
-    "torque_offset",
-    "input_delay", "actuator_lag", "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring",
-    "encoder_offset", "encoder_eccentricity", "encoder_quantization",
-}  # fmt: skip
 REGIMES = {
     "velocity_reversal", "low_speed", "high_speed", "high_load", "high_acceleration", "one_direction",
     "periodic_in_angle", "posture", "saturated", "time_drift", "everywhere",
@@ -82,8 +74,9 @@ def test_names_are_unique():
     assert len(names) == len(set(names))
 
 
-def test_names_are_those_of_the_contract():
-    assert {effect.name for effect in EFFECTS} <= CONTRACT
+def test_names_are_words_joined_by_underscores():
+    # As the contract writes them: they are keys of files and options of the command line.
+    assert [effect.name for effect in EFFECTS if not re.fullmatch(r"[a-z]+(_[a-z]+)*", effect.name)] == []
 
 
 def test_regimes_are_those_of_the_contract():
@@ -103,11 +96,6 @@ def test_an_unknown_effect_is_refused_with_the_known_names():
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
 def test_an_effect_implements_the_protocol(effect):
     assert isinstance(effect, Effect)
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_special_cases_are_effects_of_the_catalogue_other_than_itself(effect):
-    assert set(effect.contains) <= {other.name for other in EFFECTS} - {effect.name}
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
@@ -293,9 +281,9 @@ def test_a_law_is_the_sum_of_its_special_case_where_its_numbers_are_zero(arm, sm
     np.testing.assert_allclose(torque[moving, 1], -simple[moving], atol=1e-9)
 
 
-def test_what_pulls_either_way_may_be_there_unseen_with_either_sign():
+def test_what_pulls_either_way_may_be_there_unseen_with_either_sign(arm):
     # By their laws: a constant torque, a ratio about one, gravity's direction and a zero have no sign of their own.
-    either = {effect.name for effect in EFFECTS if effect.either_sign}
+    either = {e.name for e in EFFECTS if any(one.either_sign for one in e.parameters(arm, e.places(arm)[-1]))}
     assert either == {"torque_offset", "torque_constant", "base_tilt", "encoder_offset"}
 
 
@@ -328,19 +316,21 @@ def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate
 
 
 # What sets single effects apart, by their laws: a gain of the whole torque; lists of waves, whose orders the positions
-# tell, and a reference temperature; a column that is the first order of a sine of the true angle; a delay, which a lag
-# or friction looks like.
+# tell, and a reference temperature; a column that is the first order of a sine of the true angle.
 APART = {
     "scales_joint": {"torque_constant"},
-    "takes_lists": LISTS,
     "shape_held": {*LISTS, "temperature_dependent_friction"},
     "first_order": {"encoder_eccentricity"},
-    "tested_against_zero": {"input_delay"},
     "rubs": {
         "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
         "load_dependent_friction", "position_dependent_friction", "temperature_dependent_friction",
     },
 }  # fmt: skip
+
+
+def test_effects_of_waves_and_of_places_take_lists(arm):
+    # By their laws: any number of waves, and of places.
+    assert {effect.name for effect in EFFECTS if effect.takes_lists(arm, effect.places(arm)[-1])} == LISTS
 
 
 @pytest.mark.parametrize("attribute", APART)
@@ -382,3 +372,34 @@ def test_no_device_has_a_stiffness_or_a_step_of_zero(arm, effect):
     # By their laws: a stiffness and a step are divided by; every other parameter may be zero.
     above = {p.name for p in effect.parameters(arm, effect.places(arm)[-1]) if p.above_zero}
     assert above == {"transmission_compliance": {"stiffness"}, "encoder_quantization": {"step"}}.get(effect.name, set())
+
+
+SAYING = [effect for effect in EFFECTS if effect.formula(lambda kind: 0.0)]
+
+
+@pytest.mark.parametrize("effect", SAYING, ids=name_of)
+def test_the_terms_that_an_effect_says_are_made_by_its_columns(arm, smooth, effect):
+    # Oracle: least squares; a torque constant scales friction too, which a formula counts by itself.
+    row, middles = 1, {"q": 0.1, "temp": 35.0}
+    signature = effect.signature(arm, smooth, "tilt", first_shape(effect, arm, smooth, "tilt"))
+    columns = signature.columns[:, 0]
+    load = smooth.transmitted if effect.name == "load_dependent_friction" else smooth.tau
+    inputs = {"q": smooth.q, "v": smooth.v, "a": smooth.a, "tl": load, "temp": smooth.temperature}
+    for term in effect.formula(middles.__getitem__):
+        given = [inputs[name][:, row] for name in inspect.signature(term.column).parameters]
+        wanted = np.broadcast_to(term.column(*given), len(smooth.t))
+        made = columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
+        np.testing.assert_allclose(made, wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+OPTIONAL = [name for base in (Rival, Effect) for name in base.__annotations__ if hasattr(base, name)]
+
+
+def test_an_effect_may_say_ten_things_of_itself_at_most():
+    # Whatever is true of one effect alone is better a method of its own, or a row of the table of relations.
+    assert 0 < len(OPTIONAL) <= 10
+
+
+@pytest.mark.parametrize("attribute", OPTIONAL)
+def test_what_an_effect_may_say_is_said_by_several(attribute):
+    assert sum(attribute in vars(type(effect)) for effect in EFFECTS) > 1

@@ -176,12 +176,6 @@ def test_special_cases_of_friction_are_differences_of_its_numbers(arm):
     np.testing.assert_allclose([nothing.numbers.item(), coulomb.numbers.item()], [0.4, 0.02])
 
 
-def test_every_effect_has_a_range_here():
-    assert {effect.name for effect in EFFECTS} - set(PLAUSIBLE) == {
-        "inertial_parameters", "joint_coupling", "transmission_compliance",
-    }  # fmt: skip
-
-
 def test_wheels_of_a_coupling_differ_by_less_than_a_factor_of_ten(driven):
     found = plausible(driven, "joint_coupling", "turn+tilt")
     assert found == {"ratio": (-10.0, 10.0), "coulomb_torque": DRIVEN, "coefficient": POSITIVE, "inertia": POSITIVE}

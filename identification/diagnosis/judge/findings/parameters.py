@@ -39,7 +39,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
         return _inertial(robot, term, x, cov)
     parameters, values, slope = _law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
-    return _named(parameters, values, std, lists=effect.takes_lists)
+    return _named(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:

@@ -166,11 +166,13 @@ def test_a_torque_on_another_joint_is_refused(arm):
 
 def test_accelerations_and_the_torque_of_the_model_have_to_be_said(arm):
     inertia = parts(lambda operation, row, theta: -theta[0] * operation.a[:, row])
-    assert "set uses_acceleration = True" in refusal(inertia(), arm)
+    assert "add 'acceleration' to made_of" in refusal(inertia(), arm)
     load = parts(lambda operation, row, theta: -theta[0] * operation.transmitted[:, row])
-    assert "set follows_model = True" in refusal(load(), arm)
-    said = type("Said", (load,), {"follows_model": True})()
-    assert tried(said, arm, "x.py") is said
+    assert "add 'model' to made_of" in refusal(load(), arm)
+    for attribute, value in (("made_of", ("model",)), ("follows_model", True)):  # the second is how older files say it
+        said = type("Said", (load,), {attribute: value})()
+        assert said.follows_model
+        assert tried(said, arm, "x.py") is said
 
 
 @pytest.mark.parametrize(
@@ -183,7 +185,7 @@ def test_accelerations_and_the_torque_of_the_model_have_to_be_said(arm):
     ids=["acceleration", "sample before", "gradient"],
 )
 def test_a_law_that_no_simulation_can_step_through_needs_one_of_its_own(arm, law):
-    wrong = type("Wrong", (parts(law),), {"uses_acceleration": True})
+    wrong = type("Wrong", (parts(law),), {"made_of": ("acceleration",)})
     assert "needs the acceleration or other samples" in refusal(wrong(), arm)
     right = type("Right", (wrong,), {"simulated": lambda self, robot, joint, theta: Simulated()})()
     assert tried(right, arm, "x.py") is right
