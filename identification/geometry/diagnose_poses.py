@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from identification.data.recording import Recording
+from identification.engine import contract_levels
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
 from identification.geometry.held_out import blocks_of, draws, left_of_each
@@ -34,9 +35,6 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-_MINOR, _HALF = 0.01, 0.5  # of the gap, and of a noise floor
-_FLOORS = 1.5  # noise floors that may be left of a gap that is explained
-_OPEN = 0.10  # of the gap that may be left of it
 _STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
 FEWEST = 20
 """Poses of a frame: fewer do not hold the poses of base and target and a noise."""
@@ -107,7 +105,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
 
 
 def _is_minor(finding: PoseFinding) -> bool:
-    return finding.share < _MINOR and finding.floors < _HALF**2
+    return finding.share < contract_levels.MINOR_SHARE and finding.floors < contract_levels.MINOR_FLOORS**2
 
 
 def _verdict(
@@ -129,7 +127,10 @@ def _verdict(
 def _is_left_small(frame: FrameGap) -> bool:
     gap = frame.rms_before**2 - frame.noise_floor**2
     left = frame.rms_after**2 - frame.noise_floor**2
-    return frame.rms_after <= _FLOORS * frame.noise_floor_interval[1] or left <= _OPEN * gap
+    return (
+        frame.rms_after <= contract_levels.FLOORS_LEFT * frame.noise_floor_interval[1]
+        or left <= contract_levels.GAP_LEFT * gap
+    )
 
 
 def _more_than_found(explained: ExplainedPoses) -> bool:
@@ -148,9 +149,15 @@ def _above_floor(explained: ExplainedPoses) -> bool:
     """True if even the best kinematic model leaves more than the tracker's noise, where that is known by itself."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
-        if floor.source == "repetitions" and explained.noise.sigma[series] > _FLOORS * floor.interval[1]:
+        if (
+            floor.source == "repetitions"
+            and explained.noise.sigma[series] > contract_levels.FLOORS_LEFT * floor.interval[1]
+        ):
             return True
-        if floor.source == "above_band" and explained.noise.sigma[series] > 2 * _FLOORS * floor.interval[1]:
+        if (
+            floor.source == "above_band"
+            and explained.noise.sigma[series] > 2 * contract_levels.FLOORS_LEFT * floor.interval[1]
+        ):
             return True
     return False
 

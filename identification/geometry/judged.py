@@ -10,6 +10,7 @@ from math import factorial
 
 import numpy as np
 
+from identification.engine import contract_levels
 from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks, draws, wins
@@ -21,8 +22,6 @@ from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-LISTED = 0.05
-"""Probability from which on a rival is told."""
 _NEAR = 15.0  # squares: what fits worse than that weighs less than a thousandth
 _EXACT = 5  # findings: of more, their orders are sampled
 _ORDERS = 120
@@ -148,7 +147,7 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
     for trial, probability in zip(near[1:], share[1:].tolist(), strict=True):
         places = _places([explained.problem.terms[k] for k in trial])
         told[places] = told.get(places, 0.0) + probability
-    listed = {places: probability for places, probability in told.items() if probability >= LISTED}
+    listed = {places: probability for places, probability in told.items() if probability >= contract_levels.LISTED}
     total = float(share[0]) + sum(listed.values())
     rivals = tuple(PoseRival(places, p / total) for places, p in sorted(listed.items(), key=lambda item: -item[1]))
     return (float(share[0]) / total if total > 0 else 1.0), rivals

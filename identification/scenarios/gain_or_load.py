@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
+from identification.engine import contract_levels
 from identification.scenarios.motion_only import commanded_torque
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import stiffness_unit
@@ -27,7 +27,6 @@ Array = np.ndarray
 _MOST = 10.0  # times the masses of the model: more is no load but another robot
 _BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent
 _DRAWS = 500
-_LISTED = 0.05  # probability from which a rival is listed
 
 
 def scales_by_friction(
@@ -110,7 +109,7 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
     sure = probability if leads else 1.0 - probability
     shared = {_place(finding) for finding in found.findings} & {_place(finding) for finding in other.findings}
     rivals = tuple(_place(finding) for finding in other.findings if _place(finding) not in shared)
-    if 1.0 - sure < _LISTED or not rivals:
+    if 1.0 - sure < contract_levels.LISTED or not rivals:
         return leads, found
     findings = tuple(
         finding if _place(finding) in shared else _with_rival(finding, rivals, sure) for finding in found.findings
@@ -132,13 +131,13 @@ def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> f
 
 def _leaves_noise(diagnosis: Diagnosis) -> bool:
     """True if no joint keeps more than a residual that counts as explained."""
-    return all(gap.rms_after <= rules.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
+    return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
 def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) -> Finding:
     """A finding that may be something else altogether; what it was sure of is shared."""
     rivals = [Rival(rival.effects, sure * rival.probability) for rival in finding.rivals]
-    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= _LISTED]
+    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= contract_levels.LISTED]
     rivals.sort(key=lambda rival: -rival.probability)
     probability = 1.0 - sum(rival.probability for rival in rivals)
     return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")

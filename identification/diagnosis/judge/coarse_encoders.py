@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates import coarse_reading
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
@@ -48,8 +48,8 @@ def rounded(
     for one in coarse:
         squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
         # The judged band ends where the reading drowns the motion: what matters may lie above it.
-        wide = sums(problem, one.torque).rms() ** 2 > rules.COARSE_SHARE * sums(problem, noise).rms() ** 2
-        if np.any(squares > rules.COARSE_SHARE * floor**2) or np.any(wide):
+        wide = sums(problem, one.torque).rms() ** 2 > coarse_reading.COARSE_SHARE * sums(problem, noise).rms() ** 2
+        if np.any(squares > coarse_reading.COARSE_SHARE * floor**2) or np.any(wide):
             kept.append(one)
             energy.append(squares)
     return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import fold_projections
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import Whitening
@@ -44,13 +44,13 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
         return Threshold(least, {})
     rng = random_stream("recordings without a gap")
     b, core_b = _null_products(problem, filters, noise, rng)
-    extra = np.array([max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0) for term in search.terms])
+    extra = np.array([max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = _gains(problem, search.terms, b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
     alike = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
-    wrong = (1.0 - rules.CLAIM_LEVEL) / len(joints)
+    wrong = (1.0 - above_chance.CLAIM_LEVEL) / len(joints)
     return Threshold(
-        max(_exceeded(gains.max(axis=0), 1.0 - rules.CLAIM_LEVEL), least),
+        max(_exceeded(gains.max(axis=0), 1.0 - above_chance.CLAIM_LEVEL), least),
         {joint: max(_exceeded(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
     )
 

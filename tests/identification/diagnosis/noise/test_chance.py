@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import gumbel_r
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.noise import chance
 from identification.diagnosis.noise.chance import _gains, _null_products, null_threshold
 from identification.diagnosis.search.search import Threshold, price
@@ -22,7 +22,9 @@ def gains(prepared) -> np.ndarray:
     base = fit(prepared.problem, ()).total
     return np.array(
         [
-            base - fit(prepared.problem, (term,)).total - max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
+            base
+            - fit(prepared.problem, (term,)).total
+            - max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
             for term in search.terms
         ]
     )

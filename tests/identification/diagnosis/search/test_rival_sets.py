@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import findings
+from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.bootstrap_wins import REPLICATES, block_counts, costs_of, half_wins
@@ -184,7 +184,7 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
     log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
     monkeypatch.setattr(
-        findings, "visible", lambda plain, chosen, *_: frozenset(term for term in chosen if term.joint == "elbow")
+        shown, "growth_without", lambda left, chosen: {term: float(term.joint == "elbow") for term in chosen}
     )
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
