@@ -324,4 +324,5 @@ def _result(
         gap=judgement.gap,
         minor=judgement.minor,
         run=uuid4().hex,
+        ledger=judgement.ledger,
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identification.engine.claims import Claim
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
@@ -283,6 +284,7 @@ class Judgement:
         bursts: Events that nothing in the state foretells, in the order of time.
         gap: What the findings close together.
         minor: Effects that are seen but too small to matter.
+        ledger: What was claimed at any time, and the best that never were, with the gates that each met.
     """
 
     verdict: str
@@ -298,6 +300,7 @@ class Judgement:
     bursts: tuple[Burst, ...] = ()
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
+    ledger: tuple[Claim[EffectAt], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -332,6 +335,7 @@ class Diagnosis:
     minor: tuple[Finding, ...] = ()
     run: str = ""
     geometry: GeometryResult | None = None
+    ledger: tuple[Claim[EffectAt], ...] = ()
 
     @property
     def poses_alone(self) -> bool:

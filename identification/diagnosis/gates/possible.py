@@ -13,4 +13,4 @@ def possible_size(impossible: int) -> GateResult:
     Args:
         impossible: Effects of the fit that end on nothing.
     """
-    return GateResult("possible size", float(-impossible), -1.0, "impossible sizes", impossible == 0)
+    return GateResult("possible size", float(impossible == 0), 0.0, "possible", impossible == 0)

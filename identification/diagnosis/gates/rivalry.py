@@ -21,7 +21,7 @@ def plausible_size(outside: float, unit: str, *, rival_is: bool) -> GateResult:
         unit: Of the size.
         rival_is: True if a rival has a plausible size.
     """
-    return GateResult("plausible size", -outside, 0.0, unit, outside == 0.0 or not rival_is)
+    return GateResult("plausible size", 0.0 - outside, 0.0, unit, outside == 0.0 or not rival_is)
 
 
 def likelier_than_rivals(own: float, rival: float, *, leads: bool) -> GateResult:

@@ -20,6 +20,7 @@ from identification.diagnosis.judge.findings.shown import Bench, Shown, State, i
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
@@ -63,6 +64,9 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     bounds, untested = smallest_seen(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
     )
+    minor = tuple(claim.finding for claim in claims if claim.minor)
+    places = frozenset((finding.effect, finding.joint) for finding in minor)
+    ledger = (*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding))
     moved = any(bool(use.any()) for use in problem.columns.usable)
     judgement = Judgement(
         verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
@@ -75,8 +79,9 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         notes=remarks(shown),
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
-        minor=tuple(claim.finding for claim in claims if claim.minor),
+        minor=minor,
         bursts=bursts,
+        ledger=ledger,
     )
     return judgement, shown
 

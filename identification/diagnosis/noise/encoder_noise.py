@@ -18,7 +18,8 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.grams import RowGrams, all_row_grams
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.fit.projection import gains_beside
-from identification.diagnosis.gates import above_chance, coarse_reading
+from identification.diagnosis.gates import above_chance
+from identification.diagnosis.gates.coarse_reading import coarser_than_stated
 from identification.diagnosis.model.columns import Columns, columns_by_log
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
@@ -89,7 +90,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
-        if step is None or stated is None or step < coarse_reading.COARSE_STEP * stated:
+        if step is None or stated is None or not coarser_than_stated(step / stated).passed:
             continue
         torque = []
         for log, operation in zip(session.logs, columns.operations, strict=True):

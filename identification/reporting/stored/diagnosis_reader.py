@@ -25,6 +25,7 @@ from identification.diagnosis.result import (
     Unexplained,
     Value,
 )
+from identification.engine.claims import Claim, GateResult
 from identification.reporting.stored.diagnosis_files import NAMES, SCHEMA
 from identification.reporting.stored.diagnosis_schema import require_document
 from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
@@ -104,6 +105,7 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
         minor=tuple(_finding(finding) for finding in content["minor"]),
         run=content["run"],
         geometry=read_geometry(content),
+        ledger=tuple(_claim(claim) for claim in content.get("ledger", ())),
     )
 
 
@@ -138,6 +140,17 @@ def _finding(finding: Mapping[str, Any]) -> Finding:
         verdict=finding["verdict"],
         recording=finding.get("recording"),
         share=finding["share"],
+    )
+
+
+def _claim(claim: Mapping[str, Any]) -> Claim[EffectAt]:
+    numbers = ({name: _number(result[name]) for name in ("value", "needed")} for result in claim["gates"])
+    return Claim(
+        tuple(EffectAt(**at) for at in claim["effects"]),
+        tuple(GateResult(**{**result, **own}) for result, own in zip(claim["gates"], numbers, strict=True)),
+        claim["outcome"],
+        tuple(EffectAt(**at) for at in claim.get("instead", ())),
+        {name: _number(value) for name, value in claim.get("figures", {}).items()},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -267,6 +267,26 @@ class NotTestablePart(_Part, frozen=True):
     why: str
 
 
+class GatePart(_Part, frozen=True):
+    """What a gate said."""
+
+    gate: str
+    value: Number | None
+    needed: Number | None
+    unit: str
+    passed: bool
+
+
+class ClaimPart(_Part, frozen=True):
+    """An entry of the ledger."""
+
+    effects: list[EffectPart]
+    gates: list[GatePart]
+    outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
+    instead: list[EffectPart] = []
+    figures: dict[str, Number | None] = {}
+
+
 class Document(_Part, frozen=True):
     """The whole file."""
 
@@ -289,6 +309,7 @@ class Document(_Part, frozen=True):
     version: str
     frames: list[FramePart] = []
     geometry: GeometryPart | None = None
+    ledger: list[ClaimPart] = []
 
 
 def require_document(content: dict[str, Any]) -> None:

@@ -57,12 +57,14 @@ class Shown:
         joint_fit: Fit of all their numbers at once.
         standings: Of each named one, beside all that the search has found, what nobody would see included: a rival must
             not win by making up for that.
+        beside: All that the search has found, with what took its place.
     """
 
     plain: Search
     chosen: frozenset[Term]
     joint_fit: JointFit
     standings: dict[Term, Standing]
+    beside: frozenset[Term] = frozenset()
 
     @property
     def problem(self) -> Problem:
@@ -310,7 +312,8 @@ def _rivals(bench: Bench, state: State) -> State:
     """Findings that a likelier rival could stand for give way to it, as long as there is a set that was not seen."""
     named = [term for term in ordered(state.shown) if term.named]
     standings = {term: stand(bench.search, state.found, term, state.barred, bench.again) for term in named}
-    looked_at = (*state.looked_at, Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings))
+    shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings, state.found)
+    looked_at = (*state.looked_at, shown)
     ways = {term: one.instead for term, one in standings.items() if one.instead is not None}
     found = together(state.found, list(ways.values()), set(state.outdone)) if ways else state.found
     over = not ways or found == state.found or len(looked_at) == _MOST_LEADERS
