@@ -1,14 +1,14 @@
-"""Every threshold that decides a claim: value, unit, reason, and the command whose output it was set by.
+"""Thresholds that decide no claim, as those of noise, rivals, the verdict and bursts: value, unit, reason, source.
 
-``python benchmarks/same_answers.py record --rule NAME=VALUE`` judges forty recordings with another value of one of
-them, and its ``compare`` prints which answers change.
+What a claim has to pass stands with its thresholds in `identification.diagnosis.gates`, and what the contract has in
+common for torques, poses and rests in `identification.engine.contract_levels`. ``python benchmarks/same_answers.py
+record --rule NAME=VALUE`` judges forty recordings with another value of one of them, and its ``compare`` prints which
+answers change.
 """
 
 from __future__ import annotations
 
-# What a claim has to gain on held-out data. Gains are in squared standard deviations of the noise (twice a
-# log-likelihood ratio). `benchmarks/blind/run.py` prints false claims and misses under them,
-# `benchmarks/blind/power.py` the sizes that are seen.
+# Noise.
 
 # probability: that the floor of some joint lies outside its interval (contract: 5 % over all joints).
 FLOOR_ERROR = 0.05

@@ -77,9 +77,9 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
         raise UsageError(_no_ledger(diagnosis))
     if effect not in {name for name, _ in known}:
         nearest = difflib.get_close_matches(effect, sorted({name for name, _ in known}), n=1)
-        hint = f"did you mean {nearest[0]}? " if nearest else ""
+        hint = f"; did you mean {nearest[0]}?" if nearest else "."
         raise UsageError(
-            f"{effect!r} was asked for, which was not tried in this diagnosis; {hint}It looked at "
+            f"{effect!r} was asked for, which is no effect that this diagnosis looked at{hint} Wanted one of "
             f"{', '.join(sorted({name for name, _ in known}))}."
         )
     places = [place for place in known if place[0] == effect and (joint is None or joint == place[1])]
@@ -87,7 +87,7 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
         where = [place[1] for place in known if place[0] == effect]
         joints = ", ".join(name or "the whole robot (leave --joint out)" for name in where)
         raise UsageError(f"{effect} was asked for on {joint!r}, wanted one of: {joints}.")
-    return tuple(_answer(diagnosis, *place) for place in places)
+    return tuple(answer for place in places for answer in _answers(diagnosis, *place))
 
 
 def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
@@ -113,12 +113,16 @@ def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
     return tuple(dict.fromkeys(places))
 
 
-def _answer(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answer:
-    at = EffectAt(effect, joint)
-    for claim in diagnosis.ledger:
-        if at in claim.effects:
-            return _of_claim(diagnosis, claim)
-    name = effect_at(at)
+def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answer, ...]:
+    """Of one effect on one joint; several where it was claimed of single recordings."""
+    claims = [
+        claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
+    ]
+    return tuple(_of_claim(diagnosis, claim) for claim in claims) or (_without_claim(diagnosis, effect, joint),)
+
+
+def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answer:
+    name = effect_at(EffectAt(effect, joint))
     for entry in diagnosis.not_testable:
         if (entry.effect, entry.joint) == (effect, joint):
             return Answer(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
@@ -164,7 +168,9 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
     others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
     several = len(claim.instead) > 1 or "parameters" in others
     more = claim.figures.get("floors_more", math.nan)
-    if math.isfinite(more) and more >= _CLEAR:
+    if not math.isfinite(more):  # what took its place is itself not named in the end
+        return f"{others} took its place in the search: {_reason(failed)}"
+    if more >= _CLEAR:
         better = f"{others} {'close' if several else 'closes'} {number(more, 2)} noise floors more"
     else:
         better = f"{others} {'explain' if several else 'explains'} as much"

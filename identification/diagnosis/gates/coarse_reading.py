@@ -14,6 +14,8 @@ COARSE_SHARE = 0.05
 def coarser_than_stated(times: float) -> GateResult:
     """Do the readings lie on a lattice that is coarser than the encoder's stated step?
 
+    An encoder passes whose steps in the recording are half as large again as ``encoder_counts`` makes them.
+
     Args:
         times: Step of the lattice over the stated one.
     """
@@ -22,6 +24,8 @@ def coarser_than_stated(times: float) -> GateResult:
 
 def rounding_matters(share: float) -> GateResult:
     """Does the rounding make a part of the noise of some joint, in the judged band or above it?
+
+    A coarser reading passes, or a faster motion.
 
     Args:
         share: The largest share of a joint's squared noise that it makes.

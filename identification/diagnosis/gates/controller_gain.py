@@ -20,4 +20,4 @@ def beyond_the_gain(excess: float, *, stated: bool) -> GateResult:
         stated: False if the gain was estimated from the same positions, and has taken up what there is.
     """
     needed = 2.0 * GAIN_TOLERANCE if stated else np.inf
-    return GateResult("beyond the gain", abs(excess), needed, "relative", abs(excess) > needed)
+    return GateResult("beyond the gain", abs(excess), needed, "relative", stated and abs(excess) > needed)

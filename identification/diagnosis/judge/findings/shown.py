@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -151,12 +151,15 @@ class Bench:
     @cached_property
     def loud(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
         """The search where the motion is far above the noise that a set leaves."""
-        return cache(lambda found: loud_search(self.plain, found, found, self.noise))
+        # Nothing in it refers to this bench, whose memory could else not be freed at once.
+        plain, noise = self.plain, self.noise
+        return lru_cache(maxsize=1)(lambda found: loud_search(plain, found, found, noise))
 
     @cached_property
     def left(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], Sums]]:
         """What subsets of a set leave in the judged band."""
-        return cache(lambda found: squares_left(self.plain, found))
+        plain = self.plain
+        return lru_cache(maxsize=1)(lambda found: squares_left(plain, found))
 
     def fit(self, shown: frozenset[Term]) -> JointFit:
         """Fit of all numbers of a set at once."""
