@@ -66,7 +66,6 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     )
     minor = tuple(claim.finding for claim in claims if claim.minor)
     places = frozenset((finding.effect, finding.joint) for finding in minor)
-    ledger = (*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding))
     moved = any(bool(use.any()) for use in problem.columns.usable)
     judgement = Judgement(
         verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
@@ -81,7 +80,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         gap=closed_together(judge, within, after),
         minor=minor,
         bursts=bursts,
-        ledger=ledger,
+        # Last of all: its fits are not to move the last digits of what is said above.
+        ledger=(*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding)),
     )
     return judgement, shown
 

@@ -190,8 +190,8 @@ def _figures(
 def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
     """What subsets of the named effects and others leave; a law that is not linear makes no other fit slower."""
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
-    of_linear, of_all = (squares_left(shown.plain, shown.named | some) for some in (linear, terms))
-    return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_all(chosen)
+    of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
+    return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)
 
 
 def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
