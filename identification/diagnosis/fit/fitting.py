@@ -15,7 +15,7 @@ from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map,
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve
+from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without, solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray

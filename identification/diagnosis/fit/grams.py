@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.fit.row_products import RowProducts
-from identification.diagnosis.fit.triangles import places_in, square, triangle
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.numerics.two_threads import in_two_threads
+from identification.engine.numerics.two_threads import in_two_threads
+from identification.engine.row_products import RowProducts
+from identification.engine.triangles import places_in, square, triangle
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -42,7 +42,8 @@ class RowGrams:
     Attributes:
         index: Which of all columns, ``(k,)``.
         a: Columns times columns over the whole blocks of each fold, then of those that no fit may see, as triangles
-            (see `fit.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the memory.
+            (see `engine.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the
+            memory.
         b: Columns times residual over whole blocks, ``(B, k)``.
         c: Residual times residual, ``(B,)``.
         core_a, core_b, core_c: The same over the core of each block, ``(B, k (k + 1) / 2)``, ``(B, k)`` and ``(B,)``.

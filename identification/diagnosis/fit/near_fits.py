@@ -1,8 +1,8 @@
 """Fits of many sets of effects that differ little: each from the nearest one that was solved as a whole.
 
 A fit of a robot with many joints contains some hundred moves of its model, and hardly any of them changes its bound
-where one effect takes the place of another. So a few sets are kept as tableaus (see `numerics.tableau`), and every
-other set costs what it changes of the nearest one: same minima, to rounding.
+where one effect takes the place of another. So a few sets are kept as tableaus (see `engine.numerics.tableau`), and
+every other set costs what it changes of the nearest one: same minima, to rounding.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from identification.diagnosis.fit.fitting import Fitted, Point
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gains_within
 from identification.diagnosis.fit.solved_set import End, SolvedSet, marked, quadratic
-from identification.diagnosis.numerics.held_minimum import answers_among
-from identification.diagnosis.numerics.tableau import tableau
-from identification.diagnosis.numerics.tableau_changes import Settled, changed
+from identification.engine.numerics.held_minimum import answers_among
+from identification.engine.numerics.tableau import tableau
+from identification.engine.numerics.tableau_changes import Settled, changed
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Float, Int
 

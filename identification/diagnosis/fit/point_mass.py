@@ -11,7 +11,7 @@ import numpy as np
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import solve
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.model.robot import Robot
 

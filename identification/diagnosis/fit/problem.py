@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.fit.grams import Grams, RowGrams, Weights, all_row_grams, summed
-from identification.diagnosis.fit.triangles import diagonal
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term
+from identification.engine.triangles import diagonal
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray

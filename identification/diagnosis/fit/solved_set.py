@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.numerics.tableau import Entering, Tableau, tableau
+from identification.engine.numerics.tableau import Entering, Tableau, tableau
 from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray

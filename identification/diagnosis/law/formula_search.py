@@ -21,7 +21,7 @@ from identification.diagnosis.law.selection import (
     stepwise,
 )
 from identification.diagnosis.law.terms import Term, library
-from identification.diagnosis.numerics.bounded import bounded_solve
+from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.numerics.bounded import solve
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray

@@ -17,8 +17,8 @@ import numpy as np
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
 from identification.diagnosis.law.frequency import answer_columns, complex_gains, linear_columns
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.rest_law import FrequencyAnswer, InputCurve, InputGain, Pair
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

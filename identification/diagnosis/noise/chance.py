@@ -13,15 +13,15 @@ from identification.diagnosis.fit.projection import fold_projections
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import Whitening
-from identification.diagnosis.numerics.bounded import solve, solve_each
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
+from identification.engine.chance import exceeded_by_chance
+from identification.engine.numerics.bounded import solve, solve_each
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
 _REPLICATES = 80
-_EULER = 0.5772156649
 
 
 def null_threshold(search: Search, filters: Whitening, noise: Series, least: float = 0.0) -> Threshold:
@@ -50,15 +50,9 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
     alike = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
     wrong = (1.0 - rules.CLAIM_LEVEL) / len(joints)
     return Threshold(
-        max(_exceeded(gains.max(axis=0), 1.0 - rules.CLAIM_LEVEL), least),
-        {joint: max(_exceeded(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
+        max(exceeded_by_chance(gains.max(axis=0), 1.0 - rules.CLAIM_LEVEL), least),
+        {joint: max(exceeded_by_chance(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
     )
-
-
-def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
-    """Quantile that a Gumbel law with the mean and deviation of ``best`` exceeds with probability ``wrong``."""
-    spread = best.std() * np.sqrt(6) / np.pi
-    return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 
 
 def _null_products(

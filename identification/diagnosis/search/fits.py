@@ -14,7 +14,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import products_of
 from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
+from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

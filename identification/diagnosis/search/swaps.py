@@ -9,7 +9,6 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import (
     Search,
     claimed,
@@ -20,6 +19,7 @@ from identification.diagnosis.search.search import (
     rows_of,
     with_term,
 )
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

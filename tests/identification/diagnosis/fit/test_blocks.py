@@ -7,8 +7,8 @@ import pytest
 
 from identification.data.signals import process
 from identification.diagnosis.fit.grams import Weights, all_row_grams, row_grams, summed
-from identification.diagnosis.fit.triangles import square
 from identification.diagnosis.model.blocks import FOLDS, Block, assign_folds, split_blocks
+from identification.engine.triangles import square
 
 
 @pytest.fixture(scope="module")

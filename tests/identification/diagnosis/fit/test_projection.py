@@ -7,7 +7,7 @@ import pytest
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.projection import fold_projections, gains_beside, taken_out
-from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from identification.engine.numerics.bounded import bounded_solve, solve
 
 
 @pytest.fixture(scope="module")

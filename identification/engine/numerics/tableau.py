@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.diagnosis.numerics.bounded import bounded_solve
+from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.numerics import bounded
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve, solve_each
+from identification.engine.numerics import bounded
+from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without, solve, solve_each
 
 
 @pytest.fixture(params=[1, 3, 4, 5, 11, 40])

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.diagnosis.numerics.held_minimum import HeldMinimum, minimum, refined
-from identification.diagnosis.numerics.tableau import Entering, Tableau
+from identification.engine.numerics.held_minimum import HeldMinimum, minimum, refined
+from identification.engine.numerics.tableau import Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Bool, Float, Int
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.diagnosis.numerics.tableau import TWINS, Entering, Tableau
+from identification.engine.numerics.tableau import TWINS, Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Float, Int
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from itertools import combinations
 from math import factorial
+from typing import TypeVar
 
 import numpy as np
 
-from identification.diagnosis.model.terms import Term
 from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
+Player = TypeVar("Player", bound=Hashable)
 
 _EXACT = 12  # players: beyond, orders and sets are sampled
 _ORDERS = 4  # pairs of an order and its reverse
@@ -21,7 +22,7 @@ _KNOWN_BY_ORDERS = 0.0025  # the same of one that keeps the mean over the orders
 _MOST = 100  # pairs of sets a player
 
 
-def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
+def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> dict[Player, float]:
     """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
 
     Exact to twelve players. Beyond, the mean over four random orders and their reverses, where that is known to half a
@@ -46,11 +47,11 @@ def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]],
     return out
 
 
-def _sets(players: Iterable[Term], size: int) -> Iterable[frozenset[Term]]:
+def _sets(players: Iterable[Player], size: int) -> Iterable[frozenset[Player]]:
     return (frozenset(some) for some in combinations(players, size))
 
 
-def _sampled(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> Float[Array, " k"]:
+def _sampled(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> Float[Array, " k"]:
     rng = random_stream("orders of findings")
     orders = [rng.permutation(len(players)) for _ in range(_ORDERS)]
     there, back = ([_added(players, order[::way], worth) for order in orders] for way in (1, -1))
@@ -64,10 +65,10 @@ def _sampled(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float
 
 
 def _added(
-    players: tuple[Term, ...], order: Int[Array, " k"], worth: Callable[[frozenset[Term]], float]
+    players: tuple[Player, ...], order: Int[Array, " k"], worth: Callable[[frozenset[Player]], float]
 ) -> Float[Array, " k"]:
     """What each player adds to those before it."""
-    out, before = np.zeros(len(players)), frozenset[Term]()
+    out, before = np.zeros(len(players)), frozenset[Player]()
     for k in order.tolist():
         out[k] = worth(before | {players[k]}) - worth(before)
         before |= {players[k]}
@@ -75,8 +76,8 @@ def _added(
 
 
 def _regressed(
-    players: tuple[Term, ...],
-    worth: Callable[[frozenset[Term]], float],
+    players: tuple[Player, ...],
+    worth: Callable[[frozenset[Player]], float],
     values: Float[Array, " k"],
     unknown: Bool[Array, " k"],
 ) -> Float[Array, " u"]:

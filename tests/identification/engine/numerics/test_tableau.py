@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.numerics import tableau_changes
-from identification.diagnosis.numerics.bounded import bounded_solve
-from identification.diagnosis.numerics.tableau import tableau
-from identification.diagnosis.numerics.tableau_changes import changed
+from identification.engine.numerics import tableau_changes
+from identification.engine.numerics.bounded import bounded_solve
+from identification.engine.numerics.tableau import tableau
+from identification.engine.numerics.tableau_changes import changed
 
 KNOWN, ALL = 40, 60
 

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from identification.diagnosis.judge.shapley import shapley_values
+from identification.engine.shapley import shapley_values
 
 
 def test_what_two_explain_only_together_is_shared_alike():
