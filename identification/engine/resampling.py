@@ -8,7 +8,7 @@ mean.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -32,6 +32,7 @@ LEAST_IN_HALF = 4
 """Blocks that a half needs to be judged on its own."""
 
 Costs = Sequence[Float[Array, " m"]]
+Lead = Callable[[Float[Array, "R m"]], Float[Array, " m"]]
 
 
 def block_counts(blocks: int, rng: np.random.Generator, replicates: int = REPLICATES) -> Float[Array, "R B"]:
@@ -60,6 +61,16 @@ def share_of_wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
     return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
 
 
+def share_by_likelihood(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
+    """Mean over replicates of the likelihood of each answer, for scores that are squares in units of a known noise.
+
+    The lowest alone would be certain of a difference that lasts over the blocks, though chance makes larger ones.
+    """
+    from scipy.special import softmax
+
+    return softmax(-0.5 * scores, axis=1).mean(axis=0)
+
+
 def halves(blocks: int) -> tuple[Int[Array, " h"], ...]:
     """Blocks of each half of the recordings; none where a half is too short to be judged on its own."""
     if blocks < 2 * LEAST_IN_HALF:
@@ -73,6 +84,7 @@ def probabilities(
     others: Sequence[tuple[Float[Array, "B m"], Costs]] = (),
     *,
     by_halves: bool = True,
+    lead: Lead = share_of_wins,
 ) -> Float[Array, " m"]:
     """Share of what is known under which each answer leads.
 
@@ -81,17 +93,19 @@ def probabilities(
         costs: What each answer costs beside; where several ways to count are fair, each has the same weight.
         others: The same under each other choice that should not matter, such as another band.
         by_halves: Also as if all blocks were like those of one half.
+        lead: How far each answer leads in the replicates: where other choices show how far scores can be trusted
+            `share_of_wins`, where the noise alone says it `share_by_likelihood`.
     """
-    shares = [_shares(losses, costs, random_stream("bootstrap of rivals"))]
+    shares = [_shares(losses, costs, lead, random_stream("bootstrap of rivals"))]
     if by_halves:
         for half in halves(len(losses)):
             grown = losses[half] * (len(losses) / len(half))
-            shares.append(_shares(grown, costs, random_stream("bootstrap of halves")))
-    shares += [_shares(*other, random_stream("bootstrap of rivals")) for other in others]
+            shares.append(_shares(grown, costs, lead, random_stream("bootstrap of halves")))
+    shares += [_shares(*other, lead, random_stream("bootstrap of rivals")) for other in others]
     return np.mean(shares, axis=0)
 
 
-def _shares(losses: Float[Array, "B m"], costs: Costs, rng: np.random.Generator) -> Float[Array, " m"]:
-    """Mean over fair ways to count costs of the share of replicates that each answer leads."""
+def _shares(losses: Float[Array, "B m"], costs: Costs, lead: Lead, rng: np.random.Generator) -> Float[Array, " m"]:
+    """Mean over fair ways to count costs of how far each answer leads in the replicates."""
     drawn = block_counts(len(losses), rng) @ losses
-    return np.mean([share_of_wins(drawn + cost) for cost in costs], axis=0)
+    return np.mean([lead(drawn + cost) for cost in costs], axis=0)

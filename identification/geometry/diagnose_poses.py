@@ -12,10 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from identification.data.recording import Recording
+from identification.engine.resampling import interval
+from identification.engine.spans import orthonormal, without
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
-from identification.geometry.held_out import blocks_of, draws, left_of_each
-from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
+from identification.geometry.held_out import blocks_of, left_of_rows
+from identification.geometry.judged import Gap, bounds_of, drawn_blocks, findings_of, gap_of
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
@@ -28,7 +30,7 @@ from identification.geometry.result import (
     PoseFinding,
 )
 from identification.geometry.told_frames import problem_of
-from identification.geometry.whitened import SEEN, orthonormal, without
+from identification.geometry.whitened import SEEN
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
@@ -84,9 +86,9 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     bounds, unseen = bounds_of(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
-    once, drawn = np.ones((1, len(gap.after))), draws(len(gap.after), "bootstrap of the gap in poses")
+    once = np.ones((1, len(gap.after)))
     closed = float(gap.closed(gap.after, once)[0]) if found else None
-    low, high = np.percentile(gap.closed(gap.after, drawn), [2.5, 97.5])
+    low, high = interval(gap.closed(gap.after, drawn_blocks(gap)))
     large = tuple(finding for finding in found if not _is_minor(finding))
     return GeometryResult(
         verdict=_verdict(frames, large, bounds, structured=structured, more=more),
@@ -158,7 +160,7 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
     found, sets = explained.found.rows(explained.kept), explained.problem.sets
     size = (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
-    before, after = (size * left_of_each(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
+    before, after = (size * left_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
     out: list[FrameGap] = []
     lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
     names = tuple(dict.fromkeys(one.frame for one in sets))

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.engine.resampling import REPLICATES, block_counts, halves, interval, probabilities, share_of_wins
+from identification.engine.resampling import (
+    REPLICATES,
+    block_counts,
+    halves,
+    interval,
+    probabilities,
+    share_by_likelihood,
+    share_of_wins,
+)
 
 FREE = (np.zeros(2),)
 
@@ -75,3 +83,11 @@ def test_ways_to_count_costs_and_other_choices_have_the_same_weight_each():
     losses, costs = np.zeros((10, 2)), (np.array([0.0, 1.0]), np.array([1.0, 0.0]))
     found = probabilities(losses, costs, [(losses, costs[1:])], by_halves=False)
     np.testing.assert_allclose(found, [0.25, 0.75])
+
+
+@pytest.mark.parametrize("apart", [0.1, 2.0, 20.0])
+def test_a_difference_that_lasts_counts_as_much_as_likelihood_says(apart):
+    # Oracle: the normal density of noise. Every block has a tenth of the difference, so that the draws do not matter.
+    losses = np.outer(np.ones(10), [5.0, 5.0 + apart / 10])
+    likely = 1.0 / (1.0 + np.exp(-apart / 2))
+    np.testing.assert_allclose(probabilities(losses, FREE, lead=share_by_likelihood), [likely, 1.0 - likely])

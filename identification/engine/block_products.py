@@ -1,8 +1,7 @@
-"""Choice of the terms of a formula: stepwise least squares over groups of columns, with exchanges.
+"""Products of columns and residual by block: fits and held-out losses of any set of columns without the samples.
 
-Orthogonal least squares: in each step the term that lowers the squares most is added, by its part that is orthogonal to
-those that are in; then every term is exchanged for a better one where there is one. All of it works on products of the
-columns, summed over blocks, so that the same choice is made again on other blocks at no cost.
+Summed over blocks, each as often as it was drawn, the products give the fit of every bootstrap replicate and of every
+fold at no cost.
 """
 
 from __future__ import annotations
@@ -15,27 +14,10 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
-Chosen = tuple[int, ...]
 
-_RANK = 1e-5  # part of a column's squares that has to be left beside those that are in
-_RIDGE = 1e-9  # of a column's squares
-
-
-@dataclass(frozen=True)
-class Terms:
-    """Which columns each term has: one, or two that belong together as sine and cosine do.
-
-    Attributes:
-        first: First column of each term, ``(K,)``.
-        second: Second column; the first again where there is none, ``(K,)``.
-    """
-
-    first: Int[Array, " K"]
-    second: Int[Array, " K"]
-
-    def columns(self, chosen: Chosen) -> list[int]:
-        """Columns of some terms."""
-        return list(dict.fromkeys(int(k) for term in chosen for k in (self.first[term], self.second[term])))
+RIDGE = 1e-9
+"""Of a column's squares, added to them: keeps twins solvable."""
+_RANK = 1e-12  # of products of columns of size one: what exact combinations leave is rounding
 
 
 @dataclass(frozen=True)
@@ -55,7 +37,7 @@ class Products:
     def fitted(self, columns: list[int]) -> Float[Array, " k"]:
         """Least squares coefficients of some columns."""
         part = self.gram[np.ix_(columns, columns)]
-        return np.linalg.solve(part + _RIDGE * np.diag(np.diag(part)), self.right[columns])
+        return np.linalg.solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
 
     def left(self, columns: list[int], coefficients: Float[Array, " k"]) -> float:
         """Sum of squares that given coefficients leave."""
@@ -139,6 +121,26 @@ class BlockProducts:
         """Of one block."""
         return Products(self.gram[k], self.right[k], float(self.total[k]))
 
+    def without_each(self, columns: list[int]) -> Float[Array, "B k"]:
+        """Least squares coefficients of some columns by fits that have not seen one block each.
+
+        Columns may be combinations of others, as two poses of one body are: of all solutions that of the least size.
+        """
+        at = np.array(columns, dtype=int)
+        gram, right = self.gram[:, at[:, None], at], self.right[:, at]
+        grams, rights = gram.sum(axis=0) - gram, right.sum(axis=0) - right
+        out = np.empty_like(right)
+        for b, (a, y) in enumerate(zip(grams, rights, strict=True)):
+            size = np.sqrt(np.maximum(np.diag(a), 1e-300))
+            out[b] = np.linalg.lstsq(a / np.outer(size, size), y / size, rcond=_RANK)[0] / size
+        return out
+
+    def losses(self, columns: list[int]) -> Float[Array, " B"]:
+        """Squares of each block that a fit of the others leaves."""
+        at, x = np.array(columns, dtype=int), self.without_each(columns)
+        made = np.einsum("bk,bkl,bl->b", x, self.gram[:, at[:, None], at], x)
+        return np.maximum(self.total - 2 * np.einsum("bk,bk->b", x, self.right[:, at]) + made, 0.0)
+
 
 def block_products(
     x: Float[Array, "n C"], y: Float[Array, " n"], weight: Float[Array, " n"], blocks: Int[Array, " n"], count: int
@@ -161,76 +163,15 @@ def block_products(
     return BlockProducts(gram, right, total)
 
 
-def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
-    """Chosen terms at every size from one to ``most``, each after exchanges."""
-    out: list[Chosen] = []
-    chosen: Chosen = ()
-    for _ in range(most):
-        gain = gains(terms, products, chosen)
-        best = int(np.argmax(gain))
-        if gain[best] <= 0.0:
-            break
-        chosen = _exchanged(terms, products, (*chosen, best))
-        out.append(chosen)
-    return out
+def left_of_each(
+    x: Float[Array, "n k"], y: Float[Array, " n"], blocks: Int[Array, " n"], coefficients: Float[Array, "B k"]
+) -> Float[Array, " n"]:
+    """What is left of each sample by the fit that has not seen its block.
 
-
-def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
-    """Chosen terms with none to ``most`` others added to given ones, which stay; without given ones as `stepwise`."""
-    if not start:
-        return [(), *stepwise(terms, products, most)]
-    out = [start]
-    for _ in range(most):
-        gain = gains(terms, products, out[-1])
-        best = int(np.argmax(gain))
-        if gain[best] <= 0.0:
-            break
-        out.append((*out[-1], best))
-    return out
-
-
-def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
-    """The same number of terms, each exchanged for a better one beside the others while that helps."""
-    left = squares(terms, products, chosen)
-    for _ in range(3 if len(chosen) > 1 else 0):
-        before = left
-        for place in range(len(chosen)):
-            others = chosen[:place] + chosen[place + 1 :]
-            gain = gains(terms, products, others)
-            tried = (*others[:place], int(np.argmax(gain)), *others[place:])
-            now = squares(terms, products, tried)
-            if now < left:
-                chosen, left = tried, now
-        if left >= before * (1 - 1e-9):
-            break
-    return chosen
-
-
-def squares(terms: Terms, products: Products, chosen: Chosen) -> float:
-    """Sum of squares that a least squares fit of some terms leaves."""
-    columns = terms.columns(chosen)
-    return products.left(columns, products.fitted(columns)) if columns else products.total
-
-
-def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """What each term lowers the squares beside those that are chosen."""
-    gram, right = products.gram, products.right
-    size = np.diag(gram).copy()
-    kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()
-    columns = terms.columns(chosen)
-    if columns:
-        part = gram[np.ix_(columns, columns)]
-        reach = np.linalg.solve(part + _RIDGE * np.diag(np.diag(part)), gram[columns])
-        kept -= np.einsum("kc,kc->c", gram[columns], reach)
-        rest -= reach.T @ right[columns]
-        cross -= np.einsum("kt,kt->t", gram[columns][:, terms.first], reach[:, terms.second])
-    a, b = terms.first, terms.second
-    good = kept[a] > _RANK * np.maximum(size[a], 1e-300)
-    safe = np.where(good, kept[a], 1.0)
-    gain = np.where(good, rest[a] ** 2 / safe, 0.0)
-    beyond = kept[b] - cross**2 / safe
-    pair = good & (a != b) & (beyond > _RANK * np.maximum(size[b], 1e-300))
-    more = (rest[b] - cross / safe * rest[a]) ** 2 / np.where(pair, beyond, 1.0)
-    gain += np.where(pair, more, 0.0)
-    gain[list(chosen)] = 0.0
-    return gain
+    Args:
+        x: Columns of the fit.
+        y: Residual.
+        blocks: Of each sample.
+        coefficients: Of the fit without each block, see `BlockProducts.without_each`.
+    """
+    return y - np.einsum("nk,nk->n", x, coefficients[blocks])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.law.selection import Free, Terms, block_products, gains, squares, stepwise
+from identification.engine.block_products import block_products
+from identification.engine.stepwise import Terms, gains, squares, stepwise
 
 COUNT, COLUMNS = 400, 12
 
@@ -45,15 +46,3 @@ def test_squares_are_those_that_least_squares_leaves(samples, rng):
     y = rng.normal(size=COUNT)
     products = block_products(x, y, np.ones(COUNT), blocks, 8).summed(np.ones(8))
     assert squares(_single(COLUMNS), products, (3, 7)) == pytest.approx(np.linalg.lstsq(x[:, [3, 7]], y)[1][0])
-
-
-def test_what_may_move_is_fitted_beside_every_choice_with_its_prior(samples, rng):
-    x, blocks = samples
-    y = rng.normal(size=COUNT)
-    free = Free(np.diag([3.0, 5.0]), np.array([1.0, -2.0]))
-    products = block_products(x, y, np.ones(COUNT), blocks, 8).summed(np.ones(8))
-    a = x.T @ x + np.diag([*np.zeros(10), 3.0, 5.0])
-    whole = np.linalg.solve(a[np.ix_([1, 10, 11], [1, 10, 11])], (x.T @ y + [*np.zeros(10), 1.0, -2.0])[[1, 10, 11]])
-    theta = free.taken_out(products).fitted([1])
-    np.testing.assert_allclose(theta, whole[:1], rtol=1e-6)
-    np.testing.assert_allclose(free.beside(products, [1], theta), whole[1:], rtol=1e-6)
