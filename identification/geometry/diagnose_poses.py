@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from identification.data.recording import Recording
+from identification.engine.numerics.spans import orthonormal, without
 from identification.engine.resampling import interval
-from identification.engine.spans import orthonormal, without
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
 from identification.geometry.held_out import blocks_of, left_of_rows

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.engine.chance import squares_by_chance
-from identification.engine.few_columns import SetFits, few_columns, set_fits, until_settled
+from identification.engine.search.few_columns import SetFits, few_columns, set_fits, until_settled
 from identification.geometry.equations import Equations, Estimate, Problem
 from identification.geometry.fit import fitted, start_of
 from identification.geometry.terms import Term, bounds_of

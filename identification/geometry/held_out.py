@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.engine.block_products import BlockProducts, block_products, left_of_each
+from identification.engine.products.block_products import BlockProducts, block_products, left_of_each
 from identification.geometry.whitened import Whitened
 from phantom_dyn.array_types import Float
 

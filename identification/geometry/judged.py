@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 
-from identification.engine.few_columns import rivals_of
+from identification.engine.numerics.spans import orthonormal, without
 from identification.engine.resampling import block_counts, interval, probabilities, share_by_likelihood
+from identification.engine.search.few_columns import rivals_of
 from identification.engine.shapley import shapley_values
-from identification.engine.spans import orthonormal, without
 from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
-from identification.engine.spans import orthonormal, without
+from identification.engine.numerics.spans import orthonormal, without
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Bool, Float, Int

@@ -13,8 +13,8 @@ import numpy as np
 
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
+from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without, solve
 from phantom_dyn.array_types import Float, Int
 

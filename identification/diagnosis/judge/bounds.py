@@ -9,7 +9,6 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
@@ -20,7 +19,8 @@ from identification.diagnosis.search.search import (
     price,
 )
 from identification.engine.numerics.bounded import solve
-from identification.engine.triangles import square
+from identification.engine.products.blocks import held_out_share
+from identification.engine.products.triangles import square
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation

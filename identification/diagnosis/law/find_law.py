@@ -1,7 +1,7 @@
 """A law for what is left: the inputs that a structured rest depends on, its formula, and a model to use now.
 
 The methods: smooth functions of inputs and pairs on held-out blocks against orders of the blocks by chance
-(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `engine.stepwise`),
+(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `search.stepwise`),
 its size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
 bootstrap replicates over blocks (`formula_search`).
 """

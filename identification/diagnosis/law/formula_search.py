@@ -9,9 +9,9 @@ import numpy as np
 
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.law.terms import Term, library
-from identification.engine.block_products import BlockProducts, Free, Products, block_products
 from identification.engine.numerics.bounded import bounded_solve
-from identification.engine.stepwise import Chosen, Terms, extended, gains, squares, stepwise
+from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
+from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

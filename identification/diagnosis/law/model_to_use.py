@@ -16,8 +16,8 @@ from identification.diagnosis.law.formula_search import Choice, Columns, best_si
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.law.terms import supply_loads
 from identification.diagnosis.rest_law import ModelTerm, ResidualModel
-from identification.engine.block_products import Free
-from identification.engine.stepwise import extended
+from identification.engine.products.block_products import Free
+from identification.engine.search.stepwise import extended
 
 Array = np.ndarray
 

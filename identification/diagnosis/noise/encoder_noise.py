@@ -16,9 +16,7 @@ from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.grams import RowGrams, all_row_grams
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.columns import Columns, columns_by_log
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
@@ -26,6 +24,8 @@ from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search
+from identification.engine.fits.projection import gains_beside
+from identification.engine.products.grams import RowGrams, all_row_grams
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation

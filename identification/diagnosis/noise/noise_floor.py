@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
-from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import Term
@@ -16,6 +15,7 @@ from identification.diagnosis.noise.whitening import whitened_noise
 from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.numerics.two_threads import in_two_threads
+from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray

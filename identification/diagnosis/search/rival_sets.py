@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.fair_costs import costs_of, losses_in
@@ -16,6 +15,7 @@ from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
+from identification.engine.fits.projection import taken_out
 from identification.engine.resampling import probabilities
 from phantom_dyn.array_types import Float
 

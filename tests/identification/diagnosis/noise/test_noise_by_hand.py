@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.noise.noise_floor import (
     _plain_first,
     noise_without,
@@ -16,6 +15,7 @@ from identification.diagnosis.noise.noise_floor import (
     weights_of,
 )
 from identification.engine.autocorrelation import autocorrelation_time
+from identification.engine.products.grams import Weights
 
 PLACE = "identification.diagnosis.noise.noise_floor."
 

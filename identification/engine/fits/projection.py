@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.problem import Problem
+from identification.engine.fits.problem import LinearProblem, Solution
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
 
-def gains_beside(problem: Problem, fitted: Fitted, sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
+def gains_beside(
+    problem: LinearProblem, fitted: Solution, sets: Iterable[tuple[int, ...]]
+) -> dict[tuple[int, ...], float]:
     """How much the columns of each set lower the loss in sample beside a fit, to second order; bounds are kept.
 
     Args:
@@ -42,7 +43,7 @@ def gains_beside(problem: Problem, fitted: Fitted, sets: Iterable[tuple[int, ...
 
 
 def taken_out(
-    problem: Problem, fitted: Fitted, columns: Int[Array, " m"]
+    problem: LinearProblem, fitted: Solution, columns: Int[Array, " m"]
 ) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
     """Project columns off the free columns of a fit.
 
@@ -97,7 +98,7 @@ class FoldProjection:
         made: Nuisances that a unit of each column moves, ``(n, K)``.
     """
 
-    problem: Problem
+    problem: LinearProblem
     lines: Float[Array, "n K"]
     core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
     made: Float[Array, "n K"]
@@ -131,7 +132,7 @@ class FoldProjection:
         return square - turned - turned.mT + made.mT @ inside @ made
 
 
-def fold_projections(problem: Problem) -> tuple[FoldProjection, ...]:
+def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
     """The projection of each fold, and last that of the fit that holds nothing out."""
     grams, moves = problem.grams, problem.moves
     less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.fit.problem import Problem
+from identification.engine.fits.problem import LinearProblem
 from identification.engine.numerics.tableau import Entering, Tableau, tableau
 from phantom_dyn.array_types import Bool, Float, Int
 
@@ -53,7 +53,7 @@ class SolvedSet:
         whole: Its fit.
     """
 
-    problem: Problem
+    problem: LinearProblem
     columns: Int[Array, " n"]
     whole: Tableau
     _entering: dict[int, _Pieces] = field(default_factory=dict)
@@ -179,7 +179,7 @@ def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
     return out
 
 
-def quadratic(problem: Problem, columns: Int[Array, " n"]) -> tuple[Array, Array, Array, Array]:
+def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array, Array, Array, Array]:
     """Products of some columns with priors, those with the residual, and bounds."""
     a = problem.total_a[np.ix_(columns, columns)]
     a.flat[:: len(a) + 1] += problem.precision[columns]

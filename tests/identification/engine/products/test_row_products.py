@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.engine import row_products
-from identification.engine.row_products import RowProducts
-from identification.engine.triangles import places_in, triangle
+from identification.engine.products import row_products
+from identification.engine.products.row_products import RowProducts
+from identification.engine.products.triangles import places_in, triangle
 
 COLUMNS, BLOCKS, ALWAYS = 20, 5, 4
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.projection import fold_projections, gains_beside, taken_out
+from identification.engine.fits.projection import fold_projections, gains_beside, taken_out
 from identification.engine.numerics.bounded import bounded_solve, solve
 
 

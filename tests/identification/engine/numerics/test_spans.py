@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.engine.spans import orthonormal, without
+from identification.engine.numerics.spans import orthonormal, without
 
 
 def test_a_basis_has_as_many_columns_as_there_are_directions(rng):

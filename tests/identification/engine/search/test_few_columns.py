@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from identification.engine.few_columns import few_columns, rivals_of, set_fits, until_settled
+from identification.engine.search.few_columns import few_columns, rivals_of, set_fits, until_settled
 
 SAMPLES, COLUMNS, PRICE = 200, 7, 12.0
 

@@ -1,18 +1,19 @@
-"""Blocks of samples: what is held out together, and the Gram matrices that every fit works on."""
+"""Gram matrices of columns and residual by block and by fold, which every fit works on."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
-from identification.diagnosis.model.blocks import Block
-from identification.diagnosis.model.columns import Columns
 from identification.engine.numerics.two_threads import in_two_threads
-from identification.engine.row_products import RowProducts
-from identification.engine.triangles import places_in, square, triangle
-from phantom_dyn.array_types import Float, Int
+from identification.engine.products.blocks import Block
+from identification.engine.products.row_products import RowProducts
+from identification.engine.products.triangles import places_in, square, triangle
+from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
 
@@ -22,8 +23,8 @@ class Weights:
     """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``.
 
     Attributes:
-        floor: Noise floor [torque unit], shape ``(nv,)``.
-        spread: How many samples of coloured noise tell as much as one of white noise, shape ``(nv,)``.
+        floor: Noise floor, in the unit of the row, ``(nv,)``.
+        spread: How many samples of coloured noise tell as much as one of white noise, ``(nv,)``.
     """
 
     floor: Float[Array, " nv"]
@@ -42,7 +43,7 @@ class RowGrams:
     Attributes:
         index: Which of all columns, ``(k,)``.
         a: Columns times columns over the whole blocks of each fold, then of those that no fit may see, as triangles
-            (see `engine.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the
+            (see `products.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the
             memory.
         b: Columns times residual over whole blocks, ``(B, k)``.
         c: Residual times residual, ``(B,)``.
@@ -111,6 +112,30 @@ class Grams:
         return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
 
 
+class Columns(Protocol):
+    """Columns of some series, row by row."""
+
+    @property
+    def rows(self) -> Sequence[Sequence[int]]:
+        """For each row, the indices of the columns that touch it."""
+        ...
+
+    @property
+    def values(self) -> Sequence[Sequence[Float[Array, "n k"]]]:
+        """For each series and row, samples of those columns, ``(n, len(rows[row]))``."""
+        ...
+
+    @property
+    def residual(self) -> Sequence[Float[Array, "n rows"]]:
+        """For each series, what is to be explained."""
+        ...
+
+    @property
+    def usable(self) -> Sequence[Bool[Array, "n rows"]]:
+        """For each series, samples that may be used on each row."""
+        ...
+
+
 def row_grams(
     columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
 ) -> RowGrams:
@@ -121,7 +146,7 @@ def row_grams(
         blocks: Of the same logs.
         folds: Which blocks are held out together; -1 for blocks that no fit may see.
         weights: Noise per row.
-        row: Which joint's torque.
+        row: Which.
     """
     size, groups = len(columns.rows[row]) + 1, int(folds.max(initial=-1)) + 1
     whole, product = np.zeros((groups + 1, size, size)), np.empty((size, size))
@@ -173,20 +198,16 @@ def all_row_grams(
     return tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))
 
 
-def summed(
-    columns: Columns, rows: tuple[RowGrams, ...], folds: Int[Array, " B"], always: Int[Array, " m"] | None = None
-) -> Grams:
+def summed(total: int, rows: tuple[RowGrams, ...], folds: Int[Array, " B"], always: Int[Array, " m"]) -> Grams:
     """Products of all rows, summed.
 
     Args:
-        columns: All columns.
+        total: Number of all columns.
         rows: Products of every row.
         folds: Which blocks are held out together.
-        always: Columns of every fit, in order; None: all moves of the model.
+        always: Columns of every fit, in order.
     """
-    count, total = len(folds), len(columns.names)
-    index = tuple(row.index for row in rows)
-    always = np.arange(len(columns.nuisances)) if always is None else always
+    count, index = len(folds), tuple(row.index for row in rows)
     fold_a = RowProducts(index, tuple(row.a[:-1] for row in rows), total, always)
     unseen_a = RowProducts(index, tuple(row.a[-1:] for row in rows), total, always)
     core_a = RowProducts(index, tuple(row.core_a for row in rows), total, always)

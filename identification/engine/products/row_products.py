@@ -1,7 +1,7 @@
 """Products of all columns, kept row by row: columns that touch no common row have none, and most touch one row only.
 
 Written out, those of a robot with six joints would be a matrix of some thousand columns for each block of samples, nine
-tenths of it zero. Of each row the lower triangle is kept (see `engine.triangles`), as the other one is the same.
+tenths of it zero. Of each row the lower triangle is kept (see `products.triangles`), as the other one is the same.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.engine.triangles import diagonal, square
-from identification.engine.triangles import place as place_of
+from identification.engine.products.triangles import diagonal, square
+from identification.engine.products.triangles import place as place_of
 from phantom_dyn._kernels.jit import fused, jit
 from phantom_dyn.array_types import Float, Int
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.engine.triangles import diagonal, places_in, square, triangle
+from identification.engine.products.triangles import diagonal, places_in, square, triangle
 
 
 @pytest.fixture

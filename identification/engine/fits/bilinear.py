@@ -1,4 +1,4 @@
-"""Products of the columns of one model, with the torques of wrong torque constants rescaled."""
+"""Products of the columns of one model, with rows rescaled that are seen times a gain which is fitted as well."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.fit.problem import Problem
+from identification.engine.fits.problem import LinearProblem
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -15,16 +15,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Scaling:
-    """A wrong torque constant on one row: measured torque is ``gain`` times what the joint truly got.
+    """A gain on one row, as a wrong torque constant is: what was measured is ``gain`` times what acted.
 
-    The row's columns are then seen times the gain, and the column of the torque constant is the true torque of the
-    current fit instead of the given model's: a fit about this point is exact in the gain.
+    The row's columns are then seen times the gain, and the gain's column is what acts by the current fit instead of by
+    the given model: a fit about this point is exact in the gain.
 
     Attributes:
-        row: Which joint.
-        column: The torque constant's column, which is the given model's torque.
+        row: Which.
+        column: The gain's, which is what acts by the given model.
         gain: Current estimate.
-        theta: Coefficients of the current fit, that of the torque constant zero, ``(K,)``.
+        theta: Coefficients of the current fit, that of the gain zero, ``(K,)``.
     """
 
     row: int
@@ -64,8 +64,10 @@ class Products:
     held_out: HeldOut | None
 
 
-def products_of(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool) -> Products:
-    """Products of the active columns, with rows of wrong torque constants rescaled."""
+def products_of(
+    problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool
+) -> Products:
+    """Products of the active columns, with rows that have a gain rescaled."""
     grams = problem.grams
     a, b = problem.total_a[active[:, None], active], problem.total_b[active]
     c = float(grams.c[grams.fold >= 0].sum())
@@ -86,9 +88,9 @@ def products_of(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scal
 
 
 def _mixed(
-    problem: Problem, active: Int[Array, " k"], scaling: Scaling
+    problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
 ) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, "m m"]]:
-    """Where the active columns of a rescaled row stand in it and among all, the torque constant's, and how they mix."""
+    """Where the active columns of a rescaled row stand in it and among all, the gain's, and how they mix."""
     row = problem.grams.rows[scaling.row]
     local = np.flatnonzero(np.isin(row.index, active))
     own = int(np.searchsorted(row.index[local], scaling.column))
@@ -98,8 +100,8 @@ def _mixed(
     return local, np.searchsorted(active, row.index[local]), own, mix
 
 
-def _held_out_rescaled(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
-    """Products by fold and block with rows of wrong torque constants rescaled."""
+def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
+    """Products by fold and block with rows that have a gain rescaled."""
     grams = problem.grams
     fold_a, fold_b = grams.fold_a.among(active), grams.by_fold(grams.b[:, active])
     core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
@@ -123,7 +125,7 @@ def _held_out_rescaled(problem: Problem, active: Int[Array, " k"], scalings: tup
     return HeldOut(fold_a, fold_b, core_b, core_c, squares)
 
 
-def _held_out(problem: Problem, active: Int[Array, " k"]) -> HeldOut:
+def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
     """Products by fold and block as they are."""
     grams = problem.grams
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.engine.block_products import RIDGE, Products
+from identification.engine.products.block_products import RIDGE, Products
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.engine.block_products import block_products
-from identification.engine.stepwise import Terms, gains, squares, stepwise
+from identification.engine.products.block_products import block_products
+from identification.engine.search.stepwise import Terms, gains, squares, stepwise
 
 COUNT, COLUMNS = 400, 12
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.engine.block_products import BlockProducts, Free, block_products, left_of_each
+from identification.engine.products.block_products import BlockProducts, Free, block_products, left_of_each
 
 COUNT, COLUMNS = 400, 12
 

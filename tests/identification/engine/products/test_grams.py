@@ -1,14 +1,13 @@
-from __future__ import annotations
+"""Gram matrices by block and fold: against products of the samples themselves."""
 
-import itertools
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from identification.data.signals import process
-from identification.diagnosis.fit.grams import Weights, all_row_grams, row_grams, summed
-from identification.diagnosis.model.blocks import FOLDS, Block, assign_folds, split_blocks
-from identification.engine.triangles import square
+from identification.engine.products.blocks import Block
+from identification.engine.products.grams import Weights, all_row_grams, row_grams, summed
+from identification.engine.products.triangles import square
 
 
 @pytest.fixture(scope="module")
@@ -19,51 +18,6 @@ def two(lab, planar2):
         lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
     )
     return lab.prepared(planar2, recordings, held_out=1)
-
-
-def test_every_sample_in_the_band_is_in_one_block(two):
-    for k, log in enumerate(two.logs):
-        mine = [block for block in two.blocks if block.log == k]
-        covered = np.concatenate([np.arange(block.start, block.stop) for block in mine])
-        np.testing.assert_array_equal(covered, np.arange(len(log.samples)))
-
-
-def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
-    # Full-rate samples that the filter of the first core sample touches, against those of the last block.
-    for k, log in enumerate(two.logs):
-        mine = [block for block in two.blocks if block.log == k]
-        assert len(mine) > 1
-        for before, block in itertools.pairwise(mine):
-            assert block.start < block.core < block.stop
-            assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
-
-
-def test_the_first_block_of_a_log_is_all_core(two):
-    firsts = [next(block for block in two.blocks if block.log == k) for k in range(2)]
-    assert all(block.core == block.start == 0 for block in firsts)
-
-
-def test_blocks_last_a_second_at_least(two):
-    assert two.blocks
-    for block in two.blocks:
-        band = two.logs[block.log].band
-        assert (block.stop - block.start) * band.step / band.rate_hz > 0.9
-
-
-def test_a_long_recording_has_two_dozen_blocks(lab, planar2):
-    log = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seconds=10.0)),)).logs[0]
-    long = lab.recording(planar2, lab.motion(2, seconds=100.0))
-    blocks = split_blocks((process(long, planar2, cutoff_hz=log.band.cutoff_hz),), 5.0)
-    assert 22 <= len(blocks) <= 26
-
-
-def test_blocks_of_a_log_that_is_held_out_have_no_fold(two):
-    assert [fold < 0 for fold in two.folds] == [block.log == 1 for block in two.blocks]
-
-
-def test_folds_take_turns_so_that_each_covers_the_recording(two):
-    folds = assign_folds(two.blocks, np.zeros(2, dtype=bool))
-    np.testing.assert_array_equal(folds, np.arange(len(two.blocks)) % FOLDS)
 
 
 def test_a_weight_counts_noise_and_its_colour():
@@ -104,7 +58,8 @@ def test_products_of_a_fold_are_those_of_its_blocks(two, fold):
 
 def test_rows_add_up(two, rng):
     # For any coefficients the summed products give the loss of all rows.
-    grams = summed(two.white, all_row_grams(two.white, two.blocks, two.folds, two.weights), two.folds)
+    rows = all_row_grams(two.white, two.blocks, two.folds, two.weights)
+    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.nuisances)))
     theta = rng.normal(size=len(two.white.names)) * 1e-3
     mine = np.flatnonzero(two.folds == 1)
     expected = 0.0
@@ -119,7 +74,8 @@ def test_rows_add_up(two, rng):
 
 
 def test_the_count_of_a_core_is_the_number_of_its_independent_samples(two):
-    grams = summed(two.white, all_row_grams(two.white, two.blocks, two.folds, two.weights), two.folds)
+    rows = all_row_grams(two.white, two.blocks, two.folds, two.weights)
+    grams = summed(len(two.white.names), rows, two.folds, np.arange(len(two.white.nuisances)))
     block = two.blocks[2]
     use = two.white.usable[block.log][block.core : block.stop]
     assert grams.count[2] == pytest.approx((use.sum(axis=0) / two.weights.spread).sum())

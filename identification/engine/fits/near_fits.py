@@ -1,7 +1,7 @@
 """Fits of many sets of effects that differ little: each from the nearest one that was solved as a whole.
 
-A fit of a robot with many joints contains some hundred moves of its model, and hardly any of them changes its bound
-where one effect takes the place of another. So a few sets are kept as tableaus (see `engine.numerics.tableau`), and
+A fit of a robot with many joints contains some hundred nuisances, and hardly any of them changes its bound where one
+column takes the place of another. So a few sets are kept as tableaus (see `numerics.tableau`), and
 every other set costs what it changes of the nearest one: same minima, to rounding.
 """
 
@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from identification.diagnosis.fit.fitting import Fitted, Point
-from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import gains_within
-from identification.diagnosis.fit.solved_set import End, SolvedSet, marked, quadratic
+from identification.engine.fits.problem import LinearProblem
+from identification.engine.fits.projection import gains_within
+from identification.engine.fits.solved_set import End, SolvedSet, marked, quadratic
 from identification.engine.numerics.held_minimum import answers_among
 from identification.engine.numerics.tableau import tableau
 from identification.engine.numerics.tableau_changes import Settled, changed
@@ -33,6 +33,26 @@ _ENDS = 100
 _NOTHING = 1e-14
 
 
+class LinearFit(NamedTuple):
+    """Result of one fit.
+
+    Attributes:
+        theta: All coefficients, zero where a column is not in the fit, ``(K,)``.
+        active: Columns in the fit.
+        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
+        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
+        fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
+    """
+
+    theta: Float[Array, " K"]
+    active: Int[Array, " k"]
+    penalty: float
+    objective: float
+    loss: Float[Array, " B"]
+    fold_active: Float[Array, "F k"]
+
+
 class NearFits:
     """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.
 
@@ -41,7 +61,7 @@ class NearFits:
         start: Coefficients from which a set is solved as a whole, NaN where there are none, ``(K,)``.
     """
 
-    def __init__(self, problem: Problem, start: Float[Array, " K"]):
+    def __init__(self, problem: LinearProblem, start: Float[Array, " K"]):
         self.problem = problem
         self._start = start
         self._solved: list[SolvedSet] = []
@@ -49,8 +69,8 @@ class NearFits:
         self._ends, self._held_out_ends = deque[End](maxlen=_ENDS), deque[End](maxlen=_ENDS)
         self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
-    def fit(self, active: Int[Array, " k"], *, held_out: bool) -> Fitted:
-        """Fit of some columns, as `fitting.fit`."""
+    def fit(self, active: Int[Array, " k"], *, held_out: bool) -> LinearFit:
+        """Fit of some columns on all blocks and, if they are held out, once without each fold."""
         problem = self.problem
         solved, found, x = self._coefficients(active, held_out=held_out)
         new, gone, index = solved.changes(active)
@@ -65,7 +85,7 @@ class NearFits:
             kept = np.delete(np.arange(len(index)), gone)
             order = kept[np.argsort(index[kept])]
             fold_active = x[:-1, order]
-        return Fitted(problem, Point(), theta, active, penalty, objective, loss, fold_active)
+        return LinearFit(theta, active, penalty, objective, loss, fold_active)
 
     def coefficients(self, active: Int[Array, " k"]) -> Float[Array, "G K"]:
         """Coefficients of the fit of some columns without each fold and, last, of that to all blocks."""
