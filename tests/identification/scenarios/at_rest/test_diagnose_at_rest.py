@@ -91,6 +91,19 @@ def test_loads_of_one_size_leave_play_and_spring_equally_probable(robot, rng):
     assert [effect.effect for effect in finding.rivals[0].effects] == ["transmission_compliance"]
 
 
+def test_a_play_in_one_half_of_the_rests_and_a_spring_in_the_other_are_both_told(robot, rng):
+    # Known truth of each half; both give way as far at the largest load, and either alone is certain of itself.
+    parts = {"backlash": {"gap": GAP}, "transmission_compliance": {"compliance": 0.5 * GAP / 9.0}}
+    halves = [recorded(robot, WIDE, rng, **sizes) for sizes in parts.values()]
+    for half, effect in zip(halves, parts, strict=True):
+        (finding,) = diagnose_at_rest(robot, (half,)).findings
+        assert (finding.effect, finding.probability) == (effect, pytest.approx(1.0, abs=0.01))
+    findings = diagnose_at_rest(robot, tuple(halves)).findings
+    assert all(0.1 < finding.probability < 0.9 for finding in findings)
+    named = {effect.effect for finding in findings for rival in finding.rivals for effect in rival.effects}
+    assert named | {finding.effect for finding in findings} == set(parts)
+
+
 def test_most_of_the_gap_is_closed_on_rests_that_no_fit_has_seen(robot, rng):
     found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, gap=GAP),))
     (joint,) = found.joints
