@@ -20,7 +20,8 @@ from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.rest_law import FrequencyAnswer, InputCurve, InputGain, Pair
 from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import solve
-from identification.engine.resampling import block_counts, interval
+from identification.engine.products.block_products import block_products
+from identification.engine.resampling import REPLICATES, block_counts, interval
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -271,19 +272,17 @@ def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array
         columns: At the kept samples, those that may move last.
         places: Of how many the samples are shared, for the ridge.
     """
-    used = rest.weight > 0
-    root = np.sqrt(rest.weight[used])
-    x, y, blocks = columns[used] * root[:, None], rest.y[used] * root, rest.blocks[used]
-    count = x.shape[1] - len(rest.right)
-    prior = np.zeros((x.shape[1], x.shape[1]))
+    count, size = columns.shape[1] - len(rest.right), columns.shape[1]
+    prior = np.zeros((size, size))
     prior[count:, count:] = rest.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(root @ root) / places
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(rest.weight.sum()) / places
     pull = np.concatenate([np.zeros(count), rest.right])
-    seen = np.flatnonzero(rest.folds >= 0)
-    grams = np.array([x[blocks == b].T @ x[blocks == b] for b in seen])
-    rights = np.array([x[blocks == b].T @ y[blocks == b] for b in seen])
-    draws = np.vstack([np.ones(len(seen)), block_counts(len(seen), random_stream("blocks of a curve"))])
-    return np.array([np.linalg.solve(np.tensordot(n, grams, 1) + prior, n @ rights + pull)[:count] for n in draws])
+    seen = rest.folds >= 0
+    draws = np.zeros((REPLICATES + 1, len(seen)))
+    draws[0, seen] = 1.0
+    draws[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of a curve"))
+    products = block_products(columns, rest.y, rest.weight, rest.blocks, len(rest.folds))
+    return products.of_draws(draws, prior, pull)[:, :count]
 
 
 def _unit(rest: Rest, name: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.fits.problem import LinearProblem, Solution
-from identification.engine.numerics.bounded import bounded_solve, solve
+from identification.engine.numerics.bounded import bounded_solve, solve, solve_each
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -70,7 +70,7 @@ def gains_within(
     a: Float[Array, "T k k"], b: Float[Array, "T k"], lower: Float[Array, "T k"], upper: Float[Array, "T k"]
 ) -> Float[Array, " T"]:
     """Depths of the minima of ``x a x - 2 b x`` within bounds."""
-    x = _solve_each(a, b)
+    x = solve_each(a, b[:, :, None])[:, :, 0]
     outside = np.any((x < lower) | (x > upper), axis=1)
     if a.shape[1] == 1:
         x = np.clip(x, lower, upper)
@@ -78,13 +78,6 @@ def gains_within(
         for k in np.flatnonzero(outside):
             x[k] = bounded_solve(a[k], b[k], lower[k], upper[k])
     return 2 * np.einsum("tk,tk->t", b, x) - np.einsum("tk,tkl,tl->t", x, a, x)
-
-
-def _solve_each(a: Float[Array, "T k k"], b: Float[Array, "T k"]) -> Float[Array, "T k"]:
-    """As `solve`, for many small matrices at once."""
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("tkk->tk", a), 1e-300))
-    scaled = a * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(a.shape[1])
-    return np.linalg.solve(scaled, (b * scale)[:, :, None])[:, :, 0] * scale
 
 
 @dataclass(frozen=True)

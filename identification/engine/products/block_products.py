@@ -17,6 +17,7 @@ Array = np.ndarray
 
 RIDGE = 1e-9
 """Of a column's squares, added to them: keeps twins solvable."""
+_AT_ONCE = 64  # draws whose systems are written out together
 _RANK = 1e-12  # of products of columns of size one: what exact combinations leave is rounding
 
 
@@ -120,6 +121,24 @@ class BlockProducts:
     def block(self, k: int) -> Products:
         """Of one block."""
         return Products(self.gram[k], self.right[k], float(self.total[k]))
+
+    def of_draws(
+        self, counts: Float[Array, "D B"], precision: Float[Array, "C C"], pull: Float[Array, " C"]
+    ) -> Float[Array, "D C"]:
+        """Coefficients of all columns on each draw of blocks, with a quadratic prior.
+
+        Args:
+            counts: How often each draw has each block.
+            precision: Of the prior.
+            pull: Precision times its mean.
+        """
+        lines, size = self.gram.reshape(len(self.gram), -1), len(pull)
+        out = np.empty((len(counts), size))
+        for first in range(0, len(counts), _AT_ONCE):
+            some = counts[first : first + _AT_ONCE]
+            normal = (some @ lines).reshape(len(some), size, size) + precision
+            out[first : first + _AT_ONCE] = np.linalg.solve(normal, (some @ self.right + pull)[:, :, None])[:, :, 0]
+        return out
 
     def without_each(self, columns: list[int]) -> Float[Array, "B k"]:
         """Least squares coefficients of some columns by fits that have not seen one block each.

@@ -31,6 +31,17 @@ def test_losses_are_those_of_fits_that_have_not_seen_the_block(samples):
     np.testing.assert_allclose(_products(samples).losses(at), expected, rtol=1e-8)
 
 
+def test_a_draw_has_the_coefficients_of_its_blocks_with_the_prior(samples, rng):
+    x, y, blocks = samples
+    counts = rng.integers(0, 3, (70, 8)).astype(float)
+    precision, pull = np.diag(np.arange(COLUMNS, dtype=float)), np.ones(COLUMNS)
+    found = _products(samples).of_draws(counts, precision, pull)
+    for draw in (0, 69):
+        weight = counts[draw][blocks]
+        expected = np.linalg.solve(x.T @ (weight[:, None] * x) + precision, x.T @ (weight * y) + pull)
+        np.testing.assert_allclose(found[draw], expected, rtol=1e-8)
+
+
 def test_a_column_twice_predicts_what_it_does_once(samples):
     x, y, blocks = samples
     twice = block_products(np.column_stack([x[:, 0], x[:, 0]]), y, np.ones(COUNT), blocks, 8)
