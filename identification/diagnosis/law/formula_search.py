@@ -144,10 +144,9 @@ def without_law(rest: Rest, columns: Columns) -> Float[Array, " B"]:
     """Squares left of each block without a law, what may move within its bounds fitted to other folds."""
     loss = np.zeros(len(rest.folds))
     moved = list(range(len(columns.size), columns.x.shape[1]))
-    for fold in np.unique(rest.folds):
-        train = columns.products.summed(((rest.folds >= 0) & (rest.folds != fold)).astype(float))
+    for train, held_out in columns.products.by_fold(rest.folds):
         theta = _bounded(rest, columns, train, [])
-        for k in np.flatnonzero(rest.folds == fold).tolist():
+        for k in held_out:
             loss[k] = columns.products.block(k).left(moved, theta)
     return loss
 
@@ -193,15 +192,14 @@ def cross_validated(rest: Rest, columns: Columns, most: int, start: Chosen = ())
     terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
     loss = np.zeros((most + 1, len(folds)))
     moved = list(range(len(columns.size), columns.x.shape[1]))
-    for fold in np.unique(folds):
-        train = products.summed(((folds >= 0) & (folds != fold)).astype(float))
+    for train, held_out in products.by_fold(folds):
         freed = free.taken_out(train)
         path = extended(terms, freed, start, most)
         for size in range(most + 1):
             at = terms.columns(path[min(size, len(path) - 1)])
             theta = freed.fitted(at)
             theta = np.concatenate([theta, free.beside(train, at, theta)])
-            for k in np.flatnonzero(folds == fold).tolist():
+            for k in held_out:
                 loss[size, k] = products.block(k).left([*at, *moved], theta)
     return loss
 

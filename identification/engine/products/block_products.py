@@ -6,6 +6,7 @@ fold at no cost.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,6 +118,16 @@ class BlockProducts:
     def freed(self, counts: Float[Array, " B"], free: Free) -> Products:
         """The same of the columns but the last, which are fitted beside every choice and so taken out."""
         return free.taken_out(self.summed(counts))
+
+    def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
+        """For each fold the products of all other blocks that fits may see, and the blocks that these judge.
+
+        Args:
+            folds: Of each block; blocks of fold -1 are seen by no fit, and judged by that of all others.
+        """
+        for fold in np.unique(folds):
+            train = (folds >= 0) & (folds != fold)
+            yield self.summed(train.astype(float)), np.flatnonzero(folds == fold).tolist()
 
     def block(self, k: int) -> Products:
         """Of one block."""

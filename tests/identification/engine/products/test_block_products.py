@@ -42,6 +42,18 @@ def test_a_draw_has_the_coefficients_of_its_blocks_with_the_prior(samples, rng):
         np.testing.assert_allclose(found[draw], expected, rtol=1e-8)
 
 
+def test_fits_of_a_fold_see_neither_it_nor_what_no_fit_may_see(samples):
+    x, _, blocks = samples
+    folds = np.array([0, 1, 0, 1, 0, 1, -1, -1])
+    judged = {}
+    for train, held_out in _products(samples).by_fold(folds):
+        fold = int(folds[held_out[0]])
+        seen = np.isin(blocks, np.flatnonzero((folds >= 0) & (folds != fold)))
+        np.testing.assert_allclose(train.gram, x[seen].T @ x[seen])
+        judged[fold] = held_out
+    assert judged == {-1: [6, 7], 0: [0, 2, 4], 1: [1, 3, 5]}
+
+
 def test_a_column_twice_predicts_what_it_does_once(samples):
     x, y, blocks = samples
     twice = block_products(np.column_stack([x[:, 0], x[:, 0]]), y, np.ones(COUNT), blocks, 8)
