@@ -27,3 +27,9 @@ def test_pieces_in_another_order_are_the_same_pieces_but_for_their_signs(rng):
     text = ",".join(f"{abs(x):g}" for x in mixed)
     assert sorted(abs(mixed)) == [1, 2, 4, 5, 6, 30]
     assert all(part in text for part in ("1,2", "30", "4,5,6"))
+
+
+def test_every_piece_comes_first_as_often_as_any_other(rng):
+    # Multinomial: a third of 600 draws each, with a deviation of 12.
+    first = [abs(in_another_order([np.array([1.0]), np.array([2.0]), np.array([3.0])], rng)[0]) for _ in range(600)]
+    assert np.bincount(np.array(first, dtype=int))[1:] == pytest.approx(200, abs=50)

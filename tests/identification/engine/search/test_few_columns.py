@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from identification.engine.search.few_columns import few_columns, rivals_of, set_fits, until_settled
+from identification.engine.search.few_columns import _swapped, few_columns, rivals_of, set_fits, until_settled
 
 SAMPLES, COLUMNS, PRICE = 200, 7, 12.0
 
@@ -49,6 +49,24 @@ def test_a_set_that_ends_beyond_a_bound_explains_nothing(fits):
     _, _, found = fits(upper=1.9)
     assert found.squares((2, 5)) == np.inf
     assert few_columns(found, PRICE) != (2, 5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_set_is_found_that_one_column_after_another_does_not_lead_to(seed):
+    # Five columns that are there, and four that are nearly sums of two; with a beam of one the search ends elsewhere.
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(60, 9))
+    x[:, 5:] = x[:, [0, 1, 2, 3]] + x[:, [1, 2, 3, 4]] + 0.5 * rng.normal(size=(60, 4))
+    y = x[:, :5] @ [1.0, 1.0, -1.0, -1.0, 1.0] + 0.8 * rng.normal(size=60)
+    found = set_fits(x, y, (np.full(9, -np.inf), np.full(9, np.inf)), np.ones(9, dtype=bool))
+    every = [chosen for size in range(10) for chosen in combinations(range(9), size)]
+    assert few_columns(found, PRICE) == min(every, key=lambda chosen: found.squares(chosen) + PRICE * len(chosen))
+
+
+@pytest.mark.parametrize("start", [(0, 4), (1, 2), (0, 2, 5), (1, 3, 4)])
+def test_columns_are_exchanged_and_spared_as_long_as_it_pays(fits, start):
+    _, _, found = fits()
+    assert _swapped(found, start, PRICE) == (2, 5)
 
 
 def test_noise_has_no_columns(rng):
