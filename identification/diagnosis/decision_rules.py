@@ -51,9 +51,6 @@ HOPELESS_ERRORS, HOPELESS_BEYOND = 4.0, 4.0
 # share: of the torque that was found which a further parameter of a richer law is expected to carry.
 EXPECTED_SHARE = 0.5
 
-# gain: below which two held-out losses are the same predictions.
-SAME_PREDICTIONS = 0.05
-
 # share: of the squared torque of either of two causes, below which the other one makes it as well: a tenth of the
 # amplitude, as much as a law of the right kind leaves whose parameter is off by a tenth.
 SAME_CAUSE = 0.01

@@ -13,10 +13,12 @@ import pinocchio as pin
 
 from identification.data.recording import Recording
 from identification.engine import contract_levels
+from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.resampling import interval
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
-from identification.geometry.held_out import blocks_of, draws, left_of_each
-from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
+from identification.geometry.held_out import blocks_of, left_of_rows
+from identification.geometry.judged import Gap, bounds_of, drawn_blocks, findings_of, gap_of
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
@@ -29,7 +31,7 @@ from identification.geometry.result import (
     PoseFinding,
 )
 from identification.geometry.told_frames import problem_of
-from identification.geometry.whitened import SEEN, orthonormal, without
+from identification.geometry.whitened import SEEN
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
@@ -82,9 +84,9 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     bounds, unseen = bounds_of(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
-    once, drawn = np.ones((1, len(gap.after))), draws(len(gap.after), "bootstrap of the gap in poses")
+    once = np.ones((1, len(gap.after)))
     closed = float(gap.closed(gap.after, once)[0]) if found else None
-    low, high = np.percentile(gap.closed(gap.after, drawn), [2.5, 97.5])
+    low, high = interval(gap.closed(gap.after, drawn_blocks(gap)))
     large = tuple(finding for finding in found if not _is_minor(finding))
     return GeometryResult(
         verdict=_verdict(frames, large, bounds, structured=structured, more=more),
@@ -165,7 +167,7 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
     found, sets = explained.found.rows(explained.kept), explained.problem.sets
     size = (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
-    before, after = (size * left_of_each(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
+    before, after = (size * left_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
     out: list[FrameGap] = []
     lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
     names = tuple(dict.fromkeys(one.frame for one in sets))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.numerics.bounded import bounded_solve
 from identification.engine import contract_levels
+from identification.engine.numerics.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
 from phantom_dyn.array_types import Float
 

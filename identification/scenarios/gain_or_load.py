@@ -16,17 +16,16 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
 from identification.engine import contract_levels
+from identification.engine.resampling import probabilities
 from identification.scenarios.motion_only import commanded_torque
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
 _MOST = 10.0  # times the masses of the model: more is no load but another robot
 _BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent
-_DRAWS = 500
 
 
 def scales_by_friction(
@@ -90,8 +89,7 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
     """Whether the reading with higher gains leads, and the leading one with what the other finds as its rivals.
 
     Two readings that both leave no more than noise are not separated by what is left: each has half of the probability,
-    and the one with fewer findings leads. Else each has the block-bootstrap replicates of the held-out loss that it
-    wins.
+    and the one with fewer findings leads. Else each has the probability that the held-out losses give it.
 
     Args:
         first: With the gains as they were estimated.
@@ -118,15 +116,14 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
 
 
 def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
-    """Share of block-bootstrap replicates of the held-out loss that the second wins."""
+    """Probability of the second by the held-out losses of both, see `engine.resampling`."""
     if second.evidence.t.shape != first.evidence.t.shape or not len(first.evidence.t):
         return 0.5
     scale = np.array([scales.get(gap.joint, 1.0) for gap in first.joints])
     floor = np.array([gap.noise_floor for gap in first.joints])
-    apart = _losses(first, floor) - _losses(second, floor * scale)
-    blocks = np.array([part.sum() for part in np.array_split(apart, _BLOCKS)])
-    drawn = random_stream("gain or load").integers(len(blocks), size=(_DRAWS, len(blocks)))
-    return float(np.mean(blocks[drawn].sum(axis=1) > 0))
+    both = np.column_stack([_losses(first, floor), _losses(second, floor * scale)])
+    losses = np.array([part.sum(axis=0) for part in np.array_split(both, _BLOCKS)])
+    return float(probabilities(losses, (np.zeros(2),))[1])
 
 
 def _leaves_noise(diagnosis: Diagnosis) -> bool:

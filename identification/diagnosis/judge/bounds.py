@@ -8,12 +8,9 @@ import numpy as np
 
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.triangles import square
 from identification.diagnosis.gates import above_chance, in_band, over_blocks
-from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.search import (
     Search,
@@ -21,6 +18,9 @@ from identification.diagnosis.search.search import (
     least_gain,
     price,
 )
+from identification.engine.numerics.bounded import solve
+from identification.engine.products.blocks import held_out_share
+from identification.engine.products.triangles import square
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation

@@ -15,8 +15,8 @@ from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
-from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.engine import contract_levels
+from identification.engine.resampling import block_counts
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

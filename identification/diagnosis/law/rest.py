@@ -14,7 +14,7 @@ from identification.diagnosis.fit.gap import held_out_torque, residual_after, sa
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.law.freedom import freedom_of
-from identification.diagnosis.model.blocks import Block
+from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows

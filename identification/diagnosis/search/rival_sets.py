@@ -8,19 +8,11 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.gates import fair_part, rivalry
 from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.bootstrap_wins import (
-    block_counts,
-    costs_of,
-    half_wins,
-    halves,
-    share_of_wins,
-    wins_in,
-)
+from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, contains
@@ -28,8 +20,9 @@ from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, until_failed
+from identification.engine.fits.projection import taken_out
+from identification.engine.resampling import probabilities
 from phantom_dyn.array_types import Float
-from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -116,18 +109,14 @@ def stand(
     if len(options) == 1 and not richer_laws:
         return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
-    counts = block_counts(len(base.loss), random_stream("bootstrap of rivals"))
-    losses = counts @ np.array([options[key] for key in keys]).T
     apart = {key for key in names if not _nested(term, names[key])}
     sets = [same.get(key, key) for key in keys]
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
-    wins = [np.mean([share_of_wins(losses + cost) for cost in costs], axis=0)]
-    if again:
-        wins += [half_wins(options, keys, half, costs) for half in halves(len(base.loss))]
-        wins += [wins_in(other, search, options, keys, same, (twins, apart), counts) for other in again]
-    shares = _by_place(keys, places, np.mean(wins, axis=0))
+    losses = np.array([options[key] for key in keys]).T
+    others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
+    shares = _by_place(keys, places, probabilities(losses, costs, others, by_halves=bool(again)))
     for others, swapped in richer_laws:
         place = _places(search, chosen, others, swapped, same)
         if not place:

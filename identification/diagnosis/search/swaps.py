@@ -10,7 +10,6 @@ import numpy as np
 from identification.diagnosis.gates import above_chance, fair_part
 from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import (
     Search,
     claimed,
@@ -21,6 +20,7 @@ from identification.diagnosis.search.search import (
     rows_of,
     with_term,
 )
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
