@@ -6,7 +6,8 @@
 
 For a change that is to change nothing. Only the command line is used, as ``python -m identification.cli``, so modules
 may move. The recordings are 28 sealed cases of development seeds and 12 real ones (PHANTOM_DYN_DATA); they are kept in
-a cache folder, so that both sides see the same files. Of a diagnosis all is kept but its run, seconds and version.
+a cache folder, so that both sides see the same files. Of a diagnosis all is kept but its run, seconds and version; the
+schema, the ledger and sentences are not compared. ``--rule above_chance.LEAST_GAIN=30`` judges with another threshold.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "phanto
 TIMEOUT = 1200.0  # seconds
 LIMITS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 NOT_KEPT = ("run", "seconds", "version")
+NOT_COMPARED = ("schema", "ledger", "data_warnings", "say", "why")  # how it is told, not what
 NAMES = ("quantity", "effect", "joint", "parameter", "recording")  # what tells the entries of a list apart
 SHOWN = 4  # differences a line
 RTOL = 1e-9
@@ -53,7 +55,8 @@ class Judge:
 
     Attributes:
         tree: The checkout.
-        rules: Such as ``LISTED=0.1``, see ``identification/diagnosis/decision_rules.py``.
+        rules: Such as ``above_chance.LEAST_GAIN=30``: a file of ``identification/diagnosis/gates`` or
+            ``contract_levels``, and a threshold in it; without a file one of ``decision_rules``.
     """
 
     tree: Path
@@ -64,12 +67,23 @@ class Judge:
         """The words that start the command line."""
         if not self.rules:
             return [sys.executable, "-m", "identification.cli"]
-        lines = ["import sys", "from identification.diagnosis import decision_rules as rules"]
+        lines = ["import importlib", "import sys"]
         for rule in self.rules:
-            name, value = rule.split("=")
+            place, value = rule.split("=")
+            module, name = module_of(place)
+            lines.append(f"rules = importlib.import_module({module!r})")
             lines.append(f"rules.{name} = type(rules.{name})({float(value)!r})")
         lines += ["from identification.cli.main import main", "sys.exit(main())"]
         return [sys.executable, "-c", "\n".join(lines)]
+
+
+def module_of(rule: str) -> tuple[str, str]:
+    """The module that holds a threshold, and its name there."""
+    file, dot, name = rule.rpartition(".")
+    if not dot:
+        return "identification.diagnosis.decision_rules", name
+    shared = file == "contract_levels"
+    return ("identification.engine." if shared else "identification.diagnosis.gates.") + file, name
 
 
 def judged(recording: Recording, judge: Judge, cache: Path) -> dict:
@@ -129,13 +143,18 @@ def named(entries: Sequence) -> dict[str, object]:
 def leaves(value: object, at: str) -> Iterator[tuple[str, Leaf]]:
     """Every value of an answer under its path; of each list and mapping also what it holds, in its order."""
     if isinstance(value, Mapping | list):
-        inside = named(value) if isinstance(value, list) else {key: value[key] for key in sorted(value)}
+        inside = named(value) if isinstance(value, list) else {key: value[key] for key in sorted(compared_keys(value))}
         yield at, f"[{', '.join(inside)}]"
         for name, entry in inside.items():
             yield from leaves(entry, f"{at}: {name}")
     else:
         assert value is None or isinstance(value, str | int | float)
         yield at, value
+
+
+def compared_keys(answer: Mapping) -> set[str]:
+    """Keys of an answer without those that say how it is told."""
+    return set(answer).difference(NOT_COMPARED)
 
 
 def is_size(value: Leaf) -> bool:
@@ -146,9 +165,11 @@ def is_size(value: Leaf) -> bool:
 def compared(one: Mapping, other: Mapping, rtol: float = RTOL) -> Comparison:
     """How two answers differ. What only one of them holds shows in the list that holds it."""
     words, sizes = [], {}
-    before, after = ({k: v for key in answer for k, v in leaves(answer[key], key)} for answer in (one, other))
-    if one.keys() != other.keys():
-        words.append(f"parts {sorted(one)} -> {sorted(other)}")
+    before, after = (
+        {k: v for key in sorted(compared_keys(answer)) for k, v in leaves(answer[key], key)} for answer in (one, other)
+    )
+    if compared_keys(one) != compared_keys(other):
+        words.append(f"parts {sorted(compared_keys(one))} -> {sorted(compared_keys(other))}")
     for path in (path for path in before if path in after):
         a, b = before[path], after[path]
         if is_size(a) and is_size(b):
@@ -213,7 +234,7 @@ def parser() -> argparse.ArgumentParser:
     first.add_argument("--out", type=Path, required=True, metavar="FILE")
     first.add_argument("--tree", type=Path, default=CHECKOUT, metavar="DIR", help="checkout that judges; default: this")
     first.add_argument(
-        "--rule", action="append", default=[], metavar="NAME=VALUE", help="another value of a decision rule"
+        "--rule", action="append", default=[], metavar="GATE.NAME=VALUE", help="another value of a threshold"
     )
     first.add_argument("--jobs", type=int, default=1, metavar="N", help="recordings at once; default: 1")
     first.add_argument("--cache", type=Path, default=CACHE, metavar="DIR", help=f"of the cases; default: {CACHE}")

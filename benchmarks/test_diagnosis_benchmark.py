@@ -14,12 +14,12 @@ from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.grams import Weights, all_row_grams, summed
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, build_columns
 from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened
+from identification.engine.products.grams import Weights, all_row_grams, summed
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
@@ -63,7 +63,8 @@ def test_columns_of_every_effect(benchmark, stages):
 
 def test_gram_matrices(benchmark, stages):
     rows = benchmark(all_row_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
-    grams = summed(stages.white, rows, stages.session.folds)
+    moves = np.arange(len(stages.columns.nuisances))
+    grams = summed(len(stages.columns.names), rows, stages.session.folds, moves)
     assert grams.core_a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
 
 

@@ -327,4 +327,5 @@ def _result(
         minor=judgement.minor,
         numbers=judgement.numbers,
         run=uuid4().hex,
+        ledger=judgement.ledger,
     )

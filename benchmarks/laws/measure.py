@@ -28,9 +28,9 @@ from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.law.formula_search import columns_of, settled, without_law
 from identification.diagnosis.law.rest import Rest, rest_of
-from identification.diagnosis.law.selection import Free, block_products
 from identification.diagnosis.model.session import session_of
 from identification.diagnosis.result import Judgement
+from identification.engine.products.block_products import Free, block_products
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError

@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "check": ("identification.cli.check_command", "tell what is wrong with a recording, nothing else"),
     "compare": ("identification.cli.compare_command", "say what changed between diagnoses"),
+    "why": ("identification.cli.why_command", "say why an effect was named in a diagnosis, or was not"),
     "view": ("identification.cli.view_command", "replay a recording in the browser, beside its simulation"),
     "map": (
         "identification.cli.map_command",

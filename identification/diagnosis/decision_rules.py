@@ -1,52 +1,14 @@
-"""Every threshold that decides a claim: value, unit, reason, and the command whose output it was set by.
+"""Thresholds that decide no claim, as those of noise, rivals, the verdict and bursts: value, unit, reason, source.
 
-``python benchmarks/same_answers.py record --rule NAME=VALUE`` judges forty recordings with another value of one of
-them, and its ``compare`` prints which answers change.
+What a claim has to pass stands with its thresholds in `identification.diagnosis.gates`, and what the contract has in
+common for torques, poses and rests in `identification.engine.contract_levels`. ``python benchmarks/same_answers.py
+record --rule NAME=VALUE`` judges forty recordings with another value of one of them, and its ``compare`` prints which
+answers change.
 """
 
 from __future__ import annotations
 
-# What a claim has to gain on held-out data. Gains are in squared standard deviations of the noise (twice a
-# log-likelihood ratio). `benchmarks/blind/run.py` prints false claims and misses under them,
-# `benchmarks/blind/power.py` the sizes that are seen.
-
-# probability: of a recording without a gap that no effect of the catalogue reaches the threshold by chance.
-CLAIM_LEVEL = 0.99
-
-# gain: that a claim needs on held-out data, whatever chance gives.
-LEAST_GAIN = 20.0
-
-# share: less is left by a law of the right kind whose parameter is off by a tenth.
-LEAST_SHARE_OF_GAP = 0.01
-
-# share of the squared torque: alignment, derivatives and the linearised tolerance are right to 2.6 % of a torque; its
-# square.
-ACCURACY = 0.0007
-
-# times: what encoder noise alone gains, which a claim needs beyond what chance gives.
-SPURIOUS_FACTOR = 2.0
-
-# gain: of one parameter, about the logarithm of the effective number of samples (BIC).
-PARAMETER_PRICE = 5.0
-
-# standard errors over blocks: by which a gain has to be positive.
-SIGNIFICANT_ERRORS = 2.0
-
-# blocks: without which a gain still has to hold, if it is not significant from block to block.
-BEST_BLOCKS = 2
-
-# blocks: the same of a structure without a name, which may act more rarely, as a contact does.
-BEST_BLOCKS_NAMELESS = 1
-
-# thresholds: from which on a gain may sit in few blocks.
-LARGE_GAIN = 10.0
-
-# share: of the energy of an effect's columns in the block with most of it, from which on a block has to gain by it.
-ACTING = 0.1
-
-# share of the blocks: an effect that is zero in all others acts so rarely that it is judged where it acts. Half a dozen
-# events in a recording of twenty blocks are fewer.
-RARE = 0.35
+# Noise.
 
 # probability: that the floor of some joint lies outside its interval (contract: 5 % over all joints).
 FLOOR_ERROR = 0.05
@@ -56,10 +18,6 @@ LEAST_TRACE = 10.0
 
 # ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
 LOWER_NOISE = 0.9
-
-# ratio: of the torque's power density to that of what is left, below which what noise moves, and a controller answers,
-# may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.
-MOVED_BY_NOISE = 30.0
 
 # power of the frequency by which the density of a white noise may rise or fall: a first-order filter makes two.
 FLAT_NOISE = 1.0
@@ -73,42 +31,16 @@ REPEATED = 0.02
 
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
 
-# share: by which the squared residual of some joint grows without the finding.
-VISIBLE_GROWTH = 0.03
-
-# probability: (Wald's test) that a linear law has a size in the fit that states it.
-DIFFERS_FROM_ZERO = 0.95
-
 # probability: (Bonferroni) that chance makes no size differ between diagnoses, over all sizes that are compared.
 SIZES_DIFFER = 0.95
-
-# times the stated step: from which on an encoder is coarser than stated.
-COARSE_STEP = 1.5
-
-# share: of the squared torque that wrong inertial parameters explain, from which on a part of the model that would make
-# it by its absence is named; what is left of the amplitude is half.
-PART_SHARE = 0.75
-
-# share: of the same, from which on the part is what is missing: a third of the amplitude is left, the tolerances of the
-# links before it among that.
-PART_CERTAIN = 0.9
-
-# share: of some joint's squared noise that coarse readings make, from which on they matter.
-COARSE_SHARE = 0.05
 
 # share: of the floor below which it is not known once the rounding is taken out.
 COARSE_REMAINDER = 0.3
 
 # Rivals and their probabilities. Shown by `benchmarks/blind/run.py` (sets with the truth, their size, reliability).
 
-# probability: from which on a rival is listed (contract).
-LISTED = 0.05
-
 # times: the stated tolerances, under which the comparison with rivals is repeated: what they are is often a guess.
 OTHER_TOLERANCE = 3.0
-
-# times: as many wins as the finding, from which on a rival takes its place: the likeliest leads (contract).
-OUTDONE = 1.0
 
 # gain: by which a rival is worse in sample, ten deviations of one parameter: it wins no replicate.
 HOPELESS_LOSS = 100.0
@@ -118,9 +50,6 @@ HOPELESS_ERRORS, HOPELESS_BEYOND = 4.0, 4.0
 
 # share: of the torque that was found which a further parameter of a richer law is expected to carry.
 EXPECTED_SHARE = 0.5
-
-# gain: below which two held-out losses are the same predictions.
-SAME_PREDICTIONS = 0.05
 
 # share: of the squared torque of either of two causes, below which the other one makes it as well: a tenth of the
 # amplitude, as much as a law of the right kind leaves whose parameter is off by a tenth.
@@ -136,13 +65,6 @@ SEPARATED = 0.5
 
 # Structures without a name, and what is left. Shown by `benchmarks/blind/run.py` (`unknown` inside and outside).
 
-# thresholds: by which a structure is better than 0, 1, 2, 3 named effects whose place it takes: several effects
-# together that do no better than one structure are the less likely cause.
-NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
-
-# share: of what a single named effect explains, which a structure with many shapes makes good for.
-NAMELESS_ACCURACY = 0.015
-
 # share: of the loss that a flexible model takes off a residual that has structure.
 STRUCTURE_SHARE = 0.08
 
@@ -157,23 +79,11 @@ PLAIN_STRUCTURE = 0.5
 # share: of the explainable gap, below which structure that is left does not change the verdict.
 LITTLE_STRUCTURE = 0.1
 
-# noise floors: that a joint may have left where the gap counts as explained.
-FLOORS_LEFT = 1.5
-
-# share: of a joint's own gap within tolerance that may be left as well.
-GAP_LEFT = 0.1
-
 # share: of the measured torque that an ordinary effect makes.
 ORDINARY_SHARE = 0.1
 
 # share: of its limit from which on a move counts as being there; solvers stop a rounding short of it.
 AT_LIMIT = 0.999
-
-# share: of the gap within tolerance, below which a finding may be too small to matter.
-MINOR_SHARE = 0.01
-
-# noise floors: by which the residual of every joint grows at most without such a finding.
-MINOR_FLOORS = 0.5
 
 # Bursts: pushes, contacts and other events that nothing in the state of the robot foretells. `data_warnings` of the
 # cases of `benchmarks/blind/generate.py`, none of which holds one, show false ones.
@@ -252,9 +162,6 @@ LEAST_BLOCKS = 4
 
 # probability: that chance makes rests give way as much.
 REST_CHANCE = 1e-3
-
-# probability: from which on a rival is listed (contract).
-REST_LISTED = 0.05
 
 # share: of the explainable gap, from which on what is left has a cause of its own.
 REST_STRUCTURE = 0.1

@@ -10,6 +10,7 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns, where_read
 from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.resonances import resonances
@@ -42,7 +43,7 @@ from identification.diagnosis.search.refinement import (
 )
 from identification.diagnosis.search.rival_sets import settled
 from identification.diagnosis.search.row_gaps import RowGaps, row_gaps
-from identification.diagnosis.search.search import Search, Threshold, claimed, set_up_search
+from identification.diagnosis.search.search import Search, Threshold, asked, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from phantom_dyn.array_types import Float
 
@@ -101,6 +102,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     encoders = noise_floor(session, columns, again.residual)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
+    record = search.record
     last = _searched(search, noise, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
@@ -123,7 +125,9 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
             # What is set up anew takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
-        search = _with_thresholds(_set_up(session, columns, noise), noise, spurious, progress)
+        again = replace(_set_up(session, columns, noise), record=record)
+        search = _with_thresholds(again, noise, spurious, progress)
+        del again
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
@@ -173,8 +177,9 @@ def _with_thresholds(
     progress("measuring what chance gives")
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
-    threshold = null_threshold(search, filters, filters.series(noise), rules.LEAST_GAIN)
-    return set_up_search(problem, threshold, row_gaps(problem, search.evaluate(frozenset())), spurious)
+    threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
+    rows = row_gaps(problem, search.evaluate(frozenset()))
+    return set_up_search(problem, threshold, rows, spurious, search.record)
 
 
 def _searched(
@@ -199,17 +204,19 @@ def _searched(
         if ratio < 1.0:
             # By the filters of the problem, whose products these are held against.
             filters = whitening_of(search.problem.columns, noise)
-            least = null_threshold(search, filters, filters.series(quiet), rules.LEAST_GAIN)
+            least = null_threshold(search, filters, filters.series(quiet), above_chance.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
             if claimed(lower, tried, chosen):
+                lower.record.kept(tried - chosen, *asked(lower, tried, chosen))
                 search, chosen, left = lower, explain(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
             break
-        anew = _set_up(search.problem.session, search.problem.columns, quiet)
+        anew = replace(_set_up(search.problem.session, search.problem.columns, quiet), record=search.record)
         anew = _with_thresholds(anew, quiet, search.spurious, progress)
         if not claimed(anew, tried, chosen):
             break
+        anew.record.kept(tried - chosen, *asked(anew, tried, chosen))
         search, chosen, noise, left = anew, explain(anew, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identification.engine.claims import Claim
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
@@ -322,6 +323,7 @@ class Judgement:
         gap: What the findings close together.
         minor: Effects that are seen but too small to matter.
         numbers: Sets of numbers for the files of the corrected model.
+        ledger: What was claimed at any time, and the best that never were, with the gates that each met.
     """
 
     verdict: str
@@ -338,6 +340,7 @@ class Judgement:
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
     numbers: tuple[FittedNumbers, ...] = ()
+    ledger: tuple[Claim[EffectAt], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -377,6 +380,7 @@ class Diagnosis:
     files: tuple[WrittenFile, ...] = ()
     numbers: tuple[FittedNumbers, ...] = field(default=(), compare=False, repr=False)
     replay: Replay | None = field(default=None, compare=False, repr=False)
+    ledger: tuple[Claim[EffectAt], ...] = ()
 
     @property
     def poses_alone(self) -> bool:

@@ -17,8 +17,9 @@ from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.geometry_words import all_findings
+from identification.words.ledger_words import listed, why
 from identification.words.numbers_and_names import number, percent, value_words
-from phantom_dyn.arguments import FOLDER, NAMES, or_none, path_of, takes
+from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot
@@ -215,6 +216,19 @@ class Diagnosis:
         axes[0, 0].legend(loc="upper right", ncols=3, frameon=False)
         axes[-1, 0].set_xlabel("time [s]")
         return axes[:, 0]
+
+    @takes(effect=TEXT, joint=or_none(TEXT))
+    def why(self, effect: str, joint: str | None = None) -> str:
+        """Why an effect was named, or was not: a sentence, and the gates that it met with their figures.
+
+        Args:
+            effect: Its name in the catalogue, such as ``payload``.
+            joint: Where; by default everywhere that this diagnosis says anything of it.
+
+        Raises:
+            UsageError: If this diagnosis did not look at such an effect, or not on that joint.
+        """
+        return listed(why(self.result, effect, joint))
 
     @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:

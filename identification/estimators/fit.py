@@ -8,12 +8,12 @@ from enum import Enum
 import numpy as np
 
 from identification.data.log import Band, Log
+from identification.engine.autocorrelation import samples_per_independent
 from identification.estimators.linear.cautions import cautions, condition_of, unexplained
 from identification.estimators.linear.least_squares import Solution
 from identification.estimators.linear.scatter import (
     autocorrelation,
     coloured_scatter,
-    correlation_factor,
     covariances,
     residual_noise,
     sandwich,
@@ -220,7 +220,7 @@ def values_of_solution(regressor: Regressor, base: BaseParameters, solution: Sol
         cov=sandwich(solution, noise.information, coloured),
         cov_white=sandwich(solution, noise.information, white_scatter(solution, noise.scatter)),
         sigma=noise.sigma,
-        correlation=np.array([correlation_factor(lags) for lags in rho]),
+        correlation=np.array([samples_per_independent(lags) for lags in rho]),
         residual=solution.residual,
         factor=solution.factor,
     )

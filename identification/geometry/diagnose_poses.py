@@ -12,10 +12,13 @@ import numpy as np
 import pinocchio as pin
 
 from identification.data.recording import Recording
+from identification.engine import contract_levels
+from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.resampling import interval
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
-from identification.geometry.held_out import blocks_of, draws, left_of_each
-from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
+from identification.geometry.held_out import blocks_of, left_of_rows
+from identification.geometry.judged import Gap, bounds_of, drawn_blocks, findings_of, gap_of
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
@@ -28,15 +31,12 @@ from identification.geometry.result import (
     PoseFinding,
 )
 from identification.geometry.told_frames import problem_of
-from identification.geometry.whitened import SEEN, orthonormal, without
+from identification.geometry.whitened import SEEN
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-_MINOR, _HALF = 0.01, 0.5  # of the gap, and of a noise floor
-_FLOORS = 1.5  # noise floors that may be left of a gap that is explained
-_OPEN = 0.10  # of the gap that may be left of it
 _STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
 FEWEST = 20
 """Poses of a frame: fewer do not hold the poses of base and target and a noise."""
@@ -84,9 +84,9 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     bounds, unseen = bounds_of(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
-    once, drawn = np.ones((1, len(gap.after))), draws(len(gap.after), "bootstrap of the gap in poses")
+    once = np.ones((1, len(gap.after)))
     closed = float(gap.closed(gap.after, once)[0]) if found else None
-    low, high = np.percentile(gap.closed(gap.after, drawn), [2.5, 97.5])
+    low, high = interval(gap.closed(gap.after, drawn_blocks(gap)))
     large = tuple(finding for finding in found if not _is_minor(finding))
     return GeometryResult(
         verdict=_verdict(frames, large, bounds, structured=structured, more=more),
@@ -107,7 +107,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
 
 
 def _is_minor(finding: PoseFinding) -> bool:
-    return finding.share < _MINOR and finding.floors < _HALF**2
+    return finding.share < contract_levels.MINOR_SHARE and finding.floors < contract_levels.MINOR_FLOORS**2
 
 
 def _verdict(
@@ -129,7 +129,10 @@ def _verdict(
 def _is_left_small(frame: FrameGap) -> bool:
     gap = frame.rms_before**2 - frame.noise_floor**2
     left = frame.rms_after**2 - frame.noise_floor**2
-    return frame.rms_after <= _FLOORS * frame.noise_floor_interval[1] or left <= _OPEN * gap
+    return (
+        frame.rms_after <= contract_levels.FLOORS_LEFT * frame.noise_floor_interval[1]
+        or left <= contract_levels.GAP_LEFT * gap
+    )
 
 
 def _more_than_found(explained: ExplainedPoses) -> bool:
@@ -148,9 +151,15 @@ def _above_floor(explained: ExplainedPoses) -> bool:
     """True if even the best kinematic model leaves more than the tracker's noise, where that is known by itself."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
-        if floor.source == "repetitions" and explained.noise.sigma[series] > _FLOORS * floor.interval[1]:
+        if (
+            floor.source == "repetitions"
+            and explained.noise.sigma[series] > contract_levels.FLOORS_LEFT * floor.interval[1]
+        ):
             return True
-        if floor.source == "above_band" and explained.noise.sigma[series] > 2 * _FLOORS * floor.interval[1]:
+        if (
+            floor.source == "above_band"
+            and explained.noise.sigma[series] > 2 * contract_levels.FLOORS_LEFT * floor.interval[1]
+        ):
             return True
     return False
 
@@ -158,7 +167,7 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
     found, sets = explained.found.rows(explained.kept), explained.problem.sets
     size = (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
-    before, after = (size * left_of_each(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
+    before, after = (size * left_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
     out: list[FrameGap] = []
     lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
     names = tuple(dict.fromkeys(one.frame for one in sets))

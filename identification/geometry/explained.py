@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.engine.chance import squares_by_chance
+from identification.engine.search.few_columns import SetFits, few_columns, set_fits, until_settled
 from identification.geometry.equations import Equations, Estimate, Problem
 from identification.geometry.fit import fitted, start_of
-from identification.geometry.search import Fits, chosen_terms, fits_of, price_of
+from identification.geometry.terms import Term, bounds_of
 from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, whitened
 from phantom_dyn.array_types import Bool, Int
 
 Array = np.ndarray
 
-_ROUNDS = 5
+CHANCE = 0.005
+"""Share of robots without a gap on which chance alone may put the best of all terms above its price."""
 _FAR = 6.0
 """Noises from which on a pose is no measurement of the target: in a thousand poses none is by chance beyond 5."""
 _MOST_FAR = 0.05
@@ -41,10 +44,20 @@ class ExplainedPoses:
     found: Equations
     noise: Noise
     equations: Whitened
-    fits: Fits
+    fits: SetFits
     price: float
     chosen: tuple[int, ...]
     kept: Bool[Array, " m"]
+
+
+@dataclass(frozen=True)
+class _At:
+    """A fit of poses about which columns are taken: its numbers, the equations there, and what is left out."""
+
+    estimate: Estimate
+    found: Equations
+    kept: Bool[Array, " m"]
+    noise: Noise
 
 
 def explained_poses(problem: Problem) -> ExplainedPoses:
@@ -53,43 +66,41 @@ def explained_poses(problem: Problem) -> ExplainedPoses:
     Args:
         problem: Poses and all that may be wrong.
     """
-    units, names = [term.unit for term in problem.terms], [_name(k, problem) for k in range(len(problem.terms))]
+    terms = problem.terms
+    named = [term.unit for term in terms], [_name(term) for term in terms]
     moving = np.repeat([one.moving for one in problem.sets], 2)
-    weights = np.ones(2 * len(problem.sets))
-    estimate, found = fitted(problem, start_of(problem), (), weights)
-    kept = np.ones(len(found.left), dtype=bool)
-    block = _blocks(problem, found)
-    chosen: tuple[int, ...] = ()
-    tried: list[tuple[int, ...]] = []
-    for turn in range(_ROUNDS):
-        noise = noise_of(found, units, names, moving, kept)
+    first = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
+    block = _blocks(problem, first[1])
+
+    def noise(at: _At) -> Noise:
+        return noise_of(at.found, *named, moving, at.kept)
+
+    def equations_at(at: _At) -> tuple[Whitened, SetFits, float]:
+        equations = whitened(at.found, at.estimate.values, at.noise, block, at.kept, named)
+        fits = set_fits(equations.columns, equations.left, bounds_of(terms), equations.seen)
+        return equations, fits, squares_by_chance(equations.rank, at.noise.free, CHANCE)
+
+    def search(at: _At, turn: int) -> tuple[_At, tuple[int, ...]]:
+        at = replace(at, noise=noise(at))
         if turn == 1:
-            kept = _without_strays(found, noise, kept)
-            noise = noise_of(found, units, names, moving, kept)
-        equations = whitened(found, estimate.values, noise, block, kept, (units, names))
-        fits = fits_of(equations, problem.terms)
-        price = price_of(equations.rank, noise.free)
-        now = chosen_terms(fits, price)
-        if now == chosen and turn > 1:
-            break
-        if now in tried[:-1] and turn > 2:
-            break
-        chosen = now
-        tried.append(now)
-        values = np.zeros(len(problem.terms))
-        values[list(chosen)] = estimate.values[list(chosen)]
-        start = Estimate(values, estimate.base, estimate.tool, estimate.delay)
-        estimate, found = fitted(problem, start, chosen, noise.weights, kept)
-    noise = noise_of(found, units, names, moving, kept)
-    equations = whitened(found, estimate.values, noise, block, kept, (units, names))
-    fits = fits_of(equations, problem.terms)
-    return ExplainedPoses(
-        problem, estimate, found, noise, equations, fits, price_of(equations.rank, noise.free), chosen, kept
-    )
+            at = replace(at, kept=_without_strays(at.found, at.noise, at.kept))
+            at = replace(at, noise=noise(at))
+        return at, few_columns(*equations_at(at)[1:])
+
+    def anew(at: _At, chosen: tuple[int, ...]) -> _At:
+        values = np.zeros(len(terms))
+        values[list(chosen)] = at.estimate.values[list(chosen)]
+        start = replace(at.estimate, values=values)
+        estimate, found = fitted(problem, start, chosen, at.noise.weights, at.kept)
+        return replace(at, estimate=estimate, found=found)
+
+    every = np.ones(len(first[1].left), dtype=bool)
+    at, chosen = until_settled(_At(*first, every, noise_of(first[1], *named, moving, every)), search, anew)
+    at = replace(at, noise=noise(at))
+    return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 
 
-def _name(k: int, problem: Problem) -> str:
-    term = problem.terms[k]
+def _name(term: Term) -> str:
     return f"{term.joint}.{term.effect}.{term.parameter}"
 
 

@@ -5,27 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import permutations
-from math import factorial
 
 import numpy as np
 
+from identification.engine import contract_levels
+from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.resampling import block_counts, interval, probabilities, share_by_likelihood
+from identification.engine.search.few_columns import rivals_of
+from identification.engine.shapley import shapley_values
 from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
-from identification.geometry.held_out import Blocks, draws, wins
+from identification.geometry.held_out import Blocks
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
 from identification.geometry.terms import ELASTIC, ZERO, Term
-from identification.geometry.whitened import orthonormal, without
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-LISTED = 0.05
-"""Probability from which on a rival is told."""
 _NEAR = 15.0  # squares: what fits worse than that weighs less than a thousandth
-_EXACT = 5  # findings: of more, their orders are sampled
-_ORDERS = 120
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
 _LEAST_GAP = 1e-3
 _ROUNDING = 1e-9
@@ -50,6 +48,11 @@ class Gap:
         # The gap is what is above the noise, or what all findings take off where that is less.
         gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
         return (before - after) / gap
+
+
+def drawn_blocks(gap: Gap) -> Float[Array, "R B"]:
+    """How often each block is drawn in bootstrap replicates of the gap closed, the same for all that is closed."""
+    return block_counts(len(gap.after), random_stream("bootstrap of the gap in poses"))
 
 
 def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
@@ -88,12 +91,12 @@ def _finding(
 ) -> PoseFinding:
     terms, values = explained.problem.terms, explained.estimate.values
     alone = gap.blocks.losses([k for other in groups if other != group for k in other])
-    once, drawn = np.ones((1, len(alone))), draws(len(alone), "bootstrap of the gap in poses")
+    once, drawn = np.ones((1, len(alone))), drawn_blocks(gap)
 
     def back(weights: Array) -> Array:
         return gap.closed(gap.after, weights) - gap.closed(alone, weights)
 
-    low, high = np.percentile(back(drawn), [2.5, 97.5])
+    low, high = interval(back(drawn))
     probability, rivals = _rivals(explained, gap.blocks, group)
     return PoseFinding(
         effect=terms[group[0]].effect,
@@ -110,45 +113,28 @@ def _finding(
 
 def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
     """Shapley value of each group in the share of the gap that all close."""
+    once = np.ones((1, len(gap.after)))
 
     @cache
     def closed(inside: frozenset[Group]) -> float:
         losses = gap.blocks.losses([k for group in groups if group in inside for k in group])
-        return float(gap.closed(losses, np.ones((1, len(losses))))[0])
+        return float(gap.closed(losses, once)[0])
 
-    out = dict.fromkeys(groups, 0.0)
-    if len(groups) <= _EXACT:
-        orders = list(permutations(groups))
-    else:
-        rng = random_stream("orders of findings in poses")
-        orders = [tuple(groups[k] for k in rng.permutation(len(groups))) for _ in range(_ORDERS)]
-    for order in orders:
-        inside: frozenset[Group] = frozenset()
-        for group in order:
-            out[group] += (closed(inside | {group}) - closed(inside)) / len(orders)
-            inside |= {group}
-    assert len(groups) > _EXACT or len(orders) == factorial(len(groups))
-    return out
+    return shapley_values(tuple(groups), closed)
 
 
 def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[float, tuple[PoseRival, ...]]:
     """Probability of a finding and of what else explains the same poses with as many numbers."""
     fits, chosen = explained.fits, explained.chosen
     rest = tuple(k for k in chosen if k not in group)
-    best = fits.squares(chosen)
-    near = [group]
-    for out in group:
-        kept = tuple(k for k in group if k != out)
-        for other in fits.seen:
-            trial = tuple(sorted((*kept, other)))
-            if other not in chosen and fits.squares((*rest, *trial)) < best + _NEAR:
-                near.append(trial)
-    share = wins(np.array([blocks.losses((*rest, *trial)) for trial in near]))
+    near = [group, *rivals_of(fits, chosen, group, _NEAR)]
+    losses = np.array([blocks.losses((*rest, *trial)) for trial in near]).T
+    share = probabilities(losses, (np.zeros(len(near)),), lead=share_by_likelihood)
     told: dict[tuple[Place, ...], float] = {}
     for trial, probability in zip(near[1:], share[1:].tolist(), strict=True):
         places = _places([explained.problem.terms[k] for k in trial])
         told[places] = told.get(places, 0.0) + probability
-    listed = {places: probability for places, probability in told.items() if probability >= LISTED}
+    listed = {places: probability for places, probability in told.items() if probability >= contract_levels.LISTED}
     total = float(share[0]) + sum(listed.values())
     rivals = tuple(PoseRival(places, p / total) for places, p in sorted(listed.items(), key=lambda item: -item[1]))
     return (float(share[0]) / total if total > 0 else 1.0), rivals

@@ -31,7 +31,7 @@ class Place:
 
 @dataclass(frozen=True)
 class PoseRival:
-    """What explains the same poses as a finding, with its share of bootstrap wins."""
+    """What explains the same poses as a finding, with its probability, see `engine.resampling`."""
 
     places: tuple[Place, ...]
     probability: float

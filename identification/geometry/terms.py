@@ -62,6 +62,12 @@ class Term:
         return self.effect, self.joint
 
 
+def bounds_of(terms: Sequence[Term]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Least and largest plausible value of each term; no joint gives way against its load."""
+    largest = np.array([term.largest for term in terms])
+    return np.where([term.effect == ELASTIC for term in terms], 0.0, -largest), largest
+
+
 def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[Term, ...]:
     """The numbers of a ``base_pose`` or ``tool_pose``: three where orientations were not measured."""
     return tuple(_pose_term(effect, of, -1, part) for part in range(parts))

@@ -1,4 +1,4 @@
-"""Equations weighted by the noise of poses, with what separates their columns: one place for all linear algebra.
+"""Equations weighted by the noise of poses, and what the base kinematic parameters leave of them.
 
 The noise of each series is what the best kinematic model leaves; where it is correlated in time, poses count for less.
 """
@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
+from identification.engine.numerics.spans import orthonormal, without
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Bool, Float, Int
@@ -21,6 +23,7 @@ SEEN = 1e-5
 BLOCKS = 10
 """Blocks that are held out of fits in turn, of each recording."""
 _ROUNDS = 4
+_FEWEST = 8  # poses of a motion that say anything of how long noise lasts
 
 
 @dataclass(frozen=True)
@@ -69,23 +72,6 @@ class Whitened:
         return self.whole.shape[1] - self.columns.shape[1] - 1
 
 
-def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:
-    """Basis of the span of columns, each weighed by its own size."""
-    norms = np.linalg.norm(matrix, axis=0)
-    kept = matrix[:, norms > 0] / norms[norms > 0]
-    if not kept.size:
-        return np.zeros((len(matrix), 0))
-    u, s, _ = np.linalg.svd(kept, full_matrices=False)
-    return u[:, s > tolerance * s[0]]
-
-
-def without(matrix: Array, basis: Float[Array, "m r"]) -> Array:
-    """What of columns is not in a span; twice, so that rounding leaves no part along it."""
-    for _ in range(2):
-        matrix = matrix - basis @ (basis.T @ matrix)
-    return matrix
-
-
 def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequence[str]) -> Int[Array, " r"]:
     """Places of the base kinematic parameters among terms: the independent columns, by the reduction of dynamics.
 
@@ -132,20 +118,13 @@ def _rms(values: Array) -> float:
 
 
 def _slowness(left: Array, found: Equations, series: int) -> float:
-    """One and twice the sum of the first positive correlations from pose to pose, mean over the axes."""
+    """Poses that carry the information of one, by their correlation from pose to pose, mean over the axes."""
     values = left[found.series == series].reshape(-1, 3)
     n = len(values)
-    if n < 8:
+    if n < _FEWEST:
         return 1.0
-    values = values - values.mean(axis=0)
-    spectrum = np.abs(np.fft.rfft(values, 2 * n, axis=0)) ** 2
-    together = np.fft.irfft(spectrum, axis=0)[: n // 4].sum(axis=1)
-    if together[0] <= 0:
-        return 1.0
-    correlation = together / together[0]
-    low = np.flatnonzero(correlation < 2.0 / np.sqrt(3 * n))
-    end = int(low[0]) if len(low) else len(correlation)
-    return float(max(1.0, 1.0 + 2.0 * correlation[1:end].sum()))
+    products = np.sum([lagged_products(axis) for axis in (values - values.mean(axis=0)).T], axis=0)
+    return samples_per_independent(positive_sequence(products[: n // 2]))
 
 
 def whitened(

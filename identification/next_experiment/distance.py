@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.numerics.bounded import bounded_solve
+from identification.engine import contract_levels
+from identification.engine.numerics.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
 from phantom_dyn.array_types import Float
 
@@ -69,7 +70,7 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
 
     spread = 2.0 * np.sqrt(np.maximum(gain, 1e-12))
     replicates = 2.0 * np.sqrt(np.maximum(gain + before, 1e-12))
-    return ndtr((gain + head_start + ndtri(rules.LISTED) * replicates) / spread)
+    return ndtr((gain + head_start + ndtri(contract_levels.LISTED) * replicates) / spread)
 
 
 def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array, " d"]) -> Float[Array, " d"]:
@@ -113,7 +114,7 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
     shown = products[np.ix_(more, more)] - made.T @ np.linalg.solve(inner, made)
     size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     values = np.maximum(np.linalg.eigvalsh(shown * np.outer(size, size)), 0.0)
-    room = np.log1p(values).sum() + 2.0 * np.log(rules.LISTED / (1.0 - rules.LISTED))
+    room = np.log1p(values).sum() + 2.0 * np.log(contract_levels.LISTED / (1.0 - contract_levels.LISTED))
     return float(gammainc(len(more) / 2.0, max(room, 0.0) / 2.0))
 
 

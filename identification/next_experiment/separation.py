@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
-from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.search import Search
+from identification.engine.products.blocks import held_out_share
 from identification.next_experiment.distance import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 from identification.next_experiment.hypotheses import Hypothesis, Model, model_of, union_of
 from phantom_dyn.array_types import Float, Int

@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis import decision_rules as rules
+from identification.engine import contract_levels
 from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import Limits
 from identification.next_experiment.candidates import Candidate, candidates, design_of, exciting, lively, varied
@@ -169,7 +170,7 @@ def ranked_trials(
 
 def _settled(trials: list[Trial]) -> bool:
     """True if no variation of the best motion can be noticeably better: each pair is separated, or by no motion."""
-    never = np.max([trial.power for trial in trials], axis=0) < rules.LISTED
+    never = np.max([trial.power for trial in trials], axis=0) < contract_levels.LISTED
     return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass, motion_edge
-from identification.diagnosis.model.blocks import Block
+from identification.engine.products.blocks import Block
 from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque

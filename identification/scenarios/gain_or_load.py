@@ -14,20 +14,18 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
+from identification.engine import contract_levels
+from identification.engine.resampling import probabilities
 from identification.scenarios.motion_only import commanded_torque
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
 _MOST = 10.0  # times the masses of the model: more is no load but another robot
 _BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent
-_DRAWS = 500
-_LISTED = 0.05  # probability from which a rival is listed
 
 
 def scales_by_friction(
@@ -91,8 +89,7 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
     """Whether the reading with higher gains leads, and the leading one with what the other finds as its rivals.
 
     Two readings that both leave no more than noise are not separated by what is left: each has half of the probability,
-    and the one with fewer findings leads. Else each has the block-bootstrap replicates of the held-out loss that it
-    wins.
+    and the one with fewer findings leads. Else each has the probability that the held-out losses give it.
 
     Args:
         first: With the gains as they were estimated.
@@ -110,7 +107,7 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
     sure = probability if leads else 1.0 - probability
     shared = {_place(finding) for finding in found.findings} & {_place(finding) for finding in other.findings}
     rivals = tuple(_place(finding) for finding in other.findings if _place(finding) not in shared)
-    if 1.0 - sure < _LISTED or not rivals:
+    if 1.0 - sure < contract_levels.LISTED or not rivals:
         return leads, found
     findings = tuple(
         finding if _place(finding) in shared else _with_rival(finding, rivals, sure) for finding in found.findings
@@ -119,26 +116,25 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
 
 
 def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
-    """Share of block-bootstrap replicates of the held-out loss that the second wins."""
+    """Probability of the second by the held-out losses of both, see `engine.resampling`."""
     if second.evidence.t.shape != first.evidence.t.shape or not len(first.evidence.t):
         return 0.5
     scale = np.array([scales.get(gap.joint, 1.0) for gap in first.joints])
     floor = np.array([gap.noise_floor for gap in first.joints])
-    apart = _losses(first, floor) - _losses(second, floor * scale)
-    blocks = np.array([part.sum() for part in np.array_split(apart, _BLOCKS)])
-    drawn = random_stream("gain or load").integers(len(blocks), size=(_DRAWS, len(blocks)))
-    return float(np.mean(blocks[drawn].sum(axis=1) > 0))
+    both = np.column_stack([_losses(first, floor), _losses(second, floor * scale)])
+    losses = np.array([part.sum(axis=0) for part in np.array_split(both, _BLOCKS)])
+    return float(probabilities(losses, (np.zeros(2),))[1])
 
 
 def _leaves_noise(diagnosis: Diagnosis) -> bool:
     """True if no joint keeps more than a residual that counts as explained."""
-    return all(gap.rms_after <= rules.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
+    return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
 def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) -> Finding:
     """A finding that may be something else altogether; what it was sure of is shared."""
     rivals = [Rival(rival.effects, sure * rival.probability) for rival in finding.rivals]
-    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= _LISTED]
+    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= contract_levels.LISTED]
     rivals.sort(key=lambda rival: -rival.probability)
     probability = 1.0 - sum(rival.probability for rival in rivals)
     return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")

@@ -37,6 +37,14 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
         findings=tuple(_told(finding, judgement, session.robot, own, session.known) for finding in judgement.findings),
         bounds=tuple(bound for bound in judgement.bounds if bound.effect not in own),
         not_testable=tuple(entry for entry in judgement.not_testable if entry.effect not in own),
+        ledger=tuple(
+            replace(
+                claim,
+                effects=tuple(_named(at, own) for at in claim.effects),
+                instead=tuple(_named(at, own) for at in claim.instead),
+            )
+            for claim in judgement.ledger
+        ),
     )
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis.result import Adjusted, Finding, Judgement, NotTestable
+from identification.diagnosis.gates import controller_gain as gate
+from identification.diagnosis.result import Adjusted, EffectAt, Finding, Judgement, NotTestable
+from identification.engine.claims import Claim, GateResult, Outcome
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
-# How well stated gains are trusted, one sigma, relative; twice that is no gap.
-GAIN_TOLERANCE = 0.10
 # Without a gap a simulation under controllers comes as near as a few deviations of the readings.
 _STRAYS = 10.0
 _TWIN = (
@@ -50,7 +51,8 @@ def limited_to_motion(
         return judgement
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
-    small = [one for one in constants if one.joint in estimated or abs(_excess(one)) <= 2 * GAIN_TOLERANCE]
+    asked = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
+    small = [one for one in constants if not asked[_place(one)].passed]
     large = [finding for finding in constants if finding not in small]
     # Of a gain that was estimated kd has taken up what viscous friction there is, and may have to give some back.
     damping = [
@@ -59,6 +61,7 @@ def limited_to_motion(
         if one.effect == "viscous_friction" and one.joint in estimated and _given_back(one, robot)
     ]
     small += damping
+    asked |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
     findings = tuple(finding for finding in judgement.findings if finding not in small)
     claimed = {finding.joint for finding in large}
     twins = tuple(
@@ -76,7 +79,7 @@ def limited_to_motion(
 
     others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
     moved = tuple(
-        Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), GAIN_TOLERANCE)
+        Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), gate.GAIN_TOLERANCE)
         for finding in small
         if finding not in damping
     )
@@ -99,7 +102,21 @@ def limited_to_motion(
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
         notes=(*judgement.notes, *(_strays(rollout) if verdict == "no_gap" else ())),
+        ledger=tuple(_limited(claim, asked) for claim in judgement.ledger),
     )
+
+
+def _place(finding: Finding) -> tuple[str, str | None]:
+    return finding.effect, finding.joint
+
+
+def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
+    """An entry of the ledger with what the gate of gains says of a finding."""
+    result = asked.get((claim.effects[0].effect, claim.effects[0].joint))
+    if result is None or claim.outcome != "claimed":
+        return claim
+    outcome: Outcome = "claimed" if result.passed else "not_claimed"
+    return replace(claim, gates=(*claim.gates, result), outcome=outcome)
 
 
 def _strays(simulated: Rollout) -> tuple[str, ...]:
@@ -124,6 +141,15 @@ def _given_back(finding: Finding, robot: Robot) -> bool:
     assert not isinstance(size.value, list)
     assert not isinstance(size.std, list)
     return kd + size.value >= -2 * size.std
+
+
+def _over_damping(finding: Finding, robot: Robot) -> float:
+    """Viscous friction over the damping gain that has taken it up; not finite where that gain is zero."""
+    assert finding.joint is not None
+    controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
+    size = finding.parameters["coefficient"].value
+    assert not isinstance(size, list)
+    return size / controller.kd if controller is not None and controller.kd else np.inf
 
 
 def _excess(finding: Finding) -> float:

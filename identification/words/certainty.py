@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from math import fsum
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
+from identification.engine import contract_levels
 from phantom_dyn.effects.catalogue import known_effect
 
 
@@ -37,7 +37,7 @@ def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Findi
     named = min(map(_named, own)) if own else fsum(map(_named, joints)) / len(joints)
     known = known_effect(finding.effect)
     # What is noise alone is read off the readings, and compared with nothing.
-    if (known is not None and known.only_noise) or 1.0 - named < rules.LISTED:
+    if (known is not None and known.only_noise) or 1.0 - named < contract_levels.LISTED:
         return finding
     rivals = tuple(replace(rival, probability=named * rival.probability) for rival in finding.rivals)
     return replace(finding, probability=named * finding.probability, rivals=rivals)
@@ -45,5 +45,5 @@ def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Findi
 
 def _named(joint: JointGap) -> float:
     """Share of a joint's gap that findings close; one where no more than noise is left."""
-    quiet = joint.rms_after <= rules.FLOORS_LEFT * joint.noise_floor
+    quiet = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
     return 1.0 if quiet or joint.closed is None else min(max(joint.closed, 0.0), 1.0)

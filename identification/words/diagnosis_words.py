@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.diagnosis.decision_rules import LISTED
 from identification.diagnosis.result import EffectAt, Finding
+from identification.engine import contract_levels
 from identification.geometry.terms import TOOL_POSE
 from identification.words.effect_words import (
     is_between_joints,
@@ -169,7 +169,7 @@ def rivals_words(finding: Finding) -> str:
         for rival in finding.rivals
     ]
     outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
-    if outside >= LISTED:
+    if outside >= contract_levels.LISTED:
         parts.append(("a cause outside the catalogue", outside))
     if not parts:
         return ""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from identification.diagnosis.decision_rules import FLOORS_LEFT, ORDINARY_SHARE
+from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained, noise_is_all
+from identification.engine import contract_levels
 from identification.words.diagnosis_words import (
     UNDECIDED,
     effect_at,
@@ -141,7 +142,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
+    creeping = [gap for gap in diagnosis.joints if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and creeping:
         one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
         out.append(

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import json
 
 import pytest
 
-from benchmarks.same_answers import Comparison, compare, compared, line, main
+from benchmarks.same_answers import CHECKOUT, Comparison, Judge, compare, compared, line, main
 from benchmarks.same_answers_cases import recordings
 
 RIVAL = {"effects": [{"effect": "stribeck_friction", "joint": "j1"}], "probability": 0.2}
@@ -85,6 +86,34 @@ def test_the_exit_code_says_whether_all_answers_are_the_same(changed, tmp_path, 
     assert main(["compare", str(one), str(other)]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 same, 0 with other sizes only, 2 different"
     assert main(["compare", str(one), str(other), "--only", "a"]) == 0
+
+
+def test_how_it_is_told_is_not_compared(changed):
+    # A file without a ledger, of an earlier schema, with another sentence.
+    told = {"schema": "gap-diagnosis/3", "data_warnings": ["late"], "ledger": [{"effects": [], "outcome": "claimed"}]}
+    changed["not_testable"] = [{"effect": "backlash", "joint": "j1", "why": "one reason"}]
+    other = copy.deepcopy(changed) | told
+    other["not_testable"][0]["why"] = "another"
+    assert compared(changed, other) == Comparison((), {})
+
+
+@pytest.mark.parametrize(
+    ("rule", "module", "name"),
+    [
+        ("above_chance.LEAST_GAIN", "identification.diagnosis.gates.above_chance", "LEAST_GAIN"),
+        ("contract_levels.LISTED", "identification.engine.contract_levels", "LISTED"),
+        ("ORDINARY_SHARE", "identification.diagnosis.decision_rules", "ORDINARY_SHARE"),
+    ],
+)
+def test_a_threshold_of_a_gate_is_given_another_value(rule, module, name):
+    *_, code = Judge(CHECKOUT, (f"{rule}=0.125",)).command
+    before = getattr(importlib.import_module(module), name)
+    try:
+        exec(code.split("from identification.cli.main")[0])
+        assert getattr(importlib.import_module(module), name) == type(before)(0.125)
+        assert before != 0.125
+    finally:
+        setattr(importlib.import_module(module), name, before)
 
 
 def test_there_are_forty_recordings_each_with_its_own_name():

@@ -9,9 +9,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
 from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect, Term
@@ -19,6 +17,8 @@ from identification.diagnosis.noise.noise_floor import estimate_noise, weights_o
 from identification.diagnosis.noise.whitening import Whitening, whitened, whitening_of
 from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.search import Search, Threshold, set_up_search
+from identification.engine.products.blocks import Block
+from identification.engine.products.grams import Weights
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation

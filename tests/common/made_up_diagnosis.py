@@ -17,6 +17,7 @@ from identification.diagnosis.result import (
     Unexplained,
     Value,
 )
+from identification.engine.claims import Claim, GateResult
 
 
 def _evidence(nv: int, samples: int, prismatic: bool) -> Evidence:
@@ -50,6 +51,26 @@ def _finding(k: int, joint: str) -> Finding:
     )
 
 
+def _ledger(joints: tuple[str, ...], findings: int) -> tuple[Claim[EffectAt], ...]:
+    """The findings, and seven claims that are none, the first of which a finding explains as well."""
+    passed = GateResult("more than chance", 521.0, 20.0, "gain", True)
+    few = GateResult("more than chance", 3.5, 20.0, "gain", False)
+    named = [_finding(k, joints[k % len(joints)]) for k in range(findings)]
+    claimed = [
+        Claim((EffectAt(one.effect, one.joint),), (passed,), "claimed", figures={"closes": one.gap_closed})
+        for one in named
+    ]
+    instead = tuple(EffectAt(one.effect, one.joint) for one in named[:1])
+    outcome = "displaced" if instead else "not_claimed"
+    load = Claim((EffectAt("payload", None),), (few,), outcome, instead, {"closes": 0.61, "floors_more": 0.42})
+    others = ("torque_offset", "cogging", "parasitic_spring", "actuator_lag", "input_delay", "rotor_inertia")
+    rest = [
+        Claim((EffectAt(effect, joints[-1]),), (few,), "not_claimed", figures={"closes": 0.1 / (k + 1)})
+        for k, effect in enumerate(others)
+    ]
+    return (*claimed, load, *rest)
+
+
 def _joint(joint: str, unit: str, k: int, samples: int) -> JointGap:
     return JointGap(
         joint, unit, 0.25 / k, 0.031 / k, 0.03 / k, samples, 1.2, 0.24 / k, (0.028 / k, 0.032 / k), "above_band", 0.99
@@ -79,4 +100,5 @@ def made_up_diagnosis(
         version="0.1.0",
         evidence=_evidence(nv, samples, unit == "N"),
         notes=("The band was chosen from the data.",),
+        ledger=_ledger(joints, findings),
     )  # fmt: skip

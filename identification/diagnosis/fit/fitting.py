@@ -13,9 +13,10 @@ import numpy as np
 
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve
+from identification.engine.fits.bilinear import Products, Scaling, products_of
+from identification.engine.fits.minimum import minimum_of
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -301,35 +302,28 @@ def _fit_linear(
     near: Near,
 ) -> Fitted:
     """Fit with every coefficient linear; a payload through `load_map` about its estimate."""
-    load, folded, kept = point.payload, None, active
-    total_a, total_b = products.a, products.b
+    load, folded, kept, held_out = point.payload, None, active, products.held_out
+    square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
         folded = _folded_at(problem, active, load)
-        kept, total_a, total_b = active[folded.keep], folded.square(total_a), folded.line(total_b)
+        kept, square, line = active[folded.keep], folded.square(square), folded.line(line)
+        folds = None if folds is None else (folded.square(folds[0]), folded.line(folds[1]))
     precision, lower, upper, bound = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     if load is not None:
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
-    with_prior = total_a.copy()
-    with_prior.flat[:: len(with_prior) + 1] += precision
-    x = bounded_solve(with_prior, total_b, lower, upper, near=bound)
+    found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     theta = np.zeros(len(problem.precision))
-    theta[active] = x if folded is None else folded.unfolded(x)
+    theta[active] = found.x if folded is None else folded.unfolded(found.x)
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
-    objective = float(products.c - 2 * total_b @ x + x @ total_a @ x + precision @ x**2)
-    held_out = products.held_out
     if held_out is None:
-        return Fitted(problem, point, theta, active, penalty, objective, np.zeros(0), np.zeros((0, len(active))))
-    less_a, less_b = held_out.a, held_out.b
-    if folded is not None:
-        less_a, less_b = folded.square(less_a), folded.line(less_b)
-    fold_x = bounded_solve_without(with_prior, total_b, less_a, less_b, lower, upper, x)
-    if folded is not None:
-        fold_x = folded.unfolded(fold_x)
+        none = np.zeros((0, len(active)))
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none)
+    fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, objective, loss, fold_x)
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:

@@ -26,7 +26,7 @@ from identification.diagnosis.fit.whole_model import (
     linearised,
 )
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.effects.effect import OtherLaw
 from phantom_dyn.random_streams import random_stream

@@ -9,9 +9,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.products import Products
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import solve
+from identification.engine.fits.bilinear import Products
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.model.robot import Robot
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.fit.grams import Grams, RowGrams, Weights, all_row_grams, summed
-from identification.diagnosis.fit.triangles import diagonal
-from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term
+from identification.engine.products.blocks import Block
+from identification.engine.products.grams import Grams, RowGrams, Weights, all_row_grams, summed
+from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -89,7 +89,7 @@ def set_up(
     """
     rows = all_row_grams(white, session.blocks, session.folds, weights) if rows is None else rows
     moves = seen_moves(columns, rows)
-    grams = summed(white, rows, session.folds, moves)
+    grams = summed(len(columns.names), rows, session.folds, moves)
     count = len(columns.names)
     energy = np.diag(grams.everything)
     shown = energy > 0

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.triangles import square
-from identification.diagnosis.model.blocks import held_out_share
+from identification.diagnosis.gates import above_chance, in_band, over_blocks
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.search import (
     Search,
@@ -21,6 +18,9 @@ from identification.diagnosis.search.search import (
     least_gain,
     price,
 )
+from identification.engine.numerics.bounded import solve
+from identification.engine.products.blocks import held_out_share
+from identification.engine.products.triangles import square
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -197,7 +197,7 @@ def _rows(problem: Problem, term: Term) -> list[int]:
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
     """Size in standard deviations at which an effect is claimed with 95 % power, of a least gain without its price."""
-    needed = least + max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
+    needed = least + max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
 
 
@@ -214,11 +214,11 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     # Shares, as the square of the information on a law that the motion all but leaves out is too small for a number.
     shares = by_block / whole
     # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
-    room = 1.0 - rules.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
-    from_block_to_block = 4.0 * rules.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
-    share_without_best = float(np.sort(shares)[: -rules.BEST_BLOCKS].sum())
+    room = 1.0 - over_blocks.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
+    from_block_to_block = 4.0 * over_blocks.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
+    share_without_best = float(np.sort(shares)[: -over_blocks.BEST_BLOCKS].sum())
     without_the_best = needed / share_without_best if share_without_best > 0 else np.inf
-    return min(from_block_to_block, without_the_best, rules.LARGE_GAIN * needed)
+    return min(from_block_to_block, without_the_best, over_blocks.LARGE_GAIN * needed)
 
 
 def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
@@ -230,7 +230,7 @@ def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
         energy.append(float(part @ square(row.a, at).sum(axis=0) @ part))
         samples.append(float(row.count.sum()))
     count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
-    return float(np.sqrt(rules.VISIBLE_GROWTH * count)) + _POWER
+    return float(np.sqrt(in_band.VISIBLE_GROWTH * count)) + _POWER
 
 
 def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:

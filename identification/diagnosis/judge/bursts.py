@@ -15,6 +15,7 @@ from identification.diagnosis.judge.floors import answers_above, sensors_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
+from identification.engine import contract_levels
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
@@ -126,7 +127,7 @@ def from_quiet(
         squares += np.sum(np.where(use, left, 0.0) ** 2, axis=0)
         counts += use.sum(axis=0)
     rest = np.sqrt(squares / np.maximum(counts, 1))
-    loud = rest > rules.FLOORS_LEFT * floor
+    loud = rest > contract_levels.FLOORS_LEFT * floor
     least = max(rest[loud], default=0.0)
     joints = problem.session.robot.joint_names
     return tuple(one for one in bursts if not loud[joints.index(one.joint)] and abs(one.torque) > least)

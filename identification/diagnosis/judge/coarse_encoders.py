@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates.coarse_reading import rounding_matters
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
+from identification.engine.claims import GateResult
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
@@ -26,10 +27,12 @@ class Rounded:
     Attributes:
         coarse: The joints.
         energy: Of each, mean squared torque on every joint, ``(k, nv)``.
+        asked: All joints that are read more coarsely than stated, and whether that matters.
     """
 
     coarse: tuple[Coarse, ...]
     energy: Float[Array, "k nv"]
+    asked: tuple[tuple[Coarse, GateResult], ...] = ()
 
     @property
     def total(self) -> Float[Array, " nv"]:
@@ -44,15 +47,17 @@ def rounded(
     noise: Series,
 ) -> Rounded:
     """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
-    kept, energy = [], []
+    kept, energy, results = [], [], []
     for one in coarse:
         squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
         # The judged band ends where the reading drowns the motion: what matters may lie above it.
-        wide = sums(problem, one.torque).rms() ** 2 > rules.COARSE_SHARE * sums(problem, noise).rms() ** 2
-        if np.any(squares > rules.COARSE_SHARE * floor**2) or np.any(wide):
+        wide = sums(problem, one.torque).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
+        result = rounding_matters(float(np.max([squares / floor**2, wide])))
+        results.append((one, result))
+        if result.passed:
             kept.append(one)
             energy.append(squares)
-    return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))
+    return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)), tuple(results))
 
 
 def findings_of(robot: Robot, rounding: Rounded, within: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.findings.parameters import finding_parameters
+from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.model.nuisances import TIMING, moves_of
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.result import Adjusted, FittedNumbers

@@ -10,11 +10,13 @@ from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates import fair_part
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
-from identification.diagnosis.search.bootstrap_wins import block_counts
+from identification.engine import contract_levels
+from identification.engine.resampling import block_counts
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -99,14 +101,14 @@ def floor_of(
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
         heard = np.hypot(most, folded[j])
-        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(rules.ACCURACY) * torque[j]):
+        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(fair_part.ACCURACY) * torque[j]):
             # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
     # No sensor is several times louder at some times than at most: that too is a gap that nothing foresees.
-    most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + rules.ACCURACY * torque**2)
+    most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
     heard = np.hypot(most, folded)
     comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
     quieter = np.where(comes_and_goes, most / value, 1.0)
@@ -117,14 +119,14 @@ def floor_of(
             continue
         reach = float(np.exp(ndtri(1.0 - wrong / 200.0) * seen.error))
         least, most = seen.value / reach, seen.value * reach
-        if min(low[j], left[j]) > np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
+        if min(low[j], left[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
             value[j], low[j], high[j] = seen.value, least, most
         if least <= high[j]:
             # Else something drifts, and the predictors, which are an upper limit, foresee it.
             low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
-    wide = np.maximum(high / value, rules.FLOORS_LEFT)
+    wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
     more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     # Where friction holds a joint and may be anything, what nothing foresees need not be noise.
     low = np.minimum(low, judged_noise(problem, noise))

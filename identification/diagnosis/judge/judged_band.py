@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.model.columns import Columns, where_read
@@ -39,35 +38,28 @@ class Judge:
         return self.problem.session.in_judged_band(series)
 
 
-def visible(left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term]) -> frozenset[Term]:
-    """Findings whose loss is visible above the noise of the judged band.
+def growth_without(left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term]) -> dict[Term, float]:
+    """By how much the squared residual of the joint that needs it most grows without each of some effects.
 
-    Without a finding the squared residual of some joint has to grow by a share of what is left: an effect can be
-    significant only above the judged band, where it is of no use and the model of the noise is least known.
+    An effect can be significant only above the judged band, where it is of no use and the model of the noise is least
+    known: there it grows by nothing. One that costs the other joints more than it helps counts as minus one.
 
     Args:
         left: What a set of them leaves in the judged band.
-        chosen: The findings.
+        chosen: The effects.
     """
-    while chosen:
-        base = np.maximum(left(chosen).rms() ** 2, 1e-300)
-        growth = {}
-        for term in ordered(chosen):
-            ratio = left(chosen - {term}).rms() ** 2 / base
-            # It has to help the worst joint, and not cost the others more than it helps.
-            growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
-        least = min(growth, key=lambda term: growth[term])
-        if growth[least] >= rules.VISIBLE_GROWTH:
-            return chosen
-        chosen = chosen - {least}
-    return chosen
+    base, growth = np.maximum(left(chosen).rms() ** 2, 1e-300), {}
+    for term in ordered(chosen):
+        ratio = left(chosen - {term}).rms() ** 2 / base
+        growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
+    return growth
 
 
-def gap_is_there(problem: Problem, noise: Series) -> bool:
-    """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
+def growth_of_gap(problem: Problem, noise: Series) -> float:
+    """How far the squared residual of the given model is above that of noise on the joint with most, relative."""
     floor = judged_noise(problem, noise)
     given = sums(problem, problem.session.in_judged_band(problem.columns.residual)).rms()
-    return bool(np.any(given**2 > (1.0 + rules.VISIBLE_GROWTH) * floor**2))
+    return float(np.max(given**2 / floor**2)) - 1.0
 
 
 def narrow_search(search: Search, noise: Series) -> Search:
@@ -116,4 +108,4 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     if columns.displaced:
         read = where_read(session, columns)
         plain = replace(plain, where_read=set_up(session, read, below(read), weights))
-    return set_up_search(plain, search.threshold, search.rows, search.spurious)
+    return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)

@@ -11,22 +11,18 @@ import numpy as np
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates.in_band import torque_is_there
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.judge.file_numbers import model_numbers
-from identification.diagnosis.judge.findings.findings import (
-    Claim,
-    Shown,
-    findings_without,
-    present_effects,
-    remarks,
-    shown_effects,
-)
+from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
+from identification.diagnosis.judge.findings.shown import Bench, Shown, State, in_band, shown_effects
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.moved_by_noise import foreseen_noise, least_above_noise
+from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
+from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
@@ -36,7 +32,6 @@ from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import Term, merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
-from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
 from phantom_dyn.array_types import Float
@@ -56,7 +51,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     claims = [
         *findings_without(shown, judge, within),
         # Without a coarse reading the model is the same: what it feigns is no torque.
-        *(Claim(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
+        *(FindingWithout(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
@@ -70,6 +65,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     bounds, untested = smallest_seen(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
     )
+    minor = tuple(claim.finding for claim in claims if claim.minor)
+    places = frozenset((finding.effect, finding.joint) for finding in minor)
     moved = any(bool(use.any()) for use in problem.columns.usable)
     judgement = Judgement(
         verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
@@ -82,9 +79,11 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         notes=remarks(shown),
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
-        minor=tuple(claim.finding for claim in claims if claim.minor),
+        minor=minor,
         numbers=model_numbers(shown),
         bursts=bursts,
+        # Last of all: its fits are not to move the last digits of what is said above.
+        ledger=(*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding)),
     )
     return judgement, shown
 
@@ -113,46 +112,34 @@ class _Left:
 
 
 def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
-    """The effects that are shown of an explanation, without those that noise may make on joints within their noise."""
-
-    @cache
-    def present_of(chosen: frozenset[Term]) -> frozenset[Term]:
-        return present_effects(plain, chosen, noise)
+    """The effects of an explanation that pass all gates of the judge, and what they leave."""
 
     @cache
     def left_by_all(chosen: frozenset[Term]) -> _Left:
         return _left(explanation, plain, chosen, noise)
 
-    found, barred, kept = explanation.chosen, NONE_BARRED, present_of(explanation.chosen)
-    left = left_by_all(kept)
-    if _torque_is_noise(left):
+    bench = Bench(explanation.search, plain, noise, lambda chosen: left_by_all(chosen).judge)
+    state = in_band(bench, State.of(explanation.chosen))
+    left = left_by_all(state.shown)
+    torque = torque_is_there(_torque_over_noise(left))
+    if not torque.passed:
         # No torque at all fits as well as any model can: what is in the model says nothing of the robot.
-        none = frozenset[Term]()
-        return shown_effects(explanation.search, plain, none, present_of), replace(
-            left_by_all(none), floor=left.floor, judge=left.judge
-        )
-    if not kept and _above_noise(left_by_all(kept)):
+        bench.record.lost(explanation.chosen, torque)
+        shown = shown_effects(bench, State.of(frozenset()))
+        return shown, replace(left_by_all(shown.chosen), floor=left.floor, judge=left.judge)
+    bench.record.kept(state.shown, torque)
+    if not state.shown and _above_noise(left):
         # What lies above the judged band may hide from the search what there is inside it.
-        found = explain(plain, lambda _: None)
-        kept = present_of(found)
-    # First without rivals, which cost most.
-    while (term := least_above_noise(left_by_all(kept).judge, plain, kept)) is not None:
-        barred, kept = barred | {term.place}, kept - {term}
-    while True:
-        chosen = frozenset(term for term in found if term.place not in barred)
-        shown = shown_effects(explanation.search, plain, chosen, present_of, barred)
-        left = left_by_all(shown.chosen)
-        term = least_above_noise(left.judge, plain, shown.chosen)
-        # A simpler case of another law may come to a place that is barred.
-        if term is None or term.place in barred:
-            return shown, left
-        barred = barred | {term.place}
+        state = State.of(explain(plain, lambda _: None))
+    shown = shown_effects(bench, state)
+    return shown, left_by_all(shown.chosen)
 
 
-def _torque_is_noise(left: _Left) -> bool:
-    """True if the measured torque of every joint that is judged is within its noise."""
+def _torque_over_noise(left: _Left) -> float:
+    """The largest measured torque of a joint that is judged, over the most that its noise may be."""
     torque = sums(left.judge.problem, measured_torque(left.judge.problem))
-    return bool(np.all((torque.rms() <= left.floor.high)[torque.counts.any(axis=0)])) and bool(torque.counts.any())
+    judged = torque.counts.any(axis=0)
+    return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
 
 
 def _above_noise(left: _Left) -> bool:

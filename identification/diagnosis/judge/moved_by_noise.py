@@ -8,20 +8,23 @@ the torque of the motion is many times what is left, there is no room for that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.gates import moved_joints
+from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.row_gaps import row_gaps
-from identification.diagnosis.search.search import Search, claimed
+from identification.diagnosis.search.search import Search, asked
+from identification.engine.claims import GateResult
 from phantom_dyn.array_types import Float
 from phantom_dyn.signals.spectra import power_density
 
@@ -31,26 +34,20 @@ Array = np.ndarray
 _SEGMENT = 256
 
 
-def shown_by_motion(search: Search, chosen: frozenset[Term], noise: Series) -> frozenset[Term]:
-    """The chosen effects without those that go with the motion and do not show where it is far above the noise.
+def motion_results(loud: Search, there: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
+    """What the gate of motion says of those of some effects that go with the motion, see `loud_search`.
 
     Args:
-        search: Plain fits in the judged band.
-        chosen: Effects that explain the recordings together.
-        noise: Of each log's torque.
+        loud: A search where the torque of the motion is far above the noise.
+        there: Each effect with its place there.
+        chosen: Effects that are shown together.
     """
-    if not any(_accelerates(term) for term in chosen):
-        return chosen
-    loud, there = loud_search(search, chosen, chosen, noise)
-    while True:
-        motion = [term for term in ordered(chosen) if _accelerates(term)]
-        doubtful = [term for term in motion if not _shows(loud, _of(there, chosen), _of(there, chosen - {term}))]
-        if not doubtful:
-            return chosen
-        chosen = chosen - {min(doubtful, key=lambda term: loud.score(_of(there, chosen - {term})))}
+    motion = [term for term in ordered(chosen) if accelerates(term)]
+    return {term: _in_motion(loud, _of(there, chosen), _of(there, chosen - {term})) for term in motion}
 
 
-def _accelerates(term: Term) -> bool:
+def accelerates(term: Term) -> bool:
+    """True if an effect goes with the acceleration of the motion, as noise that moves a joint does."""
     return term.effect.goes_with_motion == "acceleration"
 
 
@@ -76,7 +73,7 @@ def foreseen_noise(
     with_motion = {row: kept | _going_with_motion(search, joints[row]) for row in above}
     loud, there = loud_search(search, kept, frozenset().union(*with_motion.values()), noise)
     for row, every in with_motion.items():
-        if not _shows(loud, _of(there, every), _of(there, kept)):
+        if not _in_motion(loud, _of(there, every), _of(there, kept)).passed:
             squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
     # What foresees most of it leaves a floor that is far too low; several times the floor is a gap all the same.
@@ -97,42 +94,43 @@ def _of(there: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
     return frozenset(there[term] for term in chosen)
 
 
-def least_above_noise(judge: Judge, search: Search, chosen: frozenset[Term]) -> Term | None:
-    """An effect that noise may make and without which no joint has more left than its noise; None if there is none.
+def noise_results(
+    judge: Judge, search: Search, chosen: frozenset[Term], asked: Iterable[Term]
+) -> dict[Term, GateResult]:
+    """What the gate of noise says of effects that noise may make.
 
     The noise of the floor's upper end moves joints, which looks like an effect that goes with the motion, and leaves
-    friction open where a joint turns about. Of several such effects the one that helps least.
+    friction open where a joint turns about.
 
     Args:
         judge: Upper end of each joint's floor.
         search: Plain fits in the judged band.
         chosen: Effects that are shown.
+        asked: Those of them that noise may make.
     """
-    left, helps = left_by(judge, search, chosen).rms(), {}
-    for term in ordered(chosen):
-        if not (term.named and (term.effect.goes_with_motion or term.effect.acts_when_slow)):
-            continue
+    left, out = np.maximum(left_by(judge, search, chosen).rms(), 1e-300), {}
+    for term in asked:
         without = left_by(judge, search, chosen - {term}).rms()
-        growth = (without / np.maximum(left, 1e-300)) ** 2 - 1.0
-        if not np.any((growth > rules.VISIBLE_GROWTH) & (without > judge.highest)):
-            helps[term] = float(growth.max())
-    return min(helps, key=lambda term: helps[term], default=None)
+        out[term] = shown_above_noise((without / left) ** 2 - 1.0, without, judge.highest)
+    return out
 
 
-def _shows(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if effects lower the held-out loss by more than their price and than its scatter from block to block.
+def noise_may_make(term: Term) -> bool:
+    """True of effects that go with the motion, and of friction where a joint is slow."""
+    return term.named and bool(term.effect.goes_with_motion or term.effect.acts_when_slow)
+
+
+def _in_motion(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:
+    """What the gate of motion says of effects: by their price, and by the scatter from block to block.
 
     What acts in few blocks scatters; it is there if the rules of the search would claim it.
     """
-    if claimed(loud, chosen, without):
-        return True
     rich, plain = loud.evaluate(chosen), loud.evaluate(without)
     gains = plain.loss - rich.loss
     held_out, in_sample = plain.total - rich.total, plain.objective - rich.objective
     price = loud.price_of(chosen) - loud.price_of(without)
     scatter = float(np.sqrt(len(gains)) * gains.std())
-    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
-    return held_out > rules.SIGNIFICANT_ERRORS * scatter and min(held_out, in_sample) > price
+    return shown_by_motion(asked(loud, chosen, without)[-1], held_out, in_sample, scatter, price)
 
 
 def loud_search(
@@ -176,5 +174,5 @@ def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: f
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
     # The first bin is a constant, which a spectrum takes off.
-    quiet = np.flatnonzero((power < rules.MOVED_BY_NOISE * noise) & (f > 0.0))
+    quiet = np.flatnonzero((power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0))
     return float(f[quiet[0]]) if len(quiet) else np.inf

@@ -8,12 +8,12 @@ import numpy as np
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.shapley import shapley_values
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
-from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left
+from identification.engine.resampling import block_counts
+from identification.engine.shapley import shapley_values
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

@@ -44,4 +44,8 @@ def with_user_words(judgement: Judgement, robot: Robot) -> Judgement:
         minor=tuple(map(told, judgement.minor)),
         bounds=tuple(replace(bound, words=words(bound.effect)) for bound in judgement.bounds),
         not_testable=tuple(replace(entry, words=words(entry.effect)) for entry in judgement.not_testable),
+        ledger=tuple(
+            replace(claim, effects=tuple(map(at, claim.effects)), instead=tuple(map(at, claim.instead)))
+            for claim in judgement.ledger
+        ),
     )

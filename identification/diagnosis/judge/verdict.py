@@ -9,7 +9,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.findings import Shown
+from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.model.nuisances import Nuisance
@@ -17,6 +17,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, JointGap, Unexplained, noise_is_all
+from identification.engine import contract_levels
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
@@ -52,7 +53,7 @@ def verdict(
 def nearly_closed(joint: JointGap) -> bool:
     """True if a joint has at most 1.5 noise floors left, or a tenth of its gap within the tolerances."""
     after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
-    return after <= rules.FLOORS_LEFT**2 or after - 1.0 <= rules.GAP_LEFT * (within - 1.0)
+    return after <= contract_levels.FLOORS_LEFT**2 or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
 
 
 def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:

@@ -1,8 +1,8 @@
 """A law for what is left: the inputs that a structured rest depends on, its formula, and a model to use now.
 
 The methods: smooth functions of inputs and pairs on held-out blocks against orders of the blocks by chance
-(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `selection`), its
-size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
+(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `search.stepwise`),
+its size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
 bootstrap replicates over blocks (`formula_search`).
 """
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.judge.findings.findings import Shown
+from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.law.formula_search import (
     STABLE,
     Choice,
@@ -28,12 +28,12 @@ from identification.diagnosis.law.rest import Rest, rest_of
 from identification.diagnosis.law.smooth import frequency_answers, input_curves, input_gains
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
 from identification.diagnosis.result import JointGap, Judgement, noise_is_all
-from phantom_dyn.array_types import Float
+from identification.engine.resampling import REPLICATES, block_counts, interval
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-_REPLICATES = 200
 _LEAST = 0.4  # of the squares of the rest that a formula has to foresee
 _MOSTLY = 0.5  # share of the replicates that have to choose an input which no formula names
 
@@ -118,12 +118,8 @@ def _terms(rest: Rest, columns: Columns, choice: Choice) -> tuple[LawTerm, ...]:
     """Terms with coefficients of the torque that acts on the joint, and their intervals by block bootstrap."""
     at = columns.terms.columns(choice.chosen)
     size = columns.size[at]
-    seen = np.flatnonzero(rest.folds >= 0)
-    rng = random_stream("blocks of the coefficients of a law")
-    drawn = [(rest.folds >= 0).astype(float)]
-    drawn += [np.bincount(rng.choice(seen, len(seen)), minlength=len(rest.folds)) for _ in range(_REPLICATES)]
-    theta = np.array([_fitted(columns, counts.astype(float), at) for counts in drawn]) / size
-    low, high = np.quantile(theta[1:], [0.025, 0.975], axis=0)
+    theta = _fitted(columns, rest.folds >= 0, at) / size
+    low, high = interval(theta[1:])
     owner = {}
     for k in choice.chosen:
         term = columns.library[k]
@@ -134,19 +130,21 @@ def _terms(rest: Rest, columns: Columns, choice: Choice) -> tuple[LawTerm, ...]:
         text, term = owner[column]
         unit = f"{rest.unit}/{term.per}" if term.per and " " not in term.per else rest.unit
         unit = f"{rest.unit}/({term.per})" if " " in term.per else unit
-        interval = (-float(high[place]), -float(low[place]))
-        out.append(LawTerm(text, unit, -float(theta[0, place]), interval, choice.votes.get(term.kind, 0.0)))
+        ends = (-float(high[place]), -float(low[place]))
+        out.append(LawTerm(text, unit, -float(theta[0, place]), ends, choice.votes.get(term.kind, 0.0)))
     return tuple(out)
 
 
-def _fitted(columns: Columns, counts: Float[Array, " B"], at: list[int]) -> Float[Array, " k"]:
-    """Coefficients of some columns on blocks, each as often as ``counts`` says, beside what may move.
+def _fitted(columns: Columns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
+    """Coefficients of some columns beside what may move: on all seen blocks, then on draws of them by the bootstrap.
 
     Only the columns in question and those that may move are summed: the library is large.
     """
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
-    products = columns.products.of(every).freed(counts, columns.free)
-    return products.fitted(list(range(len(at))))
+    products, counts = columns.products.of(every), np.zeros((REPLICATES + 1, len(seen)))
+    counts[0, seen] = 1.0
+    counts[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of the coefficients of a law"))
+    return np.array([products.freed(drawn, columns.free).fitted(list(range(len(at)))) for drawn in counts])
 
 
 def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
@@ -184,8 +182,6 @@ def _share_of_gap(rest: Rest, choice: Choice, joints: tuple[JointGap, ...]) -> t
     gained = (choice.before - choice.held_out)[judged]
     gap = float(np.mean([(joint.tolerated / joint.noise_floor) ** 2 for joint in joints])) - 1.0
     scale = len(joints) * rest.floor**2 * max(gap, 1e-12)
-    rng = random_stream("blocks of what a law closes")
-    draws = rng.choice(len(judged), (_REPLICATES, len(judged)))
-    shares = gained[draws].sum(axis=1) / np.maximum(counts[draws].sum(axis=1), 1e-12) / scale
-    low, high = np.quantile(shares, [0.025, 0.975])
+    drawn = block_counts(len(judged), random_stream("blocks of what a law closes"))
+    low, high = interval(drawn @ gained / np.maximum(drawn @ counts, 1e-12) / scale)
     return float(gained.sum() / max(counts.sum(), 1e-12) / scale), (float(low), float(high))

@@ -8,20 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.law.selection import (
-    BlockProducts,
-    Chosen,
-    Free,
-    Products,
-    Terms,
-    block_products,
-    extended,
-    gains,
-    squares,
-    stepwise,
-)
 from identification.diagnosis.law.terms import Term, library
-from identification.diagnosis.numerics.bounded import bounded_solve
+from identification.engine.chance import in_another_order
+from identification.engine.numerics.bounded import bounded_solve
+from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
+from identification.engine.resampling import CHOSEN_AGAIN, block_counts
+from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -30,7 +22,6 @@ Array = np.ndarray
 MOST_TERMS = 4
 _AT_ONCE = 24  # columns at the full rate
 _SETTLINGS = 4
-_REPLICATES = 40
 _PERMUTATIONS = 100
 _CHANCE = 0.99  # quantile of the largest gain by chance that every term has to exceed
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
@@ -153,10 +144,9 @@ def without_law(rest: Rest, columns: Columns) -> Float[Array, " B"]:
     """Squares left of each block without a law, what may move within its bounds fitted to other folds."""
     loss = np.zeros(len(rest.folds))
     moved = list(range(len(columns.size), columns.x.shape[1]))
-    for fold in np.unique(rest.folds):
-        train = columns.products.summed(((rest.folds >= 0) & (rest.folds != fold)).astype(float))
+    for train, held_out in columns.products.by_fold(rest.folds):
         theta = _bounded(rest, columns, train, [])
-        for k in np.flatnonzero(rest.folds == fold).tolist():
+        for k in held_out:
             loss[k] = columns.products.block(k).left(moved, theta)
     return loss
 
@@ -202,15 +192,14 @@ def cross_validated(rest: Rest, columns: Columns, most: int, start: Chosen = ())
     terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
     loss = np.zeros((most + 1, len(folds)))
     moved = list(range(len(columns.size), columns.x.shape[1]))
-    for fold in np.unique(folds):
-        train = products.summed(((folds >= 0) & (folds != fold)).astype(float))
+    for train, held_out in products.by_fold(folds):
         freed = free.taken_out(train)
         path = extended(terms, freed, start, most)
         for size in range(most + 1):
             at = terms.columns(path[min(size, len(path) - 1)])
             theta = freed.fitted(at)
             theta = np.concatenate([theta, free.beside(train, at, theta)])
-            for k in np.flatnonzero(folds == fold).tolist():
+            for k in held_out:
                 loss[size, k] = products.block(k).left([*at, *moved], theta)
     return loss
 
@@ -252,8 +241,7 @@ def chance(rest: Rest, columns: Columns, left: Float[Array, " n"]) -> float:
     free = replace(columns.free, right=np.zeros(columns.free.count))
     out = []
     for _ in range(_PERMUTATIONS):
-        order = rng.permutation(len(pieces))
-        mixed = np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])
+        mixed = in_another_order(pieces, rng)
         products = free.taken_out(Products(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, _CHANCE))
@@ -263,19 +251,19 @@ def _repeated(rest: Rest, columns: Columns, chosen: Chosen) -> tuple[dict[str, f
     """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
     if not chosen:
         return {}, 0.0, {}
-    rng = random_stream("blocks of a law")
-    seen = np.flatnonzero(rest.folds >= 0)
+    seen = rest.folds >= 0
     kinds, inputs, same = Counter(), Counter(), 0
     wanted = Counter(columns.library[k].kind for k in chosen)
-    for _ in range(_REPLICATES):
-        counts = np.bincount(rng.choice(seen, len(seen)), minlength=len(rest.folds)).astype(float)
+    for drawn in block_counts(int(seen.sum()), random_stream("blocks of a law"), CHOSEN_AGAIN):
+        counts = np.zeros(len(seen))
+        counts[seen] = drawn
         # A replicate that draws blocks without any samples only chooses no term.
         found = extended(columns.terms, columns.products.freed(counts, columns.free), (), len(chosen))[-1]
-        drawn = Counter(columns.library[k].kind for k in found)
-        same += drawn == wanted
-        kinds.update(set(drawn))
+        chosen_kinds = Counter(columns.library[k].kind for k in found)
+        same += chosen_kinds == wanted
+        kinds.update(set(chosen_kinds))
         inputs.update(frozenset().union(*(columns.library[k].inputs for k in found)))
-    share = 1.0 / _REPLICATES
+    share = 1.0 / CHOSEN_AGAIN
     return (
         {kind: share * n for kind, n in kinds.items()},
         share * same,

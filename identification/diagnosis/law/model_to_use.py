@@ -14,9 +14,10 @@ import numpy as np
 from identification.diagnosis.input_names import is_frequency
 from identification.diagnosis.law.formula_search import Choice, Columns, best_size, cross_validated
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.law.selection import Free, extended
 from identification.diagnosis.law.terms import supply_loads
 from identification.diagnosis.rest_law import ModelTerm, ResidualModel
+from identification.engine.products.block_products import Free
+from identification.engine.search.stepwise import extended
 
 Array = np.ndarray
 

@@ -12,9 +12,9 @@ from identification.data.signals import smoothed_where
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
-from identification.diagnosis.judge.findings.findings import Shown
+from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.law.freedom import freedom_of
-from identification.diagnosis.model.blocks import Block
+from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows

@@ -17,8 +17,11 @@ import numpy as np
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
 from identification.diagnosis.law.frequency import answer_columns, complex_gains, linear_columns
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.rest_law import FrequencyAnswer, InputCurve, InputGain, Pair
+from identification.engine.chance import in_another_order
+from identification.engine.numerics.bounded import solve
+from identification.engine.products.block_products import block_products
+from identification.engine.resampling import REPLICATES, block_counts, interval
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -28,7 +31,6 @@ _PLACES = 7  # of a table over one input
 _RIDGE = 3e-3  # of the samples at a place
 _DRAWS = 60  # orders of the blocks
 _CHANCE = 0.95  # quantile over them of the largest gain
-_REPLICATES = 200
 _PAIRS = 6  # that are told
 _CURVE = 25  # places of a curve
 _CLEARLY = 0.03  # of the squares of the rest that an answer with memory has to foresee beyond everything without
@@ -129,11 +131,10 @@ def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
 
 def _shares(own: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
     """Share of the whole over some blocks, with its interval by block bootstrap."""
-    rng = random_stream("blocks of the gain of an input")
-    draws = rng.choice(judged, (_REPLICATES, len(judged)))
-    shares = own[draws].sum(axis=1) / np.maximum(whole[draws].sum(axis=1), 1e-300)
-    low, high = np.quantile(shares, [0.025, 0.975])
-    return float(own[judged].sum() / max(whole[judged].sum(), 1e-300)), (float(low), float(high))
+    own, whole = own[judged], whole[judged]
+    counts = block_counts(len(judged), random_stream("blocks of the gain of an input"))
+    low, high = interval((counts @ own) / np.maximum(counts @ whole, 1e-300))
+    return float(own.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
 
 
 def _samples(rest: Rest, used: Array) -> _Samples:
@@ -145,10 +146,7 @@ def _samples(rest: Rest, used: Array) -> _Samples:
     moved = solve(free[seen].T @ free[seen] + rest.precision, free[seen].T @ y[seen] + rest.right)
     left = y - free @ moved
     pieces = [left[blocks == k] for k in np.unique(blocks)]
-    mixed = [
-        np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in rng.permutation(len(pieces))])
-        for _ in range(_DRAWS)
-    ]
+    mixed = [in_another_order(pieces, rng) for _ in range(_DRAWS)]
     prior = np.column_stack([rest.right, np.zeros((len(rest.right), _DRAWS))])
     return _Samples(np.column_stack([y, *mixed]), free, blocks, rest.folds, root, prior)
 
@@ -237,8 +235,8 @@ def _answer(rest: Rest, name: str) -> FrequencyAnswer:
     middle = np.degrees(np.unwrap(np.angle(drawn[0])))
     # A turn more or less is the same phase: draws are counted from the fit.
     away = np.degrees(np.angle(drawn[1:] / np.where(gains[0] > 0.0, drawn[0], 1.0)))
-    parts = (gains[0], *np.quantile(gains[1:], [0.025, 0.975], axis=0), middle,
-             *(middle + np.quantile(away, [0.025, 0.975], axis=0)))  # fmt: skip
+    parts = (gains[0], *interval(gains[1:]), middle,
+             *(middle + end for end in interval(away)))  # fmt: skip
     per = _unit(rest, name)
     unit = "" if per == rest.unit else f"{rest.unit}/({per})" if "/" in per else f"{rest.unit}/{per}"
     return FrequencyAnswer(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
@@ -261,7 +259,7 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
     for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
         # What acts on the joint is the opposite of what the drive has to give.
         lines = -theta[:, k * len(places) : (k + 1) * len(places)] @ weights.T
-        low, high = np.quantile(lines[1:], [0.025, 0.975], axis=0)
+        low, high = interval(lines[1:])
         out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
     return out
 
@@ -274,21 +272,17 @@ def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array
         columns: At the kept samples, those that may move last.
         places: Of how many the samples are shared, for the ridge.
     """
-    used = rest.weight > 0
-    root = np.sqrt(rest.weight[used])
-    x, y, blocks = columns[used] * root[:, None], rest.y[used] * root, rest.blocks[used]
-    count = x.shape[1] - len(rest.right)
-    prior = np.zeros((x.shape[1], x.shape[1]))
+    count, size = columns.shape[1] - len(rest.right), columns.shape[1]
+    prior = np.zeros((size, size))
     prior[count:, count:] = rest.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(root @ root) / places
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(rest.weight.sum()) / places
     pull = np.concatenate([np.zeros(count), rest.right])
-    seen = np.flatnonzero(rest.folds >= 0)
-    grams = np.array([x[blocks == b].T @ x[blocks == b] for b in seen])
-    rights = np.array([x[blocks == b].T @ y[blocks == b] for b in seen])
-    rng = random_stream("blocks of a curve")
-    draws = [np.ones(len(seen)), *(np.bincount(rng.choice(len(seen), len(seen)), minlength=len(seen))
-             for _ in range(_REPLICATES))]  # fmt: skip
-    return np.array([np.linalg.solve(np.tensordot(n, grams, 1) + prior, n @ rights + pull)[:count] for n in draws])
+    seen = rest.folds >= 0
+    draws = np.zeros((REPLICATES + 1, len(seen)))
+    draws[0, seen] = 1.0
+    draws[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of a curve"))
+    products = block_products(columns, rest.y, rest.weight, rest.blocks, len(rest.folds))
+    return products.of_draws(draws, prior, pull)[:, :count]
 
 
 def _unit(rest: Rest, name: str) -> str:

@@ -1,40 +1,13 @@
-"""Blocks of samples: what is held out together."""
+"""Blocks of recordings: how long what is held out together is."""
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
 from identification.data.log import Log
-from phantom_dyn.array_types import Bool, Int
-
-Array = np.ndarray
-
-FOLDS = 8
-
-
-@dataclass(frozen=True)
-class Block:
-    """A stretch of in-band samples of one log.
-
-    Attributes:
-        log: Index of the log.
-        start: First sample.
-        stop: One after the last.
-        core: First sample of its core: earlier ones share noise with the block before, through the filter.
-    """
-
-    log: int
-    start: int
-    stop: int
-    core: int
-
-
-def held_out_share(blocks: tuple[Block, ...]) -> float:
-    """Share of the samples that are judged while they are held out: those of the cores."""
-    return sum(b.stop - b.core for b in blocks) / sum(b.stop - b.start for b in blocks)
+from identification.engine.products.blocks import Block
 
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
@@ -57,11 +30,3 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
             core = start + (guard if i and guard < (stop - start) // 2 else 0)
             blocks.append(Block(k, int(start), int(stop), int(core)))
     return tuple(blocks)
-
-
-def assign_folds(blocks: tuple[Block, ...], held_out: Bool[Array, " logs"]) -> Int[Array, " B"]:
-    """Fold of each block, in turn, so that every fold covers the whole recording; -1 for logs held out entirely."""
-    folds = np.full(len(blocks), -1)
-    seen = [k for k, block in enumerate(blocks) if not held_out[block.log]]
-    folds[seen] = np.arange(len(seen)) % min(FOLDS, max(2, len(seen)))
-    return folds

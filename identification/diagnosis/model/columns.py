@@ -25,7 +25,7 @@ from identification.diagnosis.model.standstill import (
     usable_samples,
 )
 from identification.diagnosis.model.terms import FoundEffect, Term, merged
-from identification.diagnosis.numerics.two_threads import in_two_threads
+from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Shape

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.diagnosis.model.nuisances import Move, touching
-from identification.diagnosis.numerics.bounded import solve
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot

@@ -11,12 +11,13 @@ from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed_where, within_limits
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
+from identification.diagnosis.model.blocks import split_blocks
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import ALIKE, Differences, differences_of
 from identification.diagnosis.model.soft_friction import rubs_softly
 from identification.diagnosis.model.structure import STRUCTURES
 from identification.diagnosis.model.terms import KnownEffect
+from identification.engine.products.blocks import Block, assign_folds
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.errors import EffectError, LogError
 from phantom_dyn.model.robot import Robot

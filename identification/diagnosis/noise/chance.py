@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import fold_projections
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import Whitening
-from identification.diagnosis.numerics.bounded import solve, solve_each
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
-from phantom_dyn.array_types import Float, Int
+from identification.engine.chance import exceeded_by_chance
+from identification.engine.fits.held_out_gains import gains_on_residuals
+from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
 _REPLICATES = 80
-_EULER = 0.5772156649
 
 
 def null_threshold(search: Search, filters: Whitening, noise: Series, least: float = 0.0) -> Threshold:
@@ -44,21 +42,15 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
         return Threshold(least, {})
     rng = random_stream("recordings without a gap")
     b, core_b = _null_products(problem, filters, noise, rng)
-    extra = np.array([max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0) for term in search.terms])
-    gains = _gains(problem, search.terms, b, core_b) - extra[:, None]
+    extra = np.array([max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
+    gains = gains_on_residuals(problem, [term.columns for term in search.terms], b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
     alike = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
-    wrong = (1.0 - rules.CLAIM_LEVEL) / len(joints)
+    wrong = (1.0 - above_chance.CLAIM_LEVEL) / len(joints)
     return Threshold(
-        max(_exceeded(gains.max(axis=0), 1.0 - rules.CLAIM_LEVEL), least),
-        {joint: max(_exceeded(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
+        max(exceeded_by_chance(gains.max(axis=0), 1.0 - above_chance.CLAIM_LEVEL), least),
+        {joint: max(exceeded_by_chance(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
     )
-
-
-def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
-    """Quantile that a Gumbel law with the mean and deviation of ``best`` exceeds with probability ``wrong``."""
-    spread = best.std() * np.sqrt(6) / np.pi
-    return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 
 
 def _null_products(
@@ -104,46 +96,3 @@ def _product(
     """Product of white columns with a series: the series is filtered, which is one, and not the columns."""
     series, first = filters.before(e, log, row, start)
     return series @ x[first : first + len(series)]
-
-
-def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -> Float[Array, "T R"]:
-    """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
-    moved = problem.moves
-    right = b.sum(axis=0)
-    alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(terms)]
-    gains = np.zeros((len(terms), b.shape[2]))
-    *folds, whole = fold_projections(problem)
-    for fold, part in enumerate(folds):
-        products, held = right - b[fold], core_b[fold]
-        base = solve(part.inner, products[moved])
-        # Products with what the nuisances leave, on the blocks that train and on those that are held out.
-        products = products - part.made.T @ products[moved]
-        inside, across = part.core
-        held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
-        for which, columns, (total, less, core) in alike:
-            x = solve_each(part.training(columns, total - less[fold]), products[columns])
-            gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
-    # A rival also relieves the nuisances of moves that cost.
-    base = solve(whole.inner, right[moved])
-    products = right - whole.made.T @ right[moved]
-    costly = problem.precision[moved, None] * whole.made
-    relieved = costly.T @ base
-    for which, columns, (total, _, _) in alike:
-        made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))
-        x = solve_each(whole.training(columns, total), products[columns])
-        gains[which] += (x * (2 * relieved[columns] - (weighed.mT @ made) @ x)).sum(axis=1)
-    return gains
-
-
-def _squares(problem: Problem, columns: Int[Array, "g m"]) -> tuple[Array, Array, Array]:
-    """Products among the columns of each group: over all blocks that train, and of each fold whole and in its cores."""
-    grams = problem.grams
-    total = problem.total_a[columns[:, :, None], columns[:, None, :]]
-    return total, grams.fold_a.within(columns), grams.fold_core_a.within(columns)
-
-
-def _by_size(terms: tuple[Term, ...]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:
-    """Rivals with the same number of columns together: which they are, and their columns."""
-    sizes = np.array([len(term.columns) for term in terms])
-    groups = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
-    return [(which, np.array([terms[k].columns for k in which])) for which in groups]

@@ -14,11 +14,10 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.grams import RowGrams, all_row_grams
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.fit.projection import gains_beside
+from identification.diagnosis.gates import above_chance
+from identification.diagnosis.gates.coarse_reading import coarser_than_stated
 from identification.diagnosis.model.columns import Columns, columns_by_log
 from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
@@ -26,6 +25,8 @@ from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search
+from identification.engine.fits.projection import gains_beside
+from identification.engine.products.grams import RowGrams, all_row_grams
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
@@ -89,7 +90,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
-        if step is None or stated is None or step < rules.COARSE_STEP * stated:
+        if step is None or stated is None or not coarser_than_stated(step / stated).passed:
             continue
         torque = []
         for log, operation in zip(session.logs, columns.operations, strict=True):
@@ -176,7 +177,7 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
     each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
     # No effect gains more than all of it, and this is less than any claim has to gain.
-    if energy < rules.LEAST_GAIN:
+    if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.place for term in search.terms), 0.0)
     null = _null_problem(problem, again, noise)
     gains = gains_beside(null, fit(null, (), held_out=False), {term.columns for term in search.terms})

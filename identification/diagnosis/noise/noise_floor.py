@@ -8,35 +8,17 @@ import numpy as np
 
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
-from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import whitened_noise
-from identification.diagnosis.numerics.two_threads import in_two_threads
 from identification.diagnosis.search.search import Search
+from identification.engine.autocorrelation import autocorrelation_time
+from identification.engine.numerics.two_threads import in_two_threads
+from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Bool, Float, Int
 
 Array = np.ndarray
-
-
-def autocorrelation_time(e: Float[Array, " n"]) -> float:
-    """Samples of ``e`` that carry the information of one independent sample: ``1 + 2 sum of autocorrelations``.
-
-    The sum stops where the autocorrelation of a pair of lags first turns negative (Geyer's initial positive
-    sequence), which keeps it from adding noise.
-    """
-    n = len(e)
-    if n < 8 or not np.any(e):
-        return 1.0
-    centred = e - e.mean()
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
-    r = np.fft.irfft(spectrum)[: n // 2]
-    r = r / r[0]
-    pairs = r[: len(r) // 2 * 2].reshape(-1, 2).sum(axis=1)
-    negative = np.flatnonzero(pairs <= 0)
-    stop = int(negative[0]) if len(negative) else len(pairs)
-    return float(max(1.0, 2 * pairs[:stop].sum() - 1.0))
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
-from identification.diagnosis.numerics.two_threads import in_two_threads
+from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray

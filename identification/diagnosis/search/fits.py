@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
-from identification.diagnosis.fit.near_fits import NearFits
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.products import products_of
-from identification.diagnosis.fit.projection import gains_beside
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
+from identification.engine.fits.bilinear import products_of
+from identification.engine.fits.near_fits import NearFits
+from identification.engine.fits.projection import gains_beside
+from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -128,7 +128,8 @@ class Fits:
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
         if self._near is not None and _linear(chosen):
-            return self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
+            found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
+            return Fitted(self.problem, Point(), *found)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
@@ -141,7 +142,8 @@ class Fits:
         """Where a fit begins: at the bounds that bind in a similar one, as most do in both."""
         if self._near is not None:
             others = ordered(term for term in chosen if _linear(frozenset([term])))
-            similar = self._near.fit(active_columns(self.problem, others), held_out=False)
+            found = self._near.fit(active_columns(self.problem, others), held_out=False)
+            similar = Fitted(self.problem, Point(), *found)
         elif self._recent:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:

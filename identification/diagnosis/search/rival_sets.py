@@ -8,28 +8,24 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import taken_out
+from identification.diagnosis.gates import fair_part, rivalry
+from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.bootstrap_wins import (
-    block_counts,
-    costs_of,
-    half_wins,
-    halves,
-    share_of_wins,
-    wins_in,
-)
+from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
+from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
+from identification.engine import contract_levels
+from identification.engine.claims import GateResult, until_failed
+from identification.engine.fits.projection import taken_out
+from identification.engine.resampling import probabilities
 from phantom_dyn.array_types import Float
-from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-# An effect and its joint.
-Place = tuple[str, str | None]
 NONE_BARRED: frozenset[Place] = frozenset()
 
 # Looks at all findings in turn.
@@ -45,11 +41,13 @@ class Standing:
         rivals: Theirs, the likeliest first.
         instead: The whole set with the rival in the finding's place that has to lead, None if the finding does: the
             likeliest of those whose sizes are plausible, or of all if none is.
+        gates: What the gates of rivals say of it.
     """
 
     probability: float
     rivals: tuple[Rival, ...]
     instead: frozenset[Term] | None = None
+    gates: tuple[GateResult, ...] = ()
 
 
 def with_wide_tolerances(search: Search) -> Search:
@@ -109,20 +107,16 @@ def stand(
         options[swapped], same[swapped] = base.loss, chosen
         names[swapped] = others
     if len(options) == 1 and not richer_laws:
-        return Standing(1.0, ())
+        return Standing(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(options)
-    counts = block_counts(len(base.loss), random_stream("bootstrap of rivals"))
-    losses = counts @ np.array([options[key] for key in keys]).T
     apart = {key for key in names if not _nested(term, names[key])}
     sets = [same.get(key, key) for key in keys]
     costs = costs_of(search, sets, [key in twins for key in keys])
     costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
-    wins = [np.mean([share_of_wins(losses + cost) for cost in costs], axis=0)]
-    if again:
-        wins += [half_wins(options, keys, half, costs) for half in halves(len(base.loss))]
-        wins += [wins_in(other, search, options, keys, same, (twins, apart), counts) for other in again]
-    shares = _by_place(keys, places, np.mean(wins, axis=0))
+    losses = np.array([options[key] for key in keys]).T
+    others = [losses_in(other, search, options, keys, same, (twins, apart)) for other in again]
+    shares = _by_place(keys, places, probabilities(losses, costs, others, by_halves=bool(again)))
     for others, swapped in richer_laws:
         place = _places(search, chosen, others, swapped, same)
         if not place:
@@ -130,16 +124,17 @@ def stand(
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
     own = shares[()]
-    kept = {effects: share for effects, share in shares.items() if share >= rules.LISTED and effects}
+    kept = {effects: share for effects, share in shares.items() if share >= contract_levels.LISTED and effects}
     # Odds of richer laws come on top of the shares, so that all may be more than one.
-    while kept and min(kept.values()) < rules.LISTED * (own + sum(kept.values())):
+    while kept and min(kept.values()) < contract_levels.LISTED * (own + sum(kept.values())):
         del kept[min(kept, key=lambda effects: kept[effects])]
     total = own + sum(kept.values())
     rivals = tuple(
         Rival(tuple(EffectAt(*place) for place in effects), share / total)
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
-    return Standing(own / total, rivals, _leader(search, chosen, term, own, kept, places))
+    leader, gates = _leader(search, chosen, term, own / total, {at: p / total for at, p in kept.items()}, places)
+    return Standing(own / total, rivals, leader, gates)
 
 
 def _options(
@@ -154,7 +149,7 @@ def _options(
     Returns:
         The losses by set; what stands in the finding's place in each set; and richer laws with their sets.
     """
-    base, accuracy = search.evaluate(chosen), rules.ACCURACY * explained(search, chosen, term)
+    base, accuracy = search.evaluate(chosen), fair_part.ACCURACY * explained(search, chosen, term)
     options: dict[Chosen, Array] = {chosen: base.loss}
     names: dict[Chosen, Chosen] = {}
     richer_laws: list[tuple[Chosen, Chosen]] = []
@@ -203,8 +198,8 @@ def _leader(
     own: float,
     kept: dict[tuple[Place, ...], float],
     places: dict[Chosen, tuple[Place, ...]],
-) -> Chosen | None:
-    """The set with a rival in a finding's place that has to lead, None if the finding leads."""
+) -> tuple[Chosen | None, tuple[GateResult, ...]]:
+    """The set with a rival in a finding's place that has to lead, None if the finding leads; and what decided it."""
     there: dict[tuple[Place, ...], Chosen] = {}
     for key in sorted(places, key=search.score):
         # A law that ends on a special case would lead under the name of another, so that case itself leads.
@@ -213,12 +208,31 @@ def _leader(
             leading = key if known else _with_places(search, chosen, term, places[key])
             there |= {} if leading is None else {places[key]: leading}
     if not there:
-        return None
+        return None, (likelier_than_rivals(own, 0.0, leads=True),)
     is_sound = {(): _sound(search, chosen, frozenset([term]))}
     is_sound |= {at: _sound(search, key, key - chosen) for at, key in there.items()}
-    shares = {(): rules.OUTDONE * own} | {at: kept[at] for at in there}
+    shares = {(): rivalry.OUTDONE * own} | {at: kept[at] for at in there}
     first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
-    return there.get(first)
+    outside, unit = _outside(search, chosen, term)
+    ahead = max((kept[at] for at in there if is_sound[at] >= is_sound[()]), default=0.0)
+    gates = until_failed(
+        (
+            plausible_size(outside, unit, rival_is=any(is_sound[at] for at in there)),
+            likelier_than_rivals(own, ahead, leads=first not in there),
+        )
+    )
+    return there.get(first), gates
+
+
+def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
+    """How far a size of an effect is out of what is plausible, and its unit; zero if all are plausible."""
+    theta = search.evaluate(chosen).theta[list(term.columns)]
+    fault = implausible(search.problem.session.robot, term, theta)
+    if fault is None:
+        return 0.0, ""
+    parameter, value = fault
+    low, high = parameter.plausible or (value, value)
+    return max(low - value, value - high), parameter.unit
 
 
 def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
@@ -280,6 +294,8 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
                 continue
             standing = stand(search, chosen, term)
             if standing.instead is not None and standing.instead not in seen:
+                search.record.lost([term], *standing.gates, instead=standing.instead - chosen)
+                search.record.kept(standing.instead - chosen)
                 chosen = standing.instead
                 seen.append(chosen)
         if chosen == before:

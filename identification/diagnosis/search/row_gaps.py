@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates import fair_part
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -37,4 +37,4 @@ def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
     """
     given = np.array([row.core_c.sum() for row in problem.grams.rows])
     given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))
-    return RowGaps(gap, rules.ACCURACY * given)
+    return RowGaps(gap, fair_part.ACCURACY * given)

@@ -6,20 +6,26 @@ A claim has to gain more on held-out data than chance gives over the whole catal
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates import above_chance, fair_part
+from identification.diagnosis.gates.above_chance import more_than_chance
+from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
+from identification.diagnosis.gates.over_blocks import in_enough_blocks
+from identification.diagnosis.gates.possible import possible_size
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.special_cases import ends_on_nothing
+from identification.engine.claims import GateResult, until_failed
 from phantom_dyn.array_types import Float
 
 
@@ -81,6 +87,7 @@ class Search:
         threshold: What chance gives.
         rows: Gap of each row: what acts on a row with a large gap has to close a fair part of it.
         spurious: What encoder noise alone lets each effect gain.
+        record: What was decided of each effect.
     """
 
     problem: Problem
@@ -92,6 +99,7 @@ class Search:
     threshold: Threshold
     rows: RowGaps
     spurious: dict[tuple[str, str | None], float]
+    record: Record = field(default_factory=Record, compare=False)
 
     @property
     def many_joints(self) -> bool:
@@ -191,7 +199,7 @@ class Search:
 
 def price(size: int) -> float:
     """Penalty of an effect with ``size`` parameters, as in BIC; beyond four, each costs its expected gain by chance."""
-    return rules.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
+    return above_chance.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
 def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
@@ -219,12 +227,14 @@ def set_up_search(
     threshold: Threshold,
     rows: RowGaps,
     spurious: dict[tuple[str, str | None], float],
+    record: Record | None = None,
 ) -> Search:
-    """A search over all terms that leave any trace in the recordings."""
+    """A search over all terms that leave any trace in the recordings; it goes on with a record, or begins one."""
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displacing, covering = relations(problem.columns.terms)
-    return Search(problem, terms, sizes, Fits(problem), displacing, covering, threshold, rows, spurious)
+    fits, kept = Fits(problem), Record() if record is None else record
+    return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -296,7 +306,7 @@ def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], 
     order = np.argsort(fair)
     counted = np.maximum(np.cumsum(parts[order]), 1e-12)
     least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
-    return least + rules.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
+    return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
 
 
 def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
@@ -305,35 +315,42 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     if exact:
         left = search.fits.row_losses(exact)
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
-    return rules.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if ``chosen`` gains more over ``without`` on held-out data than chance does.
+    """True if ``chosen`` passes the gates of a claim over ``without``, see `asked`."""
+    return all(result.passed for result in asked(search, chosen, without))
 
-    The gain has to be above the threshold, in sample too, and either positive from block to block or above the
-    threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only. An effect that
-    is zero most of the time, as a saturation that a command reaches twice, is judged where it acts: it has to gain in
-    every block there.
+
+def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
+    """What the gates of a claim say of ``chosen`` beside ``without``, in their order, up to the first that fails.
+
+    Its sizes have to exist; the gain has to be more than chance gives, on held-out data and in sample; it has to be a
+    fair part of the gap; and it has to hold in enough blocks.
     """
-    if search.score(chosen) >= _IMPOSSIBLE:
-        return False
-    rich, plain = search.evaluate(chosen), search.evaluate(without)
+    return until_failed(_questions(search, chosen, without))
+
+
+def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
+    yield possible_size(int(search.score(chosen) >= _IMPOSSIBLE))
+    rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)
-    if gain <= search.threshold.of(*(chosen - without)):
-        return False
-    gains = plain.loss - rich.loss
+    yield more_than_chance(gain, search.threshold.of(*new))
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
-    needed = least_gain(search, chosen - without, without, by_row) + max(extra - rules.PARAMETER_PRICE, 0.0)
-    error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    few = rules.BEST_BLOCKS if any(term.named for term in chosen - without) else rules.BEST_BLOCKS_NAMELESS
-    lasting = held_out > rules.SIGNIFICANT_ERRORS * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
-    energy = energy_by_block(search.problem, chosen - without)
-    rare = (energy > 0.0).mean() < rules.RARE and bool(np.all(gains[energy > rules.ACTING] > 0.0))
-    return gain > needed and (lasting or rare or gain > rules.LARGE_GAIN * needed)
+    needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
+    yield fair_part_of_the_gap(gain, needed)
+    yield in_enough_blocks(
+        plain.loss - rich.loss,
+        held_out,
+        gain,
+        needed,
+        lambda: energy_by_block(search.problem, new),
+        named=any(term.named for term in new),
+    )
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
@@ -358,6 +375,7 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
             rows = rows_of(search.problem, term)
             if rows.isdisjoint(touched) and not claimed(search, chosen, chosen - {term}):
+                search.record.lost([term], *asked(search, chosen, chosen - {term}))
                 chosen, touched = chosen - {term}, touched | rows
             if not touched or not search.many_joints:
                 break

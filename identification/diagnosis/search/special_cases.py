@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.gates.special_case import differs_from_simpler
 from identification.diagnosis.model.terms import Term
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, Parameter, SpecialCase
@@ -34,8 +34,10 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     return float(chdtr(len(numbers), scaled @ inverse @ scaled))
 
 
-def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """The special case that an effect hardly differs from in a joint fit, and how certainly it does; None if none.
+def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
+    """How certainly an effect differs in a joint fit from the special case that it is nearest to, and that case.
+
+    None of an effect that has no special cases. Of several the first that it hardly differs from is the nearest.
 
     Args:
         robot: The given model.
@@ -52,7 +54,12 @@ def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[st
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    return _hardly_more(cases, x, fitted.shown_by(term))
+    return _nearest(cases, x, fitted.shown_by(term))
+
+
+def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
+    """The special case that an effect hardly differs from in a joint fit, and how certainly it does; None if none."""
+    return _if_hardly_more(nearest_case(robot, term, fitted))
 
 
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
@@ -61,18 +68,23 @@ def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str 
     None if it ends on nothing at all, or on a size that nothing has. Numbers that the fit has held (a shape) say
     nothing there.
     """
-    if term.effect.inertial == "free":
+    found = _if_hardly_more(nearest_case_of(robot, term, fitted))
+    if found is None:
         return (term.place,)
+    return tuple((name, term.joint) for name in found[1]) or None
+
+
+def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tuple[str, ...]] | None:
+    """As `nearest_case`, of a fit that has held shapes."""
+    if term.effect.inertial == "free":
+        return None
     columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
     at = np.searchsorted(fitted.active, columns)
 
     def cases(x: Array) -> tuple[SpecialCase, ...]:
         return term.effect.special_cases(robot, term.joint, x, term.shape)
 
-    found = _hardly_more(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)])
-    if found is None:
-        return (term.place,)
-    return tuple((name, term.joint) for name in found[1]) or None
+    return _nearest(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)])
 
 
 def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
@@ -87,10 +99,16 @@ def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool
     return bool(np.any(theta)) and any(not case.names and bool(np.all(np.abs(case.numbers) <= _END)) for case in cases)
 
 
-def _hardly_more(
+def _if_hardly_more(case: tuple[float, tuple[str, ...]] | None) -> tuple[float, tuple[str, ...]] | None:
+    """A special case if numbers hardly differ from it, else None."""
+    return None if case is None or differs_from_simpler(case[0]).passed else case
+
+
+def _nearest(
     cases: Callable[[Array], tuple[SpecialCase, ...]], x: Float[Array, " k"], cov: Float[Array, "k k"]
 ) -> tuple[float, tuple[str, ...]] | None:
-    """The first of some special cases that numbers do not differ from."""
+    """The first of some special cases that numbers do not differ from, else the one that they differ least from."""
+    nearest: tuple[float, tuple[str, ...]] | None = None
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
     moved = [cases(x + row) for row in np.diag(step)]
     for k, case in enumerate(cases(x)):
@@ -98,9 +116,11 @@ def _hardly_more(
         if np.any(case.numbers) and not slope.any():
             continue
         certain = certainty(case.numbers, slope @ cov @ slope.T)
-        if certain < rules.DIFFERS_FROM_ZERO:
+        if not differs_from_simpler(certain).passed:
             return certain, case.names
-    return None
+        if nearest is None or certain < nearest[0]:
+            nearest = certain, case.names
+    return nearest
 
 
 def implausible(robot: Robot, term: Term, theta: Float[Array, " k"]) -> tuple[Parameter, float] | None:

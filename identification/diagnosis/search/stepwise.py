@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.gates import above_chance, exchange
+from identification.diagnosis.gates.exchange import explains_more_than_others
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import (
     Search,
+    asked,
     claimed,
     dropped,
     least_missed,
@@ -89,7 +91,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
                 best, most = term, gain
         if best is None:
             return chosen
-        chosen = with_term(chosen, best)
+        chosen = _added(search, chosen, best)
         if search.many_joints:
             chosen = _with_other_joints(search, chosen, best, ranked)
         chosen = dropped(search, chosen)
@@ -114,8 +116,17 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
             continue
         taken.add(term.joint)
         if possible(chosen, term) and claimed(search, with_term(chosen, term), chosen):
-            chosen = with_term(chosen, term)
+            chosen = _added(search, chosen, term)
     return chosen
+
+
+def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+    """The set with an effect that is claimed, and without those that give way to it; both are recorded."""
+    together = with_term(chosen, term)
+    margin = search.score(chosen) - search.score(together)
+    search.record.lost(chosen - together, explains_more_than_others(-margin), instead=[term])
+    search.record.kept([term], *asked(search, together, chosen), explains_more_than_others(margin))
+    return together
 
 
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
@@ -129,11 +140,19 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callab
         if search.sizes[term] <= len(search.problem.columns.rows):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
-        without = replace(search, terms=others)
+        without = replace(search, terms=others, record=search.record.forked())
         tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
+        margin = search.score(tried) - search.score(chosen)
         # Many sets were tried, so a hair is chance.
-        if search.score(tried) < search.score(chosen) - rules.PARAMETER_PRICE:
+        if margin < -above_chance.PARAMETER_PRICE:
+            search.record.take(without.record)
+            stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
+            search.record.lost([term], stays, instead=tried - chosen)
             chosen = tried
+        else:
+            # What was claimed in the trial is not, as it explains no more than the law in whose place it was tried.
+            explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
+            search.record.lost(tried - chosen, explains, instead=[term])
     return chosen
 
 
@@ -144,7 +163,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
     is then dropped. One that stands for several effects at a lower price takes their place.
     """
     progress("looking for what has no name")
-    accuracy = rules.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
+    accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
         lowest, better = search.score(chosen), []
@@ -154,17 +173,24 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
                 if promised[term] < search.threshold.overall or not possible(base, term):
                     continue
                 tried = _only_needed(search, term, base, chosen)
-                gone = len(chosen - tried)
-                limit = (
-                    lowest - rules.NAMELESS_MARGIN[min(gone, len(rules.NAMELESS_MARGIN) - 1)] * search.threshold.overall
-                )
-                limit -= accuracy if gone == 1 else 0.0
-                if search.score(tried) < limit and claimed(search, tried, tried - {term}):
+                needed = _asked_of_nameless(search, len(chosen - tried), accuracy)
+                if search.score(tried) < lowest - needed and claimed(search, tried, tried - {term}):
                     better.append(tried)
         if not better:
             return chosen
-        chosen = min(better, key=search.score)
+        before, chosen = chosen, min(better, key=search.score)
+        gone = before - chosen
+        if gone:
+            needed = _asked_of_nameless(search, len(gone), accuracy)
+            explains = explains_more_than_others(search.score(chosen) - lowest, -needed)
+            search.record.lost(gone, explains, instead=chosen - before)
     return chosen
+
+
+def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:
+    """By how much a set with a structure without a name has to score better, if it makes so many effects needless."""
+    margin = exchange.NAMELESS_MARGIN[min(gone, len(exchange.NAMELESS_MARGIN) - 1)]
+    return margin * search.threshold.overall + (accuracy if gone == 1 else 0.0)
 
 
 def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:

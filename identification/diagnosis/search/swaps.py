@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.gates import above_chance, fair_part
+from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import (
     Search,
     claimed,
@@ -20,6 +20,7 @@ from identification.diagnosis.search.search import (
     rows_of,
     with_term,
 )
+from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -37,11 +38,13 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         tried = {
             replaced(chosen, term, others)
             for term in ordered(chosen)
-            for others in relevant(search, chosen, term, 2 * rules.PARAMETER_PRICE)
+            for others in relevant(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
         }
         ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
         worth = [
-            other for other in ranked if search.quick(other) + search.price_of(other) < quick + rules.PARAMETER_PRICE
+            other
+            for other in ranked
+            if search.quick(other) + search.price_of(other) < quick + above_chance.PARAMETER_PRICE
         ]
         if search.many_joints:
             best = _swapped_everywhere(search, chosen, worth)
@@ -50,6 +53,7 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             best = min(better, key=lambda other: (search.score(other), _key(other)), default=chosen)
         if best == chosen:
             return chosen
+        _record_swap(search, chosen, best)
         chosen = dropped(search, best)
     return chosen
 
@@ -61,6 +65,13 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
     """
     cheap = search.price_of(other) <= search.price_of(chosen)
     return search.score(other) < search.score(chosen) - 1e-6 and (cheap or claimed(search, other, chosen))
+
+
+def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
+    """Record what a swap has put in the place of what."""
+    margin = search.score(before) - search.score(after)
+    search.record.lost(before - after, explains_more_than_others(-margin), instead=after - before)
+    search.record.kept(after - before, explains_more_than_others(margin))
 
 
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
@@ -89,7 +100,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     tolerance, taken as linear, and filters leave.
     """
     for term in ordered(chosen):
-        allowed = search.score(chosen) + rules.ACCURACY * explained(search, chosen, term)
+        allowed = search.score(chosen) + fair_part.ACCURACY * explained(search, chosen, term)
         simpler = [
             replaced(chosen, term, others)
             for others in alternatives(search, term)
@@ -98,6 +109,9 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         simpler = [other for other in simpler if search.price_of(other) < search.price_of(chosen)]
         best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
         if search.score(best) < allowed:
+            worth = worth_its_numbers(search.score(best) - search.score(chosen), allowed - search.score(chosen))
+            search.record.lost(chosen - best, worth, instead=best - chosen)
+            search.record.kept(best - chosen)
             chosen = best
     return chosen
 
@@ -141,7 +155,7 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
 
 
 def spanned(
-    search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = rules.ACCURACY
+    search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
 ) -> bool:
     """True if the torque of some columns is one that other columns could make, as far as the method is accurate.
 

@@ -17,10 +17,11 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identification.data.log import Log
+from identification.engine.autocorrelation import samples_per_independent
 from identification.estimators.closed_loop.loop import Feedback, Loop, simulated, start_of
 from identification.estimators.closed_loop.plant import plant_of
 from identification.estimators.fit import Estimate, Fit, Status, Values, fit_of
-from identification.estimators.linear.scatter import autocorrelation, correlation_factor
+from identification.estimators.linear.scatter import autocorrelation
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.array_types import Float
@@ -334,7 +335,7 @@ def _fit(shooting: Shooting, measured: Array, iterate: _Iterate, status: Status)
     slopes = shooting.slopes(iterate.theta, iterate.states, iterate.outputs)
     _, factor, _ = _step(slopes, iterate, weights)
     rho = [autocorrelation(column, regressor.starts) for column in iterate.residual.T]
-    memory = np.array([correlation_factor(lags) for lags in rho])
+    memory = np.array([samples_per_independent(lags) for lags in rho])
     inverse = solve_triangular(factor, np.eye(len(factor)))
     scores = np.einsum("ncp,nc->np", slopes, iterate.residual * weights**2, optimize=True) @ inverse
     N, p = scores.shape

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
+from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
 from identification.estimators.linear.least_squares import Solution, base_blocks, base_places
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
@@ -16,44 +17,25 @@ from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 
+_FEWEST = 4  # samples that say anything of how they go on
 _STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
     """Autocorrelation from lag 0 up to where it is lost in its own noise.
 
-    Lags count while the sum of two neighbours is positive (the initial positive sequence of [Geyer]_), so that the
-    noise of the distant ones does not pile up. Pairs of samples from different recordings do not count.
+    Pairs of samples from different recordings do not count.
 
     Args:
         score: Residual of one joint.
         starts: First sample of each recording, and N.
-
-    References:
-        .. [Geyer] C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7(4), 1992.
     """
     longest = max((stop - start for start, stop in pairwise(starts)), default=0)
-    power = np.zeros(longest)
+    products = np.zeros(longest)
     for start, stop in pairwise(starts):
-        x = score[start:stop]
-        if len(x):
-            spectrum = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
-            power[: len(x)] += np.fft.irfft(spectrum, 2 * len(x))[: len(x)]
-    if longest < 4 or power[0] <= 0:
-        return np.ones(1)
-    rho = power / power[0]
-    pairs = rho[: longest // 2 * 2].reshape(-1, 2).sum(axis=1)
-    negative = np.flatnonzero(pairs <= 0)
-    return rho[: 2 * (negative[0] if len(negative) else len(pairs))] if pairs[0] > 0 else np.ones(1)
-
-
-def correlation_factor(rho: Float[Array, " m"]) -> float:
-    r"""Samples per independent sample, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
-
-    Args:
-        rho: Autocorrelation from lag 0.
-    """
-    return max(1.0, float(2 * rho.sum() - 1))
+        if stop > start:
+            products[: stop - start] += lagged_products(score[start:stop])
+    return positive_sequence(products) if longest >= _FEWEST else np.ones(1)
 
 
 def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Array, " nv"]:
@@ -98,7 +80,7 @@ def coloured_scatter(
 ) -> Float[Array, "r r"]:
     r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
 
-    A column that varies slowly against the noise gets the full factor `correlation_factor`, a fast one less. The
+    A column that varies slowly against the noise gets the full factor `samples_per_independent`, a fast one less. The
     spectrum of the noise is taken as at least that of white noise, so that no estimate is called better than the
     white formula does: residuals hold what the model lacks, too. Pairs in different blocks do not count.
 
@@ -225,7 +207,7 @@ def covariances(
         if len(rows):
             cov += scatter_of_rows(rows, sigma**2, rho)
             white += np.einsum("j,njk,njl->kl", sigma**2, rows, rows, optimize=True)
-    return 0.5 * (cov + cov.T), white, np.array([correlation_factor(lags) for lags in rho])
+    return 0.5 * (cov + cov.T), white, np.array([samples_per_independent(lags) for lags in rho])
 
 
 def residual_noise(

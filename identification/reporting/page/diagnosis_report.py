@@ -35,6 +35,7 @@ from identification.reporting.page.time_curves import time_curves
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
+from identification.words.ledger_words import nearest_claims
 from identification.words.numbers_and_names import percent
 from identification.words.verdict_words import headline, left_over, reservations
 from phantom_dyn.model.robot import Robot
@@ -160,6 +161,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         unexplained=words.capital(left_over(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
         law=law_view(diagnosis.unexplained),
+        nearest=nearest_claims(diagnosis),
         bounds=detectable_sizes(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
         band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",

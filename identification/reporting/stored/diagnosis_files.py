@@ -27,6 +27,7 @@ from identification.diagnosis.result import (
     Unexplained,
     WrittenFile,
 )
+from identification.engine.claims import Claim
 from identification.export.all_files import NAMES as ALWAYS
 from identification.export.all_files import OPTIONAL, export_texts, not_held
 from identification.file_sets import with_run, write_together
@@ -76,6 +77,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "data_warnings": _plain(diagnosis.data_warnings),
         "next_experiment": _plain(diagnosis.next_experiment),
         "rollout": _plain(diagnosis.rollout),
+        "ledger": [_claim(claim) for claim in diagnosis.ledger],
         "files": [_file(file) for file in diagnosis.files],
         "seconds": _plain(diagnosis.seconds),
         "version": diagnosis.version,
@@ -136,6 +138,16 @@ def _rival(rival: Rival) -> Json:
 
 def _effect_at(at: EffectAt) -> Json:
     return {"effect": at.effect, "joint": at.joint} | ({} if at.recording is None else {"recording": at.recording})
+
+
+def _claim(claim: Claim[EffectAt]) -> Json:
+    return {
+        "effects": [_effect_at(at) for at in claim.effects],
+        "gates": [_plain(asdict(result)) for result in claim.gates],
+        "outcome": claim.outcome,
+        "instead": [_effect_at(at) for at in claim.instead],
+        "figures": _plain(claim.figures),
+    }
 
 
 def _unexplained(unexplained: Unexplained) -> Json:

@@ -26,6 +26,7 @@ from identification.diagnosis.result import (
     Value,
     WrittenFile,
 )
+from identification.engine.claims import Claim, GateResult
 from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
 from identification.reporting.stored.diagnosis_schema import require_document
 from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
@@ -108,6 +109,7 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
         minor=tuple(_finding(finding) for finding in content["minor"]),
         run=content["run"],
         geometry=read_geometry(content),
+        ledger=tuple(_claim(claim) for claim in content.get("ledger", ())),
         files=tuple(_file(file) for file in content.get("files", ())),
     )
 
@@ -155,6 +157,17 @@ def _finding(finding: Mapping[str, Any]) -> Finding:
         recording=finding.get("recording"),
         share=finding["share"],
         words=None if (name := finding.get("name")) is None else shown_as(name),
+    )
+
+
+def _claim(claim: Mapping[str, Any]) -> Claim[EffectAt]:
+    numbers = ({name: _number(result[name]) for name in ("value", "needed")} for result in claim["gates"])
+    return Claim(
+        tuple(EffectAt(**at) for at in claim["effects"]),
+        tuple(GateResult(**{**result, **own}) for result, own in zip(claim["gates"], numbers, strict=True)),
+        claim["outcome"],
+        tuple(EffectAt(**at) for at in claim.get("instead", ())),
+        {name: _number(value) for name, value in claim.get("figures", {}).items()},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -279,6 +279,26 @@ class FilePart(_Part, frozen=True):
     refused: str = ""
 
 
+class GatePart(_Part, frozen=True):
+    """What a gate said."""
+
+    gate: str
+    value: Number | None
+    needed: Number | None
+    unit: str
+    passed: bool
+
+
+class ClaimPart(_Part, frozen=True):
+    """An entry of the ledger."""
+
+    effects: list[EffectPart]
+    gates: list[GatePart]
+    outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
+    instead: list[EffectPart] = []
+    figures: dict[str, Number | None] = {}
+
+
 class Document(_Part, frozen=True):
     """The whole file."""
 
@@ -302,6 +322,7 @@ class Document(_Part, frozen=True):
     robot: str | None = None
     frames: list[FramePart] = []
     geometry: GeometryPart | None = None
+    ledger: list[ClaimPart] = []
     files: list[FilePart] = []
 
 

@@ -23,6 +23,7 @@ from identification.diagnosis.result import (
     Unexplained,
     Value,
 )
+from identification.engine import contract_levels
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
 from identification.scenarios.measured_poses import with_poses
@@ -130,7 +131,7 @@ def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[
     rivals = tuple(
         Rival(tuple(EffectAt(effect, joint) for effect in way.effects), probability)
         for way, probability in zip(found.ways[1:], found.probabilities[1:], strict=True)
-        if probability >= rules.REST_LISTED
+        if probability >= contract_levels.LISTED
     )
     # What is not listed is shared among those that are.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)

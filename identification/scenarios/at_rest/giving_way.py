@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.engine.products.block_products import block_products, left_of_each
+from identification.engine.resampling import block_counts, probabilities, share_by_likelihood
 from identification.scenarios.at_rest.rests import Stills
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
@@ -23,7 +25,6 @@ Array = np.ndarray
 LEAST_RESTS = 3
 # Sizes of load that differ by less than this part nothing: the model and the forces are not better known.
 _ALIKE = 0.2
-_REPLICATES = 2000
 
 # Of the catalogue; the last one, both together, has a parameter more.
 WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
@@ -53,7 +54,7 @@ class GivingWay:
     Attributes:
         before: Error of each rest less the mean of all others, ``(R,)``.
         ways: What explains them, the most probable first; empty where nothing is beyond chance.
-        probabilities: Shares of bootstrap replicates over rests that each way wins.
+        probabilities: Of each way, see `engine.resampling`.
         replicates: Shares of the gap that the first way closes, in each of them.
         shift: Distance of the rests under loads of opposite sign [rad or m].
         shift_std: Its deviation.
@@ -99,15 +100,12 @@ def giving_way(stills: Stills) -> GivingWay:
     # Both together are a rival only if each is sure beside the other.
     sure = ways[2].values > -float(stdtrit(max(len(error) - 3, 1), 0.01)) * ways[2].std
     ways = ways if len(error) > 6 and not alike and sure.all() else ways[:2]
-    rng = random_stream("bootstrap of rests")
-    drawn = rng.integers(len(error), size=(_REPLICATES, len(error)))
-    losses = np.array([(way.left[drawn] ** 2).sum(axis=1) for way in ways])
-    least = losses.argmin(axis=0)
-    wins = np.full(len(ways), 1.0 / len(ways)) if alike else np.bincount(least, minlength=len(ways)) / _REPLICATES
+    losses = np.array([way.left**2 for way in ways]).T
+    wins = np.full(len(ways), 1.0 / len(ways)) if alike else _probabilities(losses)
     ranked = sorted(range(len(ways)), key=lambda k: (-wins[k], k))
-    floor = stills.repeat**2
-    given = (before[drawn] ** 2).mean(axis=1)
-    closed = (given - losses[ranked[0]] / len(error)) / np.maximum(given - floor, 1e-300)
+    shares = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
+    given = shares @ before**2
+    closed = (given - shares @ losses[:, ranked[0]]) / np.maximum(given - stills.repeat**2, 1e-300)
     return GivingWay(
         before,
         tuple(ways[k] for k in ranked),
@@ -119,13 +117,21 @@ def giving_way(stills: Stills) -> GivingWay:
     )
 
 
+def _probabilities(losses: Float[Array, "R m"]) -> Float[Array, " m"]:
+    """Of each way; the noise of a rest is what the best way leaves of it."""
+    noise = max(float(losses.mean(axis=0).min()), 1e-300)
+    return probabilities(losses / noise, (np.zeros(losses.shape[1]),), lead=share_by_likelihood)
+
+
 def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> Way:
-    """Least squares with a constant; what is left of each rest is by leaving it out."""
+    """Least squares with a constant; each rest is a block, and what is left of it is by a fit that has not seen it."""
     x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
-    inverse = np.linalg.pinv(x.T @ x)
-    theta = inverse @ x.T @ error
+    every, rests = list(range(x.shape[1])), np.arange(len(error))
+    products = block_products(x, error, np.ones(len(error)), rests, len(error))
+    inverse = np.linalg.pinv(products.gram.sum(axis=0))
+    theta = inverse @ products.right.sum(axis=0)
     rest = error - x @ theta
-    lever = np.clip(np.einsum("ij,jk,ik->i", x, inverse, x), 0.0, 1.0 - 1e-9)
     variance = float(rest @ rest) / max(len(error) - x.shape[1], 1)
     std = np.sqrt(variance * np.diag(inverse))
-    return Way(tuple(name for name, _ in columns), theta[1:], std[1:], rest / (1.0 - lever))
+    left = left_of_each(x, error, rests, products.without_each(every))
+    return Way(tuple(name for name, _ in columns), theta[1:], std[1:], left)

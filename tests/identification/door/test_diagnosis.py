@@ -37,6 +37,21 @@ def test_it_finds_the_friction_that_was_simulated(diagnosis):
     assert abs(size.value - 1.5) < 3 * size.std
 
 
+def test_it_says_why_an_effect_is_not_named(diagnosis):
+    # Known truth: friction on the pin alone, which a delay resembles less than other friction does.
+    assert diagnosis.why("coulomb_friction").startswith("Coulomb friction on joint pin is named")
+    said = diagnosis.why("viscous_friction", "pin")
+    assert said.startswith("Viscous friction on joint pin would close")
+    assert "it is not named because Coulomb friction on joint pin closes" in said
+
+
+def test_why_is_asked_of_effects_by_name(made_up):
+    with pytest.raises(UsageError, match="no effect that this diagnosis looked at"):
+        made_up.why("rust")
+    with pytest.raises(UsageError, match="effect"):
+        made_up.why(3)
+
+
 def test_print_gives_the_summary_of_the_command_line(made_up):
     assert str(made_up) == summary(made_up.result)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identification.geometry.equations import Equations
-from identification.geometry.held_out import blocks_of, left_of_each, wins
+from identification.geometry.held_out import blocks_of, left_of_rows
 from identification.geometry.whitened import Noise, noise_of, whitened
 
 
@@ -41,7 +41,7 @@ def test_losses_are_those_of_fits_that_have_not_seen_the_block(equations):
 def test_what_is_left_of_each_pose_squares_up_to_the_losses(equations):
     found = _whitened(equations)
     blocks = blocks_of(found)
-    left = left_of_each(found, blocks, (1,))
+    left = left_of_rows(found, blocks, (1,))
     sums = [np.sum(left[found.block == b] ** 2) for b in range(10)]
     np.testing.assert_allclose(blocks.losses((1,)), sums, rtol=1e-8)
 
@@ -63,24 +63,3 @@ def test_noise_that_lasts_counts_for_as_many_poses_fewer(equations, rng):
     )
     noise = noise_of(long, UNITS, NAMES, np.ones(2, dtype=bool), np.ones(n, dtype=bool))
     assert noise.slow[0] == pytest.approx(9.0, rel=0.3)
-
-
-def test_twins_share_their_wins():
-    losses = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [50.0, 50.0, 50.0]])
-    np.testing.assert_allclose(wins(losses), [0.5, 0.5, 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("apart", [0.1, 2.0, 20.0])
-def test_a_difference_that_lasts_counts_as_much_as_likelihood_says(apart):
-    # Oracle: the normal density of noise. Every block has a tenth of the difference, so that the draws do not matter.
-    losses = np.outer([5.0, 5.0 + apart / 10], np.ones(10))
-    likely = 1.0 / (1.0 + np.exp(-apart / 2))
-    np.testing.assert_allclose(wins(losses), [likely, 1.0 - likely])
-
-
-def test_what_is_better_in_some_blocks_only_is_uncertain():
-    # One block decides, and more than a third of the draws are without it: the rest is even.
-    losses = np.full((2, 10), 50.0)
-    losses[1, 0] += 40.0
-    absent = (1 - 1 / 10) ** 10
-    np.testing.assert_allclose(wins(losses), [1 - absent / 2, absent / 2], atol=0.03)

@@ -9,10 +9,12 @@ import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.diagnosis.model.own_effects import differences_of
+from identification.diagnosis.result import EffectAt
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.words.diagnosis_words import finding_words
+from identification.words.ledger_words import why
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
@@ -53,6 +55,13 @@ def test_friction_that_grew_is_said_with_its_recording(grown):
 def test_only_what_one_recording_has_names_it_in_the_json(grown):
     found = json.loads(json_text(grown))["findings"]
     assert [finding.get("recording") for finding in found] == ["b.csv", None]
+
+
+def test_the_ledger_names_the_recording_of_a_claim(grown):
+    claimed = {claim.effects for claim in grown.ledger if claim.outcome == "claimed"}
+    assert claimed == {(EffectAt(one.effect, one.joint, one.recording),) for one in grown.findings}
+    names = [answer.name for answer in why(grown, "coulomb_friction")]
+    assert sorted(names) == ["Coulomb friction on joint pin", "Coulomb friction on joint pin in b.csv"]
 
 
 def test_what_one_recording_has_is_not_part_of_the_corrected_model(grown):

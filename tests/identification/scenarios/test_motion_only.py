@@ -10,7 +10,8 @@ import pytest
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.model.standstill import usable_samples
-from identification.diagnosis.result import Judgement
+from identification.diagnosis.result import EffectAt, Judgement, Value
+from identification.engine.claims import Claim
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
 from identification.scenarios.gains import suggested_gains
@@ -156,6 +157,22 @@ def test_too_few_rows_are_refused(pendulum):
     short = replace(recording, t=recording.t[:5], q=recording.q[:5], q_ref=recording.q_ref[:5])
     with pytest.raises(LogError, match="has 5 rows"):
         with_commanded_torque(short, pendulum)
+
+
+@pytest.mark.parametrize(("ratio", "outcome"), [(1.19, "not_claimed"), (1.21, "claimed")])
+def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed(rubbing, pendulum, ratio, outcome):
+    # By hand: a stated gain is trusted to a tenth.
+    recording = with_commanded_torque(moved(pendulum)[0], pendulum)
+    size = {"ratio": Value(ratio, 0.01, "1")}
+    finding = replace(rubbing.findings[0], effect="torque_constant", joint="pin", parameters=size)
+    claim = Claim((EffectAt("torque_constant", "pin"),), (), "claimed")
+    given = replace(judgement_of(rubbing), findings=(finding,), ledger=(claim,))
+    found = limited_to_motion(given, (recording,), Rollout(None, {}, {}), pendulum)
+    (entry,) = found.ledger
+    assert entry.outcome == outcome
+    assert (outcome == "claimed") is (finding in found.findings)
+    (result,) = entry.gates
+    assert (result.gate, result.value, result.needed) == ("beyond the gain", pytest.approx(ratio - 1.0), 0.2)
 
 
 def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):

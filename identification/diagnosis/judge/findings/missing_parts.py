@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates import special_case
+from identification.diagnosis.gates.special_case import more_than_a_missing_part
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.rival_sets import Place
 from identification.diagnosis.search.search import Search
@@ -44,18 +45,21 @@ def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tupl
     return max(found, key=lambda entry: entry[0], default=None)
 
 
-def part_instead(plain: Search, kept: Iterable[Term], fitted: JointFit) -> tuple[Term, Term] | None:
-    """Inertial parameters that are the absence of a part of the payload's link, and the payload that says so.
+def payload_of(search: Search) -> Term | None:
+    """The payload among some rivals, None if it is none of them."""
+    return next((term for term in search.terms if term.effect.inertial == "point mass"), None)
+
+
+def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dict[Term, float]:
+    """Of inertial parameters the share of their squared torque that the absence of a part of the payload's link makes.
 
     Ten numbers a link explain a little more than a part that is known beforehand, for links are never quite as
     modelled; but a part that is left off is the likelier cause, and a body without it can be.
     """
-    payload = next((term for term in plain.terms if term.effect.inertial == "point mass"), None)
-    if payload is not None:
-        for term in ordered(kept):
-            if term.effect.inertial == "free" and _is_part(plain.problem, term, fitted.coefficients(term)):
-                return term, payload
-    return None
+    if payload_of(plain) is None:
+        return {}
+    free = [term for term in ordered(kept) if term.effect.inertial == "free"]
+    return {term: _share_of_part(plain.problem, term, fitted.coefficients(term)) for term in free}
 
 
 def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[Place]:
@@ -64,20 +68,21 @@ def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> fro
     for term in search.terms:
         if term.effect.inertial == "free":
             theta = search.evaluate(replaced(chosen, payload, frozenset([term]))).theta[list(term.columns)]
-            if _is_part(search.problem, term, theta):
+            if not more_than_a_missing_part(_share_of_part(search.problem, term, theta)).passed:
                 out.add(term.place)
     return frozenset(out)
 
 
-def _is_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> bool:
+def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
+    """As `share_without`, of a part of the payload's link; zero where that of another link explains more."""
     found = share_without(problem, term, own)
-    return found is not None and found[0] >= rules.PART_CERTAIN and found[1] == payload_body(problem.session.robot)
+    return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 
 
 def missing_part_words(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[str]:
     """A sentence where the absence of a part explains most of what inertial parameters explain."""
     found = share_without(problem, term, own)
-    if found is None or found[0] < rules.PART_SHARE:
+    if found is None or found[0] < special_case.PART_SHARE:
         return []
     share, _, part = found
     return [

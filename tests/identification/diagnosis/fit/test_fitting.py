@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from identification.diagnosis.fit.fitting import active_columns, fit, predict
 from identification.diagnosis.fit.point_mass import point_mass_map
-from identification.diagnosis.numerics.bounded import bounded_solve
+from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.inertia import point_mass_parameters
 from phantom_dyn.model.robot import Tolerance

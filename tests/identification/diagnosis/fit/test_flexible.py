@@ -8,7 +8,7 @@ from identification.diagnosis.fit.flexible import (
     ridge_predictions,
     state_features,
 )
-from identification.diagnosis.model.blocks import Block
+from identification.engine.products.blocks import Block
 
 
 def best(*data, **options) -> tuple[list[np.ndarray], float]:

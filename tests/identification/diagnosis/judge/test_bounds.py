@@ -17,8 +17,8 @@ from identification.diagnosis.judge.bounds import (
     _seen,
     smallest_seen,
 )
-from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import merged, untestable_places
+from identification.engine.products.blocks import held_out_share
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.motion import Motion

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from identification.diagnosis.judge.bursts import _events, bursts_in, bursts_of, rounding_torque
-from identification.diagnosis.model.blocks import Block
+from identification.engine.products.blocks import Block
 
 PLACE = "identification.diagnosis.judge.bursts."
 

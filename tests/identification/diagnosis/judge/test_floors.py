@@ -13,7 +13,7 @@ from identification.diagnosis.fit.gap import sums
 from identification.diagnosis.judge.floors import Floor, _folded, answers_above, floor_of, sensors_of
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
-from identification.diagnosis.search.bootstrap_wins import block_counts
+from identification.engine.resampling import block_counts
 from phantom_dyn.random_streams import random_stream
 
 FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.08, 0.16]), np.array([0.12, 0.24]), ("above_band", "predictors"))

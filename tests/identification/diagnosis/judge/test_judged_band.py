@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, visible
+from identification.diagnosis.gates.in_band import gap_is_there, visible
+from identification.diagnosis.judge.judged_band import Judge, growth_of_gap, growth_without, narrow_search
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.squares_left import squares_left
@@ -47,7 +48,9 @@ def test_a_gap_is_there_where_a_squared_residual_is_three_per_cent_above_the_noi
     residual = one.copy()
     residual[:, joint] *= np.sqrt(square)
     other = replace(problem, columns=replace(problem.columns, residual=(residual,)))
-    assert gap_is_there(other, (one,)) is there
+    growth = growth_of_gap(other, (one,))
+    assert growth == pytest.approx(square - 1.0)
+    assert gap_is_there(growth).passed is there
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +66,8 @@ def test_what_is_not_visible_without_is_no_finding(rubbing):
     others = {rubbing.term("torque_offset", joint) for joint in ("shoulder", "elbow")}
     chosen = frozenset([friction, *others])
     left = squares_left(narrow_search(rubbing.search, rubbing.noise), chosen)
-    assert visible(left, chosen) == frozenset([friction])
-    alone = frozenset(rubbing.term(name, "shoulder") for name in ("torque_offset", "viscous_friction"))
-    assert visible(squares_left(narrow_search(rubbing.search, rubbing.noise), alone), alone) == frozenset()
-
-
-def test_nothing_found_is_nothing_visible(rubbing):
-    assert visible(rubbing.search, frozenset()) == frozenset()
+    growth = growth_without(left, chosen)
+    assert {term for term in chosen if visible(growth[term]).passed} == {friction}
 
 
 def test_a_plain_search_keeps_thresholds_and_spurious_gains(rubbing):

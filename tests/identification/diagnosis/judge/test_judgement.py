@@ -136,44 +136,35 @@ def test_the_sample_period_of_several_recordings_is_that_of_their_median_rate(ev
     assert evidence[2].sample_period == pytest.approx(1.0 / 150.0)
 
 
-def test_what_noise_may_make_is_left_out_once_even_if_it_comes_back(quiet, monkeypatch):
-    # By hand: the lag is left out, and comes back as the simpler case of another law; the second time it stays.
-    lag, offset = (quiet.term(name, "elbow") for name in ("actuator_lag", "torque_offset"))
-    asked = []
-
-    def shown(search, plain, chosen, noise, barred):
-        asked.append((chosen, barred))
-        return SimpleNamespace(chosen=frozenset([lag, offset]))
-
-    monkeypatch.setattr(judgement, "shown_effects", shown)
-    monkeypatch.setattr(judgement, "present_effects", lambda plain, chosen, noise: frozenset())
-    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
-    monkeypatch.setattr(judgement, "_above_noise", lambda left: False)
-    monkeypatch.setattr(judgement, "_torque_is_noise", lambda left: False)
-    monkeypatch.setattr(judgement, "least_above_noise", lambda judge, plain, chosen: lag if chosen else None)
-    explanation = SimpleNamespace(search=None, chosen=frozenset([lag, offset]))
-    judgement._shown_above_noise(explanation, None, ())
-    assert asked == [
-        (frozenset([lag, offset]), frozenset()),
-        (frozenset([offset]), frozenset([lag.place])),
-    ]
-
-
 @pytest.mark.parametrize(("above", "searched"), [(True, True), (False, False)])
 def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(quiet, monkeypatch, above, searched):
     # By hand: the search has found nothing, and finds an offset in the judged band if more than noise is left there.
     offset, asked = frozenset([quiet.term("torque_offset", "elbow")]), []
 
-    def shown(search, plain, chosen, noise, barred):
-        asked.append(chosen)
-        return SimpleNamespace(chosen=chosen)
+    def shown(bench, state):
+        asked.append(state.found)
+        return SimpleNamespace(chosen=state.found)
 
     monkeypatch.setattr(judgement, "shown_effects", shown)
-    monkeypatch.setattr(judgement, "present_effects", lambda plain, chosen, noise: chosen)
+    monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
     monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
-    monkeypatch.setattr(judgement, "_torque_is_noise", lambda left: False)
+    monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
     monkeypatch.setattr(judgement, "explain", lambda plain, progress: offset)
-    monkeypatch.setattr(judgement, "least_above_noise", lambda *_: None)
-    judgement._shown_above_noise(SimpleNamespace(search=None, chosen=frozenset()), None, ())
+    judgement._shown_above_noise(SimpleNamespace(search=quiet.search, chosen=frozenset()), quiet.search, ())
     assert asked == [offset if searched else frozenset()]
+
+
+def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatch):
+    # By hand: nine tenths of the noise.
+    offset = quiet.term("torque_offset", "elbow")
+    monkeypatch.setattr(judgement, "shown_effects", lambda bench, state: SimpleNamespace(chosen=state.found))
+    monkeypatch.setattr(judgement, "in_band", lambda bench, state: state)
+    monkeypatch.setattr(judgement, "replace", lambda left, **_: left)
+    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None, floor=None))
+    monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
+    search = quiet.search
+    shown, _ = judgement._shown_above_noise(SimpleNamespace(search=search, chosen=frozenset([offset])), search, ())
+    assert shown.chosen == frozenset()
+    (result,) = search.record.met(offset.place)
+    assert (result.gate, result.value, result.needed, result.passed) == ("torque is there", 0.9, 1.0, False)

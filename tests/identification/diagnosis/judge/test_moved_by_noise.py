@@ -13,8 +13,9 @@ from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import (
     _loud_until,
     foreseen_noise,
-    least_above_noise,
     loud_search,
+    noise_may_make,
+    noise_results,
 )
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.search.row_gaps import RowGaps
@@ -125,8 +126,13 @@ def test_what_noise_may_make_has_to_lift_a_joint_above_its_noise(lab, planar2, n
     term, search = made.term(name, "elbow"), made.search
     floor = np.full(2, 0.01)
     high = factor * left_by(Judge(made.problem, floor, floor), search, frozenset()).rms()
-    found = least_above_noise(Judge(made.problem, floor, high), search, frozenset([term]))
-    assert found == (term if hidden and name == "rotor_inertia" else None)
+    chosen = frozenset([term])
+    result = noise_results(Judge(made.problem, floor, high), search, chosen, chosen)[term]
+    assert result.passed is not hidden
+    assert noise_may_make(term) is (name == "rotor_inertia")
+    if hidden:
+        # The friction closes the whole gap: the residual grows many times, and to 1 / 1.1 of the highest noise.
+        assert (result.value, result.needed, result.unit) == (pytest.approx(1.0 / 1.1), 1.0, "floors")
 
 
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):

@@ -7,19 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.findings import (
     _range,
     _sized,
     findings_without,
-    present_effects,
     remarks,
-    shown_effects,
 )
+from identification.diagnosis.judge.findings.shown import Bench, State, in_band, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
+from identification.engine import contract_levels
 from phantom_dyn.effects.effect import Parameter
 
 
@@ -31,9 +30,9 @@ def judged(lab, planar2):
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
     plain = narrow_search(prepared.search, prepared.noise)
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
-    shown = shown_effects(prepared.search, plain, chosen, lambda some: present_effects(plain, some, prepared.noise))
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
+    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, lambda _: judge), State.of(chosen))
     return shown, judge, left_by(judge, plain, frozenset())
 
 
@@ -94,8 +93,8 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
         torque = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
         squares.append(sums(shown.problem, judge.narrow(residual_after(shown.problem, torque))).rms() ** 2)
     raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judge.floor**2).max())
-    monkeypatch.setattr(rules, "MINOR_SHARE", share * most.gap_closed)
-    monkeypatch.setattr(rules, "MINOR_FLOORS", floors * raised)
+    monkeypatch.setattr(contract_levels, "MINOR_SHARE", share * most.gap_closed)
+    monkeypatch.setattr(contract_levels, "MINOR_FLOORS", floors * raised)
     minor = {claim.finding.effect: claim.minor for claim in findings_without(*judged)}
     assert minor[most.effect] is (share > 1.0 and floors > 1.0)
 
@@ -103,7 +102,8 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
 def test_without_a_gap_nothing_is_shown(judged):
     shown, _, _ = judged
     loud = tuple(1e3 * np.ones_like(part) for part in shown.problem.columns.residual)
-    assert present_effects(shown.plain, shown.chosen, loud) == frozenset()
+    bench = Bench(shown.plain, shown.plain, loud, lambda _: pytest.fail("no gap, and yet its floors are asked for"))
+    assert in_band(bench, State.of(shown.chosen)).shown == frozenset()
 
 
 def test_sizes_of_a_sound_robot_are_not_doubted(judged):

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.judge.judged_band import visible
+from identification.diagnosis.judge.findings import shown as shown_module
+from identification.diagnosis.judge.findings.shown import Bench, State, in_band
 from identification.diagnosis.model.terms import Term
 
 
 @pytest.fixture
-def shown(quiet):
+def shown(quiet, monkeypatch):
     """Names of the effects that stay where each set of them leaves such squares on two joints."""
     friction, offset = quiet.term("coulomb_friction", "elbow"), quiet.term("torque_offset", "elbow")
     names = {friction: "f", offset: "o"}
@@ -23,7 +24,10 @@ def shown(quiet):
             square = np.array(left["".join(sorted(names[term] for term in chosen)) or "nothing"])
             return Sums(square * counts, counts)
 
-        return {names[term] for term in visible(squares, frozenset(names))}
+        monkeypatch.setattr(shown_module, "squares_left", lambda plain, found: squares)
+        monkeypatch.setattr(shown_module, "growth_of_gap", lambda problem, noise: 1.0)
+        bench = Bench(quiet.search, quiet.search, quiet.noise, lambda _: pytest.fail("no floor is needed"))
+        return {names[term] for term in in_band(bench, State.of(frozenset(names))).shown}
 
     return kept
 

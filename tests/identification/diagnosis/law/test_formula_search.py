@@ -15,7 +15,7 @@ from identification.diagnosis.law.formula_search import (
     search_formula,
     without_law,
 )
-from identification.diagnosis.law.selection import gains
+from identification.engine.search.stepwise import gains
 from rests import made_up_rest
 
 

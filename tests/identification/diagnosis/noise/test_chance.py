@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import gumbel_r
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.noise import chance
-from identification.diagnosis.noise.chance import _gains, _null_products, null_threshold
+from identification.diagnosis.noise.chance import _null_products, null_threshold
 from identification.diagnosis.search.search import Threshold, price
+from identification.engine.fits.held_out_gains import gains_on_residuals
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
 
@@ -22,7 +23,9 @@ def gains(prepared) -> np.ndarray:
     base = fit(prepared.problem, ()).total
     return np.array(
         [
-            base - fit(prepared.problem, (term,)).total - max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
+            base
+            - fit(prepared.problem, (term,)).total
+            - max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
             for term in search.terms
         ]
     )
@@ -52,7 +55,7 @@ def test_a_threshold_is_exceeded_by_chance_in_one_of_a_hundred_recordings(quiet,
     # law itself exceeds it in 0.8 to 1.2 %. Each of two joints is to be wrong half as often.
     terms = tuple(quiet.term("coulomb_friction", joint) for joint in ("shoulder", "elbow"))
     drawn = rng.gumbel(10.0, 3.0, (2, 5000))
-    monkeypatch.setattr(chance, "_gains", lambda *_: drawn)
+    monkeypatch.setattr(chance, "gains_on_residuals", lambda *_: drawn)
     threshold = null_threshold(replace(quiet.search, terms=terms), quiet.filters, quiet.noise)
 
     def quantile(best: np.ndarray, level: float) -> float:
@@ -172,6 +175,7 @@ def test_a_rival_gains_on_a_null_recording_what_its_fits_gain(quiet):
     problem = with_residual(quiet.problem, quiet.noise[0])
     base = fit(problem, ()).total
     expected = [base - fit(problem, (term,)).total for term in terms]
-    found = _gains(search.problem, terms, *_null_products(search.problem, quiet.filters, quiet.noise, Known(0.0)))[:, 0]
+    products = _null_products(search.problem, quiet.filters, quiet.noise, Known(0.0))
+    found = gains_on_residuals(search.problem, [term.columns for term in terms], *products)[:, 0]
     # Bounds of the nuisances are left out, which changes little.
     np.testing.assert_allclose(found, expected, rtol=0.02, atol=1e-3)

@@ -8,41 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.noise.noise_floor import (
     _plain_first,
-    autocorrelation_time,
     noise_without,
     smaller_noise,
     weights_of,
 )
+from identification.engine.autocorrelation import autocorrelation_time
+from identification.engine.products.grams import Weights
 
 PLACE = "identification.diagnosis.noise.noise_floor."
-
-
-def time_by_hand(e: np.ndarray) -> float:
-    """Twice the sum of autocorrelations of pairs of lags up to the first negative pair, less one."""
-    e = e - e.mean()
-    r = np.correlate(e, e, "full")[len(e) - 1 :][: len(e) // 2] / (e @ e)
-    out = -1.0
-    for k in range(0, len(r) - 1, 2):
-        if r[k] + r[k + 1] <= 0:
-            break
-        out += 2.0 * (r[k] + r[k + 1])
-    return max(out, 1.0)
-
-
-@pytest.mark.parametrize("samples", [8, 9, 11, 30, 200])
-def test_the_autocorrelation_time_is_the_sum_over_pairs_of_lags(rng, samples):
-    for _ in range(10):
-        e = np.cumsum(rng.normal(size=samples)) + 5.0
-        assert autocorrelation_time(e) == pytest.approx(time_by_hand(e))
-
-
-def test_seven_samples_have_time_one():
-    line = np.arange(8.0)
-    assert autocorrelation_time(line[:7]) == 1.0
-    assert autocorrelation_time(line) == pytest.approx(time_by_hand(line)) != 1.0
 
 
 def law(*columns: int, named=True, inertial=None, follows="", scope="joint", shape=()) -> SimpleNamespace:
@@ -93,7 +68,7 @@ def test_weights_are_of_the_size_of_usable_noise_and_of_its_mean_colour(quiet, r
     for j in range(2):
         parts = [e[u[:, j], j] for e, u in zip(noise, use, strict=True)]
         assert weights.floor[j] == pytest.approx(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-        assert weights.spread[j] == pytest.approx(np.mean([time_by_hand(part) for part in parts]))
+        assert weights.spread[j] == pytest.approx(np.mean([autocorrelation_time(part) for part in parts]))
 
 
 def test_a_noise_is_a_millionth_of_the_deviation_of_the_torque_over_all_logs(quiet):

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.noise.noise_floor import (
-    autocorrelation_time,
     estimate_noise,
     noise_floor,
     noise_without,
@@ -17,23 +15,6 @@ from identification.diagnosis.noise.noise_floor import (
     smaller_noise,
     weights_of,
 )
-
-
-@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
-def test_the_autocorrelation_time_of_a_first_order_law_is_its_closed_form(rng, phi):
-    # Closed form: (1 + phi) / (1 - phi) for e_t = phi e_(t-1) + w_t.
-    e = lfilter([1.0], [1.0, -phi], rng.normal(size=60000))
-    assert autocorrelation_time(e) == pytest.approx((1 + phi) / (1 - phi), rel=0.2)
-
-
-def test_noise_that_alternates_counts_as_white_at_least(rng):
-    e = lfilter([1.0], [1.0, 0.8], rng.normal(size=5000))
-    assert autocorrelation_time(e) == 1.0
-
-
-@pytest.mark.parametrize("e", [np.zeros(100), np.ones(5)], ids=["zeros", "few samples"])
-def test_a_series_that_tells_nothing_has_time_one(e):
-    assert autocorrelation_time(e) == 1.0
 
 
 def test_the_root_mean_square_is_over_all_series():

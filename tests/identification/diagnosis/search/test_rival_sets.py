@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import findings
+from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
-from identification.diagnosis.search.bootstrap_wins import REPLICATES, block_counts, costs_of, half_wins
+from identification.diagnosis.search.fair_costs import costs_of
 from identification.diagnosis.search.rival_sets import (
     Standing,
     _with_places,
@@ -36,19 +36,6 @@ def standings(prepared) -> dict[tuple[str, str | None], object]:
 
 def rival_sets(standing) -> list[set[str]]:
     return [{effect.effect for effect in rival.effects} for rival in standing.rivals]
-
-
-def test_every_replicate_draws_as_many_blocks_as_there_are(rng):
-    counts = block_counts(17, rng)
-    assert counts.shape == (REPLICATES, 17)
-    np.testing.assert_array_equal(counts.sum(axis=1), 17)
-
-
-def test_every_block_is_drawn_as_often_as_any_other(rng):
-    # A multinomial count has mean one and variance 1 - 1/B.
-    counts = block_counts(20, rng)
-    assert counts.mean() == pytest.approx(1.0)
-    assert counts.var() == pytest.approx(1 - 1 / 20, rel=0.05)
 
 
 def test_a_clear_finding_has_no_rivals(lab, planar2):
@@ -184,7 +171,7 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
     log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
     monkeypatch.setattr(
-        findings, "visible", lambda plain, chosen, *_: frozenset(term for term in chosen if term.joint == "elbow")
+        shown, "growth_without", lambda left, chosen: {term: float(term.joint == "elbow") for term in chosen}
     )
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
@@ -206,23 +193,6 @@ def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, pla
 
     monkeypatch.setattr(rivals, "stand", standing)
     assert settled(prepared.search, frozenset({first, second})) == {fourth, third}
-
-
-def test_a_set_that_is_better_in_one_half_wins_that_half_and_loses_the_other():
-    # By hand: better by one in each block of the first half, worse by one in each of the second.
-    one, other = frozenset(), frozenset([object()])
-    options = {one: np.zeros(10), other: np.repeat([-1.0, 1.0], 5)}
-    costs = (np.zeros(2), np.zeros(2))
-    first, second = (half_wins(options, [one, other], half, costs) for half in np.split(np.arange(10), 2))
-    np.testing.assert_allclose(first, [0.0, 1.0])
-    np.testing.assert_allclose(second, [1.0, 0.0])
-
-
-def test_a_half_speaks_as_if_all_of_the_recording_were_like_it():
-    # By hand: a price of 9.5 is below ten blocks of one, but not below the five of the half.
-    options = {"plain": np.zeros(10), "rich": np.full(10, -1.0)}
-    costs = (np.array([0.0, 9.5]),) * 2
-    np.testing.assert_allclose(half_wins(options, ["plain", "rich"], np.arange(5), costs), [0.0, 1.0])
 
 
 def test_wide_tolerances_are_three_times_as_wide_and_leave_effects_alone(quiet):

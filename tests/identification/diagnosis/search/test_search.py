@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.gates import above_chance
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.search import search as search_module
 from identification.diagnosis.search import stepwise
+from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import (
     contains,
     possible,
@@ -35,7 +36,7 @@ def silent(_: str) -> None:
 @pytest.mark.parametrize(("size", "cost"), [(0, 0.0), (1, 5.0), (4, 20.0), (10, 26.0)])
 def test_four_parameters_pay_in_full_and_each_more_what_chance_gives(size, cost):
     assert price(size) == cost
-    assert price(1) == rules.PARAMETER_PRICE
+    assert price(1) == above_chance.PARAMETER_PRICE
 
 
 @pytest.mark.parametrize(
@@ -283,7 +284,7 @@ class Outside:
 
     def __init__(self, problem, terms, scores):
         self.problem, self.terms, self.scores = problem, terms, scores
-        self.threshold = search_module.Threshold(5.0, {})
+        self.threshold, self.record = search_module.Threshold(5.0, {}), Record()
 
     def score(self, chosen):
         return self.scores[chosen]

@@ -70,7 +70,8 @@ def test_sections_stand_in_the_order_of_the_questions(shown):
     assert shown.headings == [
         "Where the gap is", "Gap of each joint", "The findings one by one", "1. Coulomb friction on joint j1",
         "2. Viscous friction on joint j2", "When the gap shows", "Residuals joint by joint",
-        "What the model's tolerances explain", "What is left", "What was ruled out, and what could not be tested",
+        "What the model's tolerances explain", "What is left", "Why not something else?",
+        "What was ruled out, and what could not be tested",
         "Notes",
     ]  # fmt: skip
 
@@ -291,3 +292,17 @@ def test_not_testable_effects_of_one_reason_share_a_row(made_up):
     ]
     text = page(dataclasses.replace(made_up(names, findings=0, samples=400), not_testable=tuple(entries))).text
     assert "An input delay and actuator lag all joints a sensor measures the torque" in text
+
+
+def test_the_five_nearest_effects_say_why_they_are_not_named(made_up):
+    page = report_html(made_up(findings=1, samples=400))
+    section = page.split("<h2>Why not something else?</h2>")[1].split("<h2>")[0]
+    assert section.count("<details>") == 5
+    assert "A payload would close 61\N{NO-BREAK SPACE}% of the gap; it is not named because Coulomb friction" in section
+    assert "failed  more than chance: 3.5, needed 20 (gain)" in section
+
+
+def test_without_a_ledger_the_page_has_no_such_section(made_up):
+    assert "Why not something else?" not in report_html(
+        dataclasses.replace(made_up(findings=1, samples=400), ledger=())
+    )

@@ -135,6 +135,22 @@ class File(Strict):
     refused: str = ""
 
 
+class Gate(Strict):
+    gate: str
+    value: float | None
+    needed: float | None
+    unit: str
+    passed: bool
+
+
+class Entry(Strict):
+    effects: list[At]
+    gates: list[Gate]
+    outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
+    instead: list[At]
+    figures: dict[str, float | None]
+
+
 class Document(Strict):
     schema: Literal["gap-diagnosis/3"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
@@ -152,6 +168,7 @@ class Document(Strict):
     data_warnings: list[str]
     next_experiment: Next | None
     rollout: Rollout | None
+    ledger: list[Entry]
     files: list[File]
     seconds: float
     version: str

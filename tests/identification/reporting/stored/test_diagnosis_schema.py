@@ -51,6 +51,18 @@ def test_a_number_whose_square_is_too_large(refused):
     assert "gap_closed" in refused(lambda content: content["findings"][0].update(gap_closed=1e300))
 
 
+def test_an_outcome_that_there_is_not(refused):
+    assert "$.ledger[0].outcome" in refused(lambda content: content["ledger"][0].update(outcome="perhaps"))
+
+
+def test_a_file_without_a_ledger_is_read(made_up, tmp_path):
+    content = json.loads(json_text(made_up()))
+    del content["ledger"]
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps(content))
+    assert read_diagnosis(path).ledger == ()
+
+
 def test_an_unknown_key(refused):
     assert "more" in refused(lambda content: content.update(more=1))
 

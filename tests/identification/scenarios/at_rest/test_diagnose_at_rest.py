@@ -11,6 +11,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.result import Finding
 from identification.reporting.page.explaining import explaining_variable, joint_motions
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.scenarios.at_rest.giving_way import _probabilities
 from identification.scenarios.at_rest.rests import stills_under_load
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque
@@ -89,6 +90,27 @@ def test_loads_of_one_size_leave_play_and_spring_equally_probable(robot, rng):
     (finding,) = diagnose_at_rest(robot, (recorded(robot, ALIKE, rng, gap=GAP),)).findings
     assert (finding.effect, finding.verdict, finding.probability) == ("backlash", "one_of", 0.5)
     assert [effect.effect for effect in finding.rivals[0].effects] == ["transmission_compliance"]
+
+
+@pytest.mark.parametrize("apart", [0.01, 0.3])
+def test_a_way_that_leaves_a_little_more_of_every_rest_is_as_probable_as_likelihood_says(apart):
+    # Oracle: the normal density of ten rests, whose noise is what the better way leaves.
+    losses = np.outer(np.full(10, 4e-6), [1.0, 1.0 + apart])
+    likely = 1.0 / (1.0 + np.exp(-0.5 * 10 * apart))
+    np.testing.assert_allclose(_probabilities(losses), [likely, 1.0 - likely])
+
+
+def test_a_play_in_one_half_of_the_rests_and_a_spring_in_the_other_are_both_told(robot, rng):
+    # Known truth of each half; both give way as far at the largest load, and either alone is certain of itself.
+    parts = {"backlash": {"gap": GAP}, "transmission_compliance": {"compliance": 0.5 * GAP / 9.0}}
+    halves = [recorded(robot, WIDE, rng, **sizes) for sizes in parts.values()]
+    for half, effect in zip(halves, parts, strict=True):
+        (finding,) = diagnose_at_rest(robot, (half,)).findings
+        assert (finding.effect, finding.probability) == (effect, pytest.approx(1.0, abs=0.01))
+    findings = diagnose_at_rest(robot, tuple(halves)).findings
+    assert all(0.1 < finding.probability < 0.9 for finding in findings)
+    named = {effect.effect for finding in findings for rival in finding.rivals for effect in rival.effects}
+    assert named | {finding.effect for finding in findings} == set(parts)
 
 
 def test_most_of_the_gap_is_closed_on_rests_that_no_fit_has_seen(robot, rng):

@@ -5,9 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import findings
-from identification.diagnosis.judge.findings.findings import _evened, _instead_of, _together, distinct, shown_effects
-from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.gates.rivalry import likelier_than_rivals
+from identification.diagnosis.judge.findings import shown as shown_module
+from identification.diagnosis.judge.findings.shown import (
+    Bench,
+    State,
+    evened,
+    instead_of,
+    shown_effects,
+    together,
+)
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
@@ -22,36 +30,48 @@ def rubbing(lab, planar2):
     return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
 
 
-def test_what_is_not_told_from_zero_is_no_finding(rubbing):
+def bench_of(prepared) -> Bench:
+    """A bench in whose judged band noise is next to nothing."""
+    plain = narrow_search(prepared.search, prepared.noise)
+    tiny = np.full(2, 1e-9)
+    return Bench(prepared.search, plain, prepared.noise, lambda _: Judge(plain.problem, tiny, tiny))
+
+
+@pytest.fixture
+def all_visible(monkeypatch):
+    """Every effect is visible, so that the other gates decide."""
+    monkeypatch.setattr(shown_module, "growth_without", lambda left, chosen: dict.fromkeys(chosen, 1.0))
+
+
+def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_visible):
     # Known truth: friction on the elbow, and no offset.
-    plain = narrow_search(rubbing.search, rubbing.noise)
-    friction, offset = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_offset", "elbow")
-    found = frozenset([friction, offset])
-    kept, _, fitted, _ = distinct(rubbing.search, plain, found, found)
-    assert kept == {friction}
-    assert [place.term for place in fitted.places] == [friction]
+    bench, offset = bench_of(rubbing), rubbing.term("torque_offset", "elbow")
+    friction = rubbing.term("coulomb_friction", "elbow")
+    shown = shown_effects(bench, State.of(frozenset([friction, offset])))
+    assert shown.chosen == {friction}
+    assert [place.term for place in shown.joint_fit.places] == [friction]
+    results = {result.gate: result for result in bench.record.met(offset.place)}
+    assert not results["differs from simpler"].passed
+    assert results["visible"].passed
 
 
-def test_a_torque_constant_of_one_is_no_finding(rubbing):
+def test_a_torque_constant_of_one_is_no_finding(rubbing, all_visible):
     # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
-    plain = narrow_search(rubbing.search, rubbing.noise)
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
-    found = frozenset([friction, ratio])
-    assert distinct(rubbing.search, plain, found, found)[0] == {friction}
+    assert shown_effects(bench_of(rubbing), State.of(frozenset([friction, ratio]))).chosen == {friction}
 
 
 def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
-    assert _instead_of(plain, offset, frozenset(), frozenset()) == {friction}
-    assert _instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
-    assert friction not in _instead_of(plain, offset, frozenset(), frozenset([friction.place]))
+    assert instead_of(plain, offset, frozenset(), frozenset()) == {friction}
+    assert instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
+    assert friction not in instead_of(plain, offset, frozenset(), frozenset([friction.place]))
 
 
 def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
     # By hand: each of the first sets has the next term lead in its place; the rival of the third is outdone least.
-    plain = narrow_search(rubbing.search, rubbing.noise)
     terms = tuple({term.place: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
 
@@ -60,25 +80,26 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
         following = terms[terms.index(term) + 1]
         ahead = 0.1 if len(asked) == 3 else 0.4
         rival = Rival(effects=(EffectAt(*following.place),), probability=0.3 + ahead)
-        return Standing(0.3, (rival,), frozenset([following]))
+        return Standing(0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),))
 
-    monkeypatch.setattr(findings, "stand", next_leads)
-    _, _, fitted, _ = distinct(rubbing.search, plain, frozenset(), frozenset())
-    monkeypatch.setattr(findings, "distinct", lambda search, plain, kept, chosen: (kept, kept, fitted, frozenset()))
-    shown = shown_effects(rubbing.search, plain, frozenset(terms[:1]), lambda chosen: chosen)
+    monkeypatch.setattr(shown_module, "stand", next_leads)
+    for step in ("_gap", "_motion", "_visible", "_noise", "_simpler", "_part"):
+        monkeypatch.setattr(shown_module, step, lambda bench, state: state)
+    bench = bench_of(rubbing)
+    shown = shown_effects(bench, State.of(frozenset(terms[:1])))
     assert len(asked) == 8
     assert shown.chosen == {terms[2]}
     assert shown.standings[terms[2]].probability == pytest.approx(0.35)
+    # What was looked at last had to give way to it.
+    assert bench.record.instead(terms[7].place) == (terms[2].place,)
 
 
 def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
     # Known truth: Coulomb friction alone; what was found in its place changes its name.
-    plain = narrow_search(rubbing.search, rubbing.noise)
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
-    found = frozenset([stribeck])
-    kept, chosen, _, barred = distinct(rubbing.search, plain, found, found)
-    assert kept == chosen == {coulomb}
-    assert barred == {stribeck.place}
+    bench = bench_of(rubbing)
+    assert shown_effects(bench, State.of(frozenset([stribeck]))).chosen == {coulomb}
+    assert bench.record.instead(stribeck.place) == (coulomb.place,)
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
@@ -111,14 +132,14 @@ def test_an_effect_that_is_the_whole_gap_closes_all_of_it_however_small_the_gap(
 def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals, even):
     # By hand: those above the mean of all before them join it.
     named = tuple(Rival((EffectAt(f"law_{k}", "j1"),), share) for k, share in enumerate(rivals))
-    out = _evened(Standing(own, named, frozenset()))
+    out = evened(Standing(own, named, frozenset()))
     shown = (out.probability, *(rival.probability for rival in out.rivals))
     assert shown == pytest.approx(even)
 
 
 def test_a_finding_that_leads_keeps_its_share():
     rival = Rival((EffectAt("viscous_friction", "j1"),), 0.6)
-    assert _evened(Standing(0.4, (rival,))) == Standing(0.4, (rival,))
+    assert evened(Standing(0.4, (rival,))) == Standing(0.4, (rival,))
 
 
 @dataclass(frozen=True)
@@ -148,4 +169,4 @@ def test_rivals_on_different_joints_take_their_places_at_once(ways, outdone, exp
     gone = {old: joint or "elbow" for old, _, joint in ways}
     chosen = frozenset(Named(name, gone.get(name, "elbow")) for name in ("coulomb", "offset"))
     sets = [frozenset(one for one in chosen if one.name != old) | {Named(new, joint)} for old, new, joint in ways]
-    assert {one.name for one in _together(chosen, sets, set(outdone))} == expected
+    assert {one.name for one in together(chosen, sets, set(outdone))} == expected

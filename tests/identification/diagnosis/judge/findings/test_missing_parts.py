@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from identification.diagnosis.gates.special_case import more_than_a_missing_part
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_words,
+    missing_shares,
     named_as_part,
-    part_instead,
+    payload_of,
     share_without,
 )
 from phantom_dyn.model.attached import Attached
@@ -85,9 +87,10 @@ def test_a_payload_says_it_where_nine_tenths_are_a_part_of_its_link(quiet, monke
     monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, body, HAND))
     rich, other = quiet.term("inertial_parameters", None), quiet.term("coulomb_friction", "elbow")
     fitted = SimpleNamespace(coefficients=lambda term: np.zeros(len(term.columns)))
-    found = part_instead(quiet.search, (other, rich), fitted)
-    assert found == ((rich, quiet.term("payload", None)) if taken else None)
-    assert part_instead(quiet.search, (other,), fitted) is None
+    found = missing_shares(quiet.search, (other, rich), fitted)
+    assert {term: not more_than_a_missing_part(part).passed for term, part in found.items()} == {rich: taken}
+    assert payload_of(quiet.search) == quiet.term("payload", None)
+    assert missing_shares(quiet.search, (other,), fitted) == {}
 
 
 @pytest.mark.parametrize(("share", "body", "taken"), CASES)

@@ -1,0 +1,56 @@
+"""What a claim on the torque has to pass: one gate a function, in the order in which they are asked.
+
+A gate is given the figures of a claim and says what it measured, what is needed, and whether that is enough. Its
+docstring is its question, and its thresholds stand beside it. ``python benchmarks/same_answers.py record --rule
+FILE.NAME=VALUE`` judges forty recordings with another value of one of them, such as ``above_chance.LEAST_GAIN=30``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from identification.diagnosis.gates.above_chance import more_than_chance
+from identification.diagnosis.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.diagnosis.gates.controller_gain import beyond_the_gain
+from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
+from identification.diagnosis.gates.in_band import gap_is_there, torque_is_there, visible
+from identification.diagnosis.gates.least_size import large_enough
+from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
+from identification.diagnosis.gates.over_blocks import in_enough_blocks
+from identification.diagnosis.gates.possible import possible_size
+from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
+from identification.diagnosis.gates.special_case import differs_from_simpler, more_than_a_missing_part
+from identification.engine.claims import GateResult
+
+GATES: tuple[Callable[..., GateResult], ...] = (
+    possible_size,
+    more_than_chance,
+    fair_part_of_the_gap,
+    in_enough_blocks,
+    explains_more_than_others,
+    worth_its_numbers,
+    torque_is_there,
+    gap_is_there,
+    shown_by_motion,
+    visible,
+    shown_above_noise,
+    differs_from_simpler,
+    more_than_a_missing_part,
+    plausible_size,
+    likelier_than_rivals,
+    coarser_than_stated,
+    rounding_matters,
+    large_enough,
+    beyond_the_gain,
+)
+"""All gates in the order in which a claim meets them: those of the search, of the judged band, of rivals, of size."""
+
+
+def gate_name(gate: Callable[..., GateResult]) -> str:
+    """The name under which a gate stands in a ledger, such as ``more than chance``."""
+    return gate.__name__.replace("_", " ")
+
+
+ORDER: dict[str, int] = {gate_name(gate): place for place, gate in enumerate(GATES)}
+"""Place of each gate by its name."""

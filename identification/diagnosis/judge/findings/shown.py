@@ -1,0 +1,376 @@
+"""The one loop of the judge: every gate is asked of all effects that are left, and what fails worst is taken away.
+
+The search holds all but the coefficients, and weighs noise otherwise than the fit that states sizes. So what it has
+found is judged again in the band in which gaps are measured, gate by gate in the order of
+`identification.diagnosis.gates.GATES`, those of rivals last, which cost most. After each change the first is asked
+again. Each answer is recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.gates.in_band import gap_is_there, visible
+from identification.diagnosis.gates.rivalry import likelier_than_rivals
+from identification.diagnosis.gates.special_case import differs_from_simpler, more_than_a_missing_part
+from identification.diagnosis.judge.findings.missing_parts import missing_shares, named_as_part, payload_of
+from identification.diagnosis.judge.judged_band import Judge, growth_of_gap, growth_without
+from identification.diagnosis.judge.moved_by_noise import (
+    accelerates,
+    loud_search,
+    motion_results,
+    noise_may_make,
+    noise_results,
+)
+from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.record import Place, Record
+from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing, stand, with_wide_tolerances
+from identification.diagnosis.search.search import Search, possible, with_term
+from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, places_of
+from identification.diagnosis.search.squares_left import squares_left
+from identification.diagnosis.search.stepwise import forward
+from identification.diagnosis.search.swaps import replaced
+from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
+
+Array = np.ndarray
+
+# Sets that are looked at where each says that another effect should lead; then the one with the least doubt is shown.
+_MOST_LEADERS = 8
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Effects that are shown to the user, and their fits in the judged band.
+
+    Attributes:
+        plain: The search with plain fits in the judged band.
+        chosen: The effects, structures without a name among them.
+        joint_fit: Fit of all their numbers at once.
+        standings: Of each named one, beside all that the search has found, what nobody would see included: a rival must
+            not win by making up for that.
+        beside: All that the search has found, with what took its place.
+    """
+
+    plain: Search
+    chosen: frozenset[Term]
+    joint_fit: JointFit
+    standings: dict[Term, Standing]
+    beside: frozenset[Term] = frozenset()
+
+    @property
+    def problem(self) -> Problem:
+        """The plain problem."""
+        return self.plain.problem
+
+    @property
+    def named(self) -> frozenset[Term]:
+        """Effects of the catalogue."""
+        return frozenset(term for term in self.chosen if term.named)
+
+    @property
+    def found(self) -> Fitted:
+        """Held-out fit of the named effects."""
+        return self.plain.evaluate(self.named)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where the loop is.
+
+    Attributes:
+        found: What the search has found, as far as nothing has taken its place: rivals are compared beside all of it.
+        shown: What of it has passed so far.
+        barred: Effects and joints that are no rivals.
+        nothing: Effects that have turned out to be no more than nothing.
+        searched_again: Whether others were looked for in the place of these.
+        outdone: Effects and joints that had to give way to a rival, and do not come back.
+        looked_at: Sets whose rivals were compared.
+        done: Whether the last of these is what is shown.
+    """
+
+    found: frozenset[Term]
+    shown: frozenset[Term]
+    barred: frozenset[Place] = NONE_BARRED
+    nothing: frozenset[Term] = frozenset()
+    searched_again: bool = False
+    outdone: frozenset[Place] = frozenset()
+    looked_at: tuple[Shown, ...] = ()
+    done: bool = False
+
+    @classmethod
+    def of(cls, found: frozenset[Term]) -> State:
+        """The beginning."""
+        return cls(found, found)
+
+    def with_others(self, found: frozenset[Term]) -> State:
+        """The same with another set, of which all may be shown: what was hidden beside the first may be seen now."""
+        return replace(self, found=found, shown=found, nothing=frozenset())
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What claims are judged by; what is computed for a set is kept.
+
+    Attributes:
+        search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        noise: Of each log's torque.
+        judge_of: Floors of the joints beside a set of effects.
+    """
+
+    search: Search
+    plain: Search
+    noise: Series
+    judge_of: Callable[[frozenset[Term]], Judge]
+    _fits: dict[frozenset[Term], JointFit] = field(default_factory=dict)
+
+    @property
+    def record(self) -> Record:
+        """Where decisions are written down."""
+        return self.search.record
+
+    @cached_property
+    def gap(self) -> float:
+        """Growth of the gap over the noise, see `growth_of_gap`."""
+        return growth_of_gap(self.plain.problem, self.noise)
+
+    @cached_property
+    def again(self) -> tuple[Search, ...]:
+        """The rivals under what should not matter: another band and other tolerances."""
+        return self.plain, with_wide_tolerances(self.search)
+
+    @cached_property
+    def loud(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
+        """The search where the motion is far above the noise that a set leaves."""
+        # Nothing in it refers to this bench, whose memory could else not be freed at once.
+        plain, noise = self.plain, self.noise
+        return lru_cache(maxsize=1)(lambda found: loud_search(plain, found, found, noise))
+
+    @cached_property
+    def left(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], Sums]]:
+        """What subsets of a set leave in the judged band."""
+        plain = self.plain
+        return lru_cache(maxsize=1)(lambda found: squares_left(plain, found))
+
+    def fit(self, shown: frozenset[Term]) -> JointFit:
+        """Fit of all numbers of a set at once."""
+        if shown not in self._fits:
+            self._fits[shown] = joint_fit(self.plain.problem.of(shown), ordered(shown), self.plain.evaluate(shown))
+        return self._fits[shown]
+
+
+Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
+
+
+def in_band(bench: Bench, state: State) -> State:
+    """What shows in the judged band: there is a gap, and each effect is shown by motion and visible."""
+    return _until_all_pass(bench, state, (_gap, _motion, _visible))
+
+
+def shown_effects(bench: Bench, state: State) -> Shown:
+    """Effects that pass every gate of the judge, or that nothing likelier could lead in the place of.
+
+    What was outdone once does not come back: where each of several sets says that another one should lead, that one is
+    shown whose findings are outdone least, and a finding and the rival that outdoes it share what both have.
+    """
+    steps = (_gap, _motion, _visible, _noise, _simpler, _part, _searched_again, _rivals)
+    return _until_all_pass(bench, state, steps).looked_at[-1]
+
+
+def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, State], State], ...]) -> State:
+    def asked(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
+        return lambda now: now if now.done else step(bench, now)
+
+    return until_nothing_changes(state, [asked(step) for step in steps])
+
+
+def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
+    """The state without the effect that fails a gate worst; the same state if all pass. Both are recorded."""
+    for term, result in results.items():
+        if result.passed:
+            bench.record.kept([term], result)
+    worst = fails_worst(results)
+    if worst is None:
+        return state
+    after, instead = without(state, worst)
+    bench.record.lost([worst], results[worst], instead=instead)
+    return after
+
+
+def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
+    """Without an effect that nobody would see; rivals are still compared beside it."""
+    return replace(state, shown=state.shown - {term}), ()
+
+
+def _gap(bench: Bench, state: State) -> State:
+    return _take_away(bench, state, {term: gap_is_there(bench.gap) for term in ordered(state.shown)}, _hide)
+
+
+def _motion(bench: Bench, state: State) -> State:
+    if not any(accelerates(term) for term in state.shown):
+        return state
+    loud, there = bench.loud(state.found | state.shown)
+    return _take_away(bench, state, motion_results(loud, there, state.shown), _hide)
+
+
+def _visible(bench: Bench, state: State) -> State:
+    if not state.shown:
+        return state
+    growth = growth_without(bench.left(state.found | state.shown), state.shown)
+    return _take_away(bench, state, {term: visible(more) for term, more in growth.items()}, _hide)
+
+
+def _noise(bench: Bench, state: State) -> State:
+    # A simpler case of another law may come to a place that is barred: it was asked before.
+    made = [term for term in ordered(state.shown) if noise_may_make(term) and term.place not in state.barred]
+    if not made:
+        return state
+    return _take_away(bench, state, noise_results(bench.judge_of(state.shown), bench.plain, state.shown, made), _bar)
+
+
+def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
+    """Without an effect that noise may make, which is no rival either."""
+    found = frozenset(other for other in state.found if other.place != term.place)
+    return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.place}), ()
+
+
+def _simpler(bench: Bench, state: State) -> State:
+    """An effect that differs from a special case of itself in neither fit gives way to that, or to nothing."""
+    robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
+    white = bench.search.evaluate(state.found)
+    cases = {term: nearest_case(robot, term, fitted) for term in ordered(state.shown) if term.named}
+    results: dict[Term, GateResult] = {}
+    for term, case in cases.items():
+        if case is None:
+            continue
+        results[term] = differs_from_simpler(case[0])
+        differs = case[1] and case[0] > 0.0 and term in state.found and places_of(robot, term, white) == (term.place,)
+        if not results[term].passed and differs:
+            elsewhere = nearest_case_of(robot, term, white)
+            results[term] = differs_from_simpler(1.0 if elsewhere is None else elsewhere[0])
+
+    def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
+        case = cases[term]
+        assert case is not None
+        shown = state.shown - {term}
+        if not case[1]:
+            return replace(state, shown=shown, nothing=state.nothing | {term}), ()
+        instead = [one for one in bench.plain.terms if one.effect.name in case[1] and one.joint == term.joint]
+        found = replaced(state.found, term, frozenset(instead))
+        for one in instead:
+            shown = with_term(shown, one) if possible(shown, one) else shown
+        return replace(state, found=found, shown=shown, barred=state.barred | {term.place}), shown - state.shown
+
+    return _take_away(bench, state, results, without)
+
+
+def _part(bench: Bench, state: State) -> State:
+    """Inertial parameters that are the absence of a part give way to the payload that says so."""
+    shares = missing_shares(bench.plain, state.shown, bench.fit(state.shown))
+
+    def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
+        payload = payload_of(bench.plain)
+        assert payload is not None
+        shown, found = (replaced(some, term, frozenset([payload])) for some in (state.shown, state.found))
+        barred = state.barred | {term.place} | named_as_part(bench.search, found, payload)
+        return replace(state, found=found, shown=shown, barred=barred), [payload]
+
+    results = {term: more_than_a_missing_part(share) for term, share in shares.items()}
+    return _take_away(bench, state, results, without)
+
+
+def _searched_again(bench: Bench, state: State) -> State:
+    """Once, with effects that explain what is left where others have turned out to be no more than nothing."""
+    uncertain = state.nothing & state.found
+    if state.searched_again or not uncertain:
+        return state
+    instead = instead_of(bench.plain, uncertain, state.shown, state.barred)
+    if not instead:
+        return state
+    barred = state.barred | {term.place for term in uncertain}
+    return replace(state.with_others((state.found - uncertain) | instead), barred=barred, searched_again=True)
+
+
+def instead_of(
+    plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[Place]
+) -> frozenset[Term]:
+    """Effects that explain what is left where others turn out to be no more than nothing; none if nothing does."""
+    if not uncertain:
+        return frozenset()
+    gone = barred | {term.place for term in uncertain}
+    others = replace(plain, terms=tuple(term for term in plain.terms if term.place not in gone))
+    return forward(others, kept, lambda _: None) - kept
+
+
+def _rivals(bench: Bench, state: State) -> State:
+    """Findings that a likelier rival could stand for give way to it, as long as there is a set that was not seen."""
+    named = [term for term in ordered(state.shown) if term.named]
+    standings = {term: stand(bench.search, state.found, term, state.barred, bench.again) for term in named}
+    shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings, state.found)
+    looked_at = (*state.looked_at, shown)
+    ways = {term: one.instead for term, one in standings.items() if one.instead is not None}
+    found = together(state.found, list(ways.values()), set(state.outdone)) if ways else state.found
+    over = not ways or found == state.found or len(looked_at) == _MOST_LEADERS
+    if over and ways:
+        least = min(looked_at, key=lambda one: max(map(_outdone, one.standings.values()), default=0.0))
+        for term in ordered(state.shown - least.chosen):
+            if term.named:
+                own, rivals = standings[term].probability, standings[term].rivals
+                ahead = max((rival.probability for rival in rivals), default=0.0)
+                result = likelier_than_rivals(own, ahead, leads=False)
+                bench.record.lost([term], result, instead=least.chosen - state.shown)
+        standings = {term: evened(one) for term, one in least.standings.items()}
+        looked_at = (*looked_at, replace(least, standings=standings))
+    for term, standing in standings.items():
+        if over or term in found:
+            bench.record.kept([term], *standing.gates)
+        else:
+            bench.record.lost([term], *standing.gates, instead=found - state.found)
+    if over:
+        return replace(state, shown=looked_at[-1].chosen, looked_at=looked_at, done=True)
+    outdone = state.outdone | {term.place for term in state.found - found}
+    return replace(state.with_others(found), outdone=outdone, looked_at=looked_at)
+
+
+def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:
+    """A set with all changes that lead to others of which each concerns other joints, and brings back nothing outdone.
+
+    Two changes on one joint are not made at once: the second one is looked at again beside the first.
+    """
+    out, moved = chosen, set[str | None]()
+    for way in ways:
+        joints = {term.joint for term in chosen ^ way}
+        alone = joints.isdisjoint(moved) and None not in moved and (None not in joints or not moved)
+        if alone and outdone.isdisjoint(term.place for term in way - chosen):
+            out, moved = (out - (chosen - way)) | (way - chosen), moved | joints
+    return out
+
+
+def _outdone(standing: Standing) -> float:
+    """How much more probable than a finding the rival is that has to lead in its place."""
+    return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
+
+
+def evened(standing: Standing) -> Standing:
+    """The same with equal shares of a finding and of the rivals that outdo it."""
+    if _outdone(standing) <= 0.0:
+        return standing
+    shares = [standing.probability]
+    for rival in standing.rivals:
+        if rival.probability > np.mean(shares):
+            shares.append(rival.probability)
+    even, above = float(np.mean(shares)), len(shares) - 1
+    rivals = (
+        *(replace(rival, probability=even) for rival in standing.rivals[:above]),
+        *standing.rivals[above:],
+    )
+    return Standing(even, rivals, gates=(likelier_than_rivals(even, even, leads=True),))

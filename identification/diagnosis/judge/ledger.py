@@ -1,0 +1,205 @@
+"""The ledger of a diagnosis: every effect that was claimed at any time, and the ten best that never were.
+
+What search and judge have decided was recorded as it was decided. Here the effects that are not named are put beside
+the final set once more: what they gain there, what they would close alone, and what explains it in their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.gates import ORDER, gate_name
+from identification.diagnosis.gates.coarse_reading import coarser_than_stated
+from identification.diagnosis.gates.exchange import explains_more_than_others
+from identification.diagnosis.gates.in_band import torque_is_there
+from identification.diagnosis.judge.coarse_encoders import Rounded
+from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.shares import gap_of
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.result import EffectAt
+from identification.diagnosis.search.record import Place
+from identification.diagnosis.search.search import Search, asked, possible, price, with_term
+from identification.diagnosis.search.squares_left import squares_left
+from identification.diagnosis.search.swaps import replaced
+from identification.engine.claims import Claim, GateResult, Outcome, until_failed
+from phantom_dyn.effects.support.encoder_lattice import stated_step
+
+Array = np.ndarray
+
+# Effects that were never claimed, the best.
+_BEST = 10
+# Findings without which it is looked what an effect would gain: those of a robot with many joints say little of others.
+_MOST_FINDINGS = 12
+# Effects whose figures are computed in the judged band.
+_MOST_MEASURED = 40
+# Share of what an effect gains from which on another one is something that it stands in the place of.
+_STANDS_FOR = 0.2
+# Gates of the search come before this one.
+_FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]
+
+
+@dataclass(frozen=True)
+class _Nearness:
+    """How near an effect comes to being claimed: its best shape, its gain beside all, and its gain instead of one.
+
+    ``of_other`` is what that one gains in its place.
+    """
+
+    term: Term
+    beside: float = 0.0
+    instead_of: float = 0.0
+    other: Term | None = None
+    of_other: float = 0.0
+
+    @property
+    def most(self) -> float:
+        """The larger of both gains."""
+        return max(self.beside, self.instead_of)
+
+
+def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place]) -> tuple[Claim[EffectAt], ...]:
+    """The entries of the ledger, what is claimed first, then the nearest.
+
+    Args:
+        search: What the search has found, with its record.
+        shown: Effects that passed all gates of the judge.
+        judge: Of the gap.
+        minor: Of these, what is too small to matter.
+    """
+    record, named = search.record, {term.place for term in shown.named}
+    near = _nearness(search, shown.beside)
+    ranked = sorted(near, key=lambda place: -near[place].most)
+    never = [place for place in ranked if place not in record.places and place not in named][:_BEST]
+    gates, instead = {}, {}
+    for place in (*record.places, *never):
+        met = sorted(record.met(place), key=lambda result: ORDER[result.gate])
+        gates[place] = until_failed(met)
+        instead[place] = record.instead(place)
+        failed = next((result for result in met if not result.passed), None)
+        if place in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
+            continue
+        if place in near:
+            # What the search has decided beside other effects is asked once more beside the final ones.
+            anew, others = _asked_anew(search, shown.beside, near[place])
+            if not anew[-1].passed or failed is None:
+                gates[place], instead[place] = anew, others
+    terms = {place: near[place].term for place in gates if place in near}
+    terms |= {term.place: term for term in shown.beside if term.place in gates}
+    terms |= {term.place: term for term in shown.named}
+    figures = _figures(shown, judge, terms, instead)
+    entries = [
+        Claim(
+            (EffectAt(*place),),
+            gates[place],
+            _outcome(place, named, minor, instead[place]),
+            tuple(EffectAt(*other) for other in instead[place]),
+            figures.get(place, {}),
+        )
+        for place in gates
+    ]
+    return tuple(sorted(entries, key=lambda entry: (_RANK[entry.outcome], -entry.figures.get("closes", -np.inf))))
+
+
+_RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_claimed": 2}
+
+
+def _outcome(place: Place, named: set[Place], minor: frozenset[Place], instead: tuple[Place, ...]) -> Outcome:
+    if place in named:
+        return "minor" if place in minor else "claimed"
+    return "displaced" if instead else "not_claimed"
+
+
+def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
+    """What each effect of the catalogue that is not in a set gains in sample beside it, and in the place of one of it.
+
+    To second order, without a fit.
+    """
+    taken = {term.place for term in found}
+    named = tuple(term for term in search.terms if term.named and term.place not in taken)
+    out: dict[Place, _Nearness] = {}
+    for other in (None, *ordered(found)[:_MOST_FINDINGS]):
+        remaining = found - {other}
+        rivals = tuple(term for term in named if search.possible(remaining, term))
+        gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
+        for term in rivals:
+            known = out.setdefault(term.place, _Nearness(term))
+            if other is None and gains[term] > known.beside:
+                out[term.place] = replace(known, term=term, beside=gains[term])
+            elif other is not None and gains[term] > known.instead_of:
+                own = gains[other]
+                out[term.place] = replace(known, term=term, instead_of=gains[term], other=other, of_other=own)
+    return out
+
+
+def _asked_anew(
+    search: Search, found: frozenset[Term], near: _Nearness
+) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
+    """What the gates of the search say of an effect beside a set; and what of the set it could stand for, if it fails.
+
+    It could stand for an effect without which it would gain what a claim needs, twice what it gains beside it, and a
+    fair part of what that one gains.
+    """
+    term, other = near.term, near.other
+    if possible(found, term):
+        together = with_term(found, term)
+        results = asked(search, together, found)
+        if results[-1].passed:
+            results = (*results, explains_more_than_others(search.score(found) - search.score(together)))
+    else:
+        # A special case of a law that is there: what takes its place is that law.
+        rich = next(one for one in ordered(found) if not possible(frozenset([one]), term))
+        margin = search.score(found) - search.score(replaced(found, rich, frozenset([term])))
+        return (explains_more_than_others(margin),), (rich.place,)
+    if other is None or results[-1].passed:
+        return results, ()
+    needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
+    stands_for = near.instead_of > max(needed, 2.0 * near.beside, _STANDS_FOR * near.of_other)
+    return results, (other.place,) if stands_for else ()
+
+
+def _figures(
+    shown: Shown, judge: Judge, terms: dict[Place, Term], instead: dict[Place, tuple[Place, ...]]
+) -> dict[Place, dict[str, float]]:
+    """Of each effect ``closes``, the share of the gap that it closes alone; and ``floors_more``.
+
+    The latter is by how many noise floors more some joint is left with, with the effect in the place of what is named
+    instead.
+    """
+    measured = dict(list(terms.items())[:_MOST_MEASURED])
+    left = _left(shown, frozenset(measured.values()))
+    within, after = left(frozenset()), left(shown.named)
+    once = np.ones((1, len(within.counts)))
+    gap = float(gap_of(judge, within, after, once)[0])
+    base = float(within.loss(judge.floor, once)[0])
+    out: dict[Place, dict[str, float]] = {}
+    for place, term in measured.items():
+        alone = float(left(frozenset([term])).loss(judge.floor, once)[0])
+        out[place] = {"closes": (base - alone) / gap}
+        others = frozenset(one for one in shown.named if one.place in instead.get(place, ()))
+        if others:
+            swapped = left(with_term(shown.named - others, term))
+            out[place]["floors_more"] = float(np.max((swapped.rms() - after.rms()) / judge.floor))
+    return out
+
+
+def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
+    """What subsets of the named effects and others leave; a law that is not linear makes no other fit slower."""
+    linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
+    of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
+    return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)
+
+
+def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
+    """Entries of encoders whose readings lie on a coarser lattice than stated."""
+    robot, out = search.problem.session.robot, []
+    for one, matters in rounding.asked:
+        step = stated_step(robot, one.row)
+        gates = (coarser_than_stated(np.inf if not step else one.step / step), matters)
+        outcome: Outcome = "claimed" if matters.passed else "not_claimed"
+        out.append(Claim((EffectAt("encoder_quantization", robot.joint_names[one.row]),), gates, outcome))
+    return tuple(out)

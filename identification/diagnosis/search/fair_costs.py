@@ -1,0 +1,59 @@
+"""Costs of rival sets of effects, counted in the ways that are fair, in one search and under what should not matter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.search.fits import Chosen
+from identification.diagnosis.search.search import Search
+from phantom_dyn.array_types import Float
+
+Array = np.ndarray
+
+
+def costs_of(
+    search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
+) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
+
+    Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
+    four less: how wrong a model is within its tolerance is not known that well.
+
+    Args:
+        search: Rivals.
+        sets: What is compared, the finding's set first.
+        twins: Those that cost what the first set costs.
+        free: Those whose price does not count either, nor what more numbers save in moves: inertias that are free take
+            over what the model is wrong by within its tolerances. Empty: none.
+    """
+    prices = np.array([search.price_of(chosen) for chosen in sets])
+    dearer = prices - prices[0]
+    prices[twins] = prices[0]
+    moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
+    more = moves - moves[0]
+    if free:
+        prices[list(free)] = prices[0]
+        more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)
+    return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
+
+
+def losses_in(
+    other: Search,
+    search: Search,
+    options: dict[Chosen, Array],
+    keys: list[Chosen],
+    same: dict[Chosen, Chosen],
+    free: tuple[set[Chosen], set[Chosen]],
+) -> tuple[Float[Array, "B m"], tuple[Float[Array, " m"], ...]]:
+    """Held-out losses and costs in another search over the same rivals, with the same allowance for richer laws.
+
+    ``free`` are twins of the finding and laws that neither contain it nor are contained in it.
+    """
+    sets = [same.get(key, key) for key in keys]
+    allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
+    losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
+    twins, apart = ([key in some for key in keys] for some in free)
+    return losses, (*costs_of(other, sets, twins), *costs_of(other, sets, twins, apart))

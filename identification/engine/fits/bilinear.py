@@ -1,0 +1,155 @@
+"""Products of the columns of one model, with rows rescaled that are seen times a gain which is fitted as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.engine.fits.problem import LinearProblem
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A gain on one row, as a wrong torque constant is: what was measured is ``gain`` times what acted.
+
+    The row's columns are then seen times the gain, and the gain's column is what acts by the current fit instead of by
+    the given model: a fit about this point is exact in the gain.
+
+    Attributes:
+        row: Which.
+        column: The gain's, which is what acts by the given model.
+        gain: Current estimate.
+        theta: Coefficients of the current fit, that of the gain zero, ``(K,)``.
+    """
+
+    row: int
+    column: int
+    gain: float
+    theta: Float[Array, " K"]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Products of the columns of one model by which fits without one fold each are made and judged.
+
+    Attributes:
+        a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
+        core_b, core_c: Of the core of each block, ``(B, k)`` and ``(B,)``.
+        squares: ``x core_a x`` of each block for coefficients of its own, ``(B, k)``.
+    """
+
+    a: Float[Array, "F k k"]
+    b: Float[Array, "F k"]
+    core_b: Float[Array, "B k"]
+    core_c: Float[Array, " B"]
+    squares: Callable[[Float[Array, "B k"]], Float[Array, " B"]]
+
+    def losses(self, x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        """Weighted squared residual of the core of each block."""
+        return self.core_c - 2 * np.einsum("bk,bk->b", self.core_b, x) + self.squares(x)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of the columns of one model: over all blocks that train, and by fold if they are needed."""
+
+    a: Float[Array, "k k"]
+    b: Float[Array, " k"]
+    c: float
+    held_out: HeldOut | None
+
+
+def products_of(
+    problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool
+) -> Products:
+    """Products of the active columns, with rows that have a gain rescaled."""
+    grams = problem.grams
+    a, b = problem.total_a[active[:, None], active], problem.total_b[active]
+    c = float(grams.c[grams.fold >= 0].sum())
+    if not scalings:
+        return Products(a, b, c, _held_out(problem, active) if held_out else None)
+    for scaling in scalings:
+        local, at, own, mix = _mixed(problem, active, scaling)
+        row = grams.rows[scaling.row]
+        # One matrix of all folds together is mixed as quickly as that of one fold.
+        row_a = grams.fold_a.of_row(scaling.row, local).sum(axis=0)[None]
+        row_b = grams.by_fold(row.b[:, local]).sum(axis=0)[None]
+        row_c = grams.by_fold(row.c).sum()[None]
+        new_a, new_b, new_c = _rescale(row_a, row_b, row_c, mix, own, scaling.gain)
+        a[at[:, None], at] += (new_a - row_a)[0]
+        b[at] += (new_b - row_b)[0]
+        c += float((new_c - row_c)[0])
+    return Products(a, b, c, _held_out_rescaled(problem, active, scalings) if held_out else None)
+
+
+def _mixed(
+    problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
+) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, "m m"]]:
+    """Where the active columns of a rescaled row stand in it and among all, the gain's, and how they mix."""
+    row = problem.grams.rows[scaling.row]
+    local = np.flatnonzero(np.isin(row.index, active))
+    own = int(np.searchsorted(row.index[local], scaling.column))
+    mix = scaling.gain * np.eye(len(local))
+    mix[:, own] = scaling.theta[row.index[local]]
+    mix[own, own] = 1.0
+    return local, np.searchsorted(active, row.index[local]), own, mix
+
+
+def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
+    """Products by fold and block with rows that have a gain rescaled."""
+    grams = problem.grams
+    fold_a, fold_b = grams.fold_a.among(active), grams.by_fold(grams.b[:, active])
+    core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
+    for scaling in scalings:
+        row = grams.rows[scaling.row]
+        local, at, own, mix = _mixed(problem, active, scaling)
+        place = slice(None), at[:, None], at[None, :]
+        row_a, row_b = grams.fold_a.of_row(scaling.row, local), grams.by_fold(row.b[:, local])
+        new_a, new_b, _ = _rescale(row_a, row_b, grams.by_fold(row.c), mix, own, scaling.gain)
+        fold_a[place] += new_a - row_a
+        fold_b[:, at] += new_b - row_b
+        row_a, row_b = grams.core_a.of_row(scaling.row, local), row.core_b[:, local]
+        new_a, new_b, new_c = _rescale(row_a, row_b, row.core_c, mix, own, scaling.gain)
+        core_a[place] += new_a - row_a
+        core_b[:, at] += new_b - row_b
+        core_c += new_c - row.core_c
+
+    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        return np.einsum("bk,bk->b", (core_a @ x[:, :, None])[:, :, 0], x)
+
+    return HeldOut(fold_a, fold_b, core_b, core_c, squares)
+
+
+def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
+    """Products by fold and block as they are."""
+    grams = problem.grams
+
+    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        return grams.core_a.squares(active, x)
+
+    return HeldOut(
+        grams.fold_a.among(active),
+        grams.by_fold(grams.b[:, active]),
+        grams.core_b[:, active],
+        grams.core_c,
+        squares,
+    )
+
+
+def _rescale(
+    a: Float[Array, "B k k"],
+    b: Float[Array, "B k"],
+    c: Float[Array, " B"],
+    mix: Float[Array, "k k"],
+    own: int,
+    gain: float,
+) -> tuple[Array, Array, Array]:
+    """Products of a row's columns mixed by ``mix`` with the residual less ``gain - 1`` times column ``own``."""
+    moved = b - (gain - 1.0) * a[:, :, own]
+    square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
+    return mix.T @ a @ mix, moved @ mix, square

@@ -1,0 +1,66 @@
+"""What every rival gains on held-out blocks of many residuals at once, such as those of recordings without a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.engine.fits.problem import LinearProblem
+from identification.engine.fits.projection import fold_projections
+from identification.engine.numerics.bounded import solve, solve_each
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+
+def gains_on_residuals(
+    problem: LinearProblem, sets: Sequence[tuple[int, ...]], b: Float[Array, "F K R"], core_b: Float[Array, "F K R"]
+) -> Float[Array, "T R"]:
+    """Held-out gain of each set of columns on each of some residuals beside the nuisances; bounds are left out.
+
+    Args:
+        problem: Products of the columns.
+        sets: Columns of one rival each.
+        b: Products of all columns with the residuals over the whole blocks of each fold.
+        core_b: The same over the cores of the blocks.
+    """
+    moved = problem.moves
+    right = b.sum(axis=0)
+    alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(sets)]
+    gains = np.zeros((len(sets), b.shape[2]))
+    *folds, whole = fold_projections(problem)
+    for fold, part in enumerate(folds):
+        products, held = right - b[fold], core_b[fold]
+        base = solve(part.inner, products[moved])
+        # Products with what the nuisances leave, on the blocks that train and on those that are held out.
+        products = products - part.made.T @ products[moved]
+        inside, across = part.core
+        held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
+        for which, columns, (total, less, core) in alike:
+            x = solve_each(part.training(columns, total - less[fold]), products[columns])
+            gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
+    # A rival also relieves the nuisances of moves that cost.
+    base = solve(whole.inner, right[moved])
+    products = right - whole.made.T @ right[moved]
+    costly = problem.precision[moved, None] * whole.made
+    relieved = costly.T @ base
+    for which, columns, (total, _, _) in alike:
+        made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))
+        x = solve_each(whole.training(columns, total), products[columns])
+        gains[which] += (x * (2 * relieved[columns] - (weighed.mT @ made) @ x)).sum(axis=1)
+    return gains
+
+
+def _squares(problem: LinearProblem, columns: Int[Array, "g m"]) -> tuple[Array, Array, Array]:
+    """Products among the columns of each group: over all blocks that train, and of each fold whole and in its cores."""
+    grams = problem.grams
+    total = problem.total_a[columns[:, :, None], columns[:, None, :]]
+    return total, grams.fold_a.within(columns), grams.fold_core_a.within(columns)
+
+
+def _by_size(sets: Sequence[tuple[int, ...]]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:
+    """Sets with the same number of columns together: which they are, and their columns."""
+    sizes = np.array([len(columns) for columns in sets])
+    groups = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+    return [(which, np.array([sets[k] for k in which.tolist()])) for which in groups]

@@ -1,0 +1,252 @@
+"""Fits of many sets of effects that differ little: each from the nearest one that was solved as a whole.
+
+A fit of a robot with many joints contains some hundred nuisances, and hardly any of them changes its bound where one
+column takes the place of another. So a few sets are kept as tableaus (see `numerics.tableau`), and
+every other set costs what it changes of the nearest one: same minima, to rounding.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from identification.engine.fits.problem import LinearProblem
+from identification.engine.fits.projection import gains_within
+from identification.engine.fits.solved_set import End, SolvedSet, marked, quadratic
+from identification.engine.numerics.held_minimum import answers_among
+from identification.engine.numerics.tableau import tableau
+from identification.engine.numerics.tableau_changes import Settled, changed
+from phantom_dyn._kernels.jit import fused
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+# Columns and bounds in which a set may differ from the solved one that it is computed from.
+_FAR = 60
+# Solved sets that are kept, and fits of which it is known where they ended.
+_KEPT = 4
+_ENDS = 100
+# Share of a move's largest possible part of a loss below which it is rounding.
+_NOTHING = 1e-14
+
+
+class LinearFit(NamedTuple):
+    """Result of one fit.
+
+    Attributes:
+        theta: All coefficients, zero where a column is not in the fit, ``(K,)``.
+        active: Columns in the fit.
+        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
+        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
+        fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
+    """
+
+    theta: Float[Array, " K"]
+    active: Int[Array, " k"]
+    penalty: float
+    objective: float
+    loss: Float[Array, " B"]
+    fold_active: Float[Array, "F k"]
+
+
+class NearFits:
+    """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.
+
+    Args:
+        problem: What is fitted.
+        start: Coefficients from which a set is solved as a whole, NaN where there are none, ``(K,)``.
+    """
+
+    def __init__(self, problem: LinearProblem, start: Float[Array, " K"]):
+        self.problem = problem
+        self._start = start
+        self._solved: list[SolvedSet] = []
+        # Where the last fits ended: a similar one hardly differs.
+        self._ends, self._held_out_ends = deque[End](maxlen=_ENDS), deque[End](maxlen=_ENDS)
+        self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
+
+    def fit(self, active: Int[Array, " k"], *, held_out: bool) -> LinearFit:
+        """Fit of some columns on all blocks and, if they are held out, once without each fold."""
+        problem = self.problem
+        solved, found, x = self._coefficients(active, held_out=held_out)
+        new, gone, index = solved.changes(active)
+        theta = np.zeros(len(problem.precision))
+        theta[index] = x[-1]
+        moves = slice(0, problem.nuisances)
+        penalty = float(theta[moves] ** 2 @ problem.precision[moves])
+        objective = self._nothing + found[-1].value
+        loss, fold_active = np.zeros(0), np.zeros((0, len(active)))
+        if held_out:
+            loss = _losses(solved, new, x)
+            kept = np.delete(np.arange(len(index)), gone)
+            order = kept[np.argsort(index[kept])]
+            fold_active = x[:-1, order]
+        return LinearFit(theta, active, penalty, objective, loss, fold_active)
+
+    def coefficients(self, active: Int[Array, " k"]) -> Float[Array, "G K"]:
+        """Coefficients of the fit of some columns without each fold and, last, of that to all blocks."""
+        solved, _, x = self._coefficients(active, held_out=True)
+        out = np.zeros((len(x), len(self.problem.precision)))
+        out[:, solved.changes(active)[2]] = x
+        return out
+
+    def _coefficients(
+        self, active: Int[Array, " k"], *, held_out: bool
+    ) -> tuple[SolvedSet, list[Settled], Float[Array, "G v"]]:
+        """The set that a fit is computed from, its minima (see `_minima`), and their coefficients."""
+        problem, solved = self.problem, self._nearest(active)
+        found = self._minima(solved, active, held_out=held_out)
+        if not all(one.settled for one in found):
+            # Rounding of what is far from it is too large.
+            solved = self._solve(active)
+            found = self._minima(solved, active, held_out=held_out)
+        x, index = np.array([one.x for one in found]), solved.changes(active)[2]
+        at_bound = (x[-1] <= problem.lower[index]) | (x[-1] >= problem.upper[index])
+        count = len(problem.precision)
+        self._keep(End(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
+        return solved, found, x
+
+    def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[Settled]:
+        """Fits of some columns from a solved set: if they are held out without each fold first, and that of all."""
+        new, gone, index = solved.changes(active)
+        bounds = self.problem.lower[index], self.problem.upper[index]
+        tableaus = (*solved.folds, solved.whole) if held_out else (solved.whole,)
+        entering = [*(solved.fold_entering(new) if held_out else ()), solved.entering(new)]
+        near = np.full((len(tableaus), len(self.problem.precision)), np.nan)
+        end = self._end_near(active, held_out=held_out)
+        # Where nothing changes, the bounds that bind are known.
+        if end is not None and len(new) + len(gone) > 0:
+            near[:, end.index] = end.x[-len(near) :]
+        parts = zip(tableaus, entering, near[:, index], strict=True)
+        return [changed(one, more, gone, bounds, start) for one, more, start in parts]
+
+    def _end_near(self, active: Int[Array, " k"], *, held_out: bool) -> End | None:
+        """Where the fit of the most similar set ended, the last one of those that are equally similar."""
+        wanted = self._bits(active)
+        ends = self._held_out_ends if held_out else self._ends
+        return min(reversed(ends), key=lambda end: (end.bits ^ wanted).bit_count(), default=None)
+
+    def _bits(self, active: Int[Array, " k"]) -> int:
+        """A number with the bit of each column set."""
+        return int.from_bytes(np.packbits(marked(active, len(self.problem.precision))).tobytes())
+
+    def _keep(self, end: End) -> None:
+        self._ends.append(end)
+        if len(end.x) > 1:
+            self._held_out_ends.append(end)
+
+    def gains(self, active: Int[Array, " k"], sets: Iterable[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
+        """How much further columns lower the loss in sample, to second order, with those at a bound held there."""
+        problem, solved = self.problem, self._nearest(active)
+        (found,) = self._minima(solved, active, held_out=False)
+        if not found.settled:
+            solved = self._solve(active)
+            (found,) = self._minima(solved, active, held_out=False)
+        new, _, _ = solved.changes(active)
+        inside = frozenset(active.tolist())
+        own = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+        wanted = np.array(sorted({k for some in own.values() for k in some}), dtype=int)
+        if not len(wanted):
+            return dict.fromkeys(own, 0.0)
+        beside = _Beside(solved, new, found, wanted)
+        gains = dict.fromkeys(own, 0.0)
+        for size in {len(some) for some in own.values()} - {0}:
+            same = [columns for columns, some in own.items() if len(some) == size]
+            columns = np.array([own[some] for some in same])
+            depth = gains_within(*beside.left(columns), problem.lower[columns], problem.upper[columns])
+            gains.update(zip(same, depth.tolist(), strict=True))
+        return gains
+
+    def _nearest(self, active: Int[Array, " k"]) -> SolvedSet:
+        """The nearest solved set; a set that is far from all is solved as a whole."""
+        wanted, end = marked(active, len(self.problem.precision)), self._end_near(active, held_out=False)
+        near = min(self._solved, key=lambda one: one.apart(wanted, end), default=None)
+        if near is None or near.apart(wanted, end) > _FAR:
+            return self._solve(active, near)
+        self._solved = [*(one for one in self._solved if one is not near), near]
+        return near
+
+    def _solve(self, active: Int[Array, " k"], near: SolvedSet | None = None) -> SolvedSet:
+        """A set solved as a whole, and kept: the one that was used last comes last."""
+        start = self._start
+        if near is not None:
+            start = start.copy()
+            start[near.columns] = near.whole.x * near.whole.scale
+        solved = SolvedSet(self.problem, active, tableau(*quadratic(self.problem, active), start[active]))
+        self._solved = [*self._solved, solved][-_KEPT:]
+        return solved
+
+
+class _Beside:
+    """Columns beside a fit, with the part taken out that its free columns can make of them.
+
+    Args:
+        solved: What the fit was computed from.
+        new: Columns of the fit that are not in that set.
+        found: The fit.
+        wanted: The columns, in order.
+    """
+
+    def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: Settled, wanted: Int[Array, " w"]):
+        self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
+        cross, answer, slope, self._scale = solved.pieces(wanted)
+        entered = solved.entering(new)
+        n, k = len(solved.columns), len(found.flipped)
+        places, action = found.action
+        own = places < n
+        across = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
+        across = across + cross[:, free] @ entered.answer[:, free].T
+        # What the slopes of the wanted columns answer to what changes, and the other way round.
+        there = np.empty((len(wanted), len(places)))
+        there[:, own] = np.where(solved.whole.held[places[own]], 1.0, -1.0) * answer[:, places[own]]
+        there[:, ~own] = across[:, places[~own] - n]
+        back = np.empty((len(wanted), k))
+        back[:, own[:k]] = answer[:, places[:k][own[:k]]]
+        back[:, ~own[:k]] = across[:, places[:k][~own[:k]] - n]
+        square = answers_among(solved.whole, entered, found.flipped)
+        self._cross, self._answer, self._there = cross[:, free], answer[:, free], there[:, :k]
+        self._made = np.linalg.solve(square, back.T).T
+        self._slope = (slope + there @ action) / self._scale
+
+    def left(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
+        """Products among each group of columns with priors, and with the residual, of what is left of them."""
+        at, size = np.searchsorted(self._wanted, columns), columns.shape[1]
+        square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
+        square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
+        taken = self._cross[at] @ self._answer[at].transpose(0, 2, 1)
+        taken = taken - self._there[at] @ self._made[at].transpose(0, 2, 1)
+        scale = self._scale[at]
+        return square + taken / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
+
+
+def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:
+    """Loss of the core of each block by the fit that has not seen it, from that of the solved set."""
+    grams, n = solved.problem.grams, len(solved.columns)
+    x = x[solved.which]
+    step, entered = x[:, :n] - solved.at, x[:, n:]
+    lines = solved.core_lines(new)
+    square = grams.core_a.among(new)
+    out = solved.losses + 2.0 * np.einsum("bk,bk->b", solved.core_slope, step)
+    slope = (lines @ (x[:, :n])[:, :, None])[:, :, 0] - grams.core_b[:, new]
+    out += 2.0 * np.einsum("bm,bm->b", slope, entered) + np.einsum("bm,bmk,bk->b", entered, square, entered)
+    # Moves of other limbs hardly answer: most steps are rounding.
+    size = np.abs(step).max(axis=0) ** 2 * solved.core_diagonal
+    used = np.flatnonzero(size > _NOTHING * max(float(size.max(initial=0.0)), 1.0))
+    _form(out, solved.core, used, np.ascontiguousarray(step[:, used]))
+    return out
+
+
+@fused
+def _form(out: Array, values: Array, used: Array, x: Array) -> None:
+    """Add ``x values[:, used, used] x`` of each block."""
+    for block in range(len(out)):
+        for i in range(len(used)):
+            line = values[block, used[i]]
+            inner = 0.5 * line[used[i]] * x[block, i]
+            for k in range(i):
+                inner += line[used[k]] * x[block, k]
+            out[block] += 2.0 * inner * x[block, i]

@@ -1,0 +1,143 @@
+"""In-sample gains of rivals beside a fit, many at once: their columns projected off those of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.engine.fits.problem import LinearProblem, Solution
+from identification.engine.numerics.bounded import bounded_solve, solve, solve_each
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+
+def gains_beside(
+    problem: LinearProblem, fitted: Solution, sets: Iterable[tuple[int, ...]]
+) -> dict[tuple[int, ...], float]:
+    """How much the columns of each set lower the loss in sample beside a fit, to second order; bounds are kept.
+
+    Args:
+        problem: What was fitted.
+        fitted: The fit.
+        sets: Columns of one rival each.
+    """
+    inside = frozenset(fitted.active.tolist())
+    new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
+    wanted = np.array(sorted({k for own in new.values() for k in own}), dtype=int)
+    cross, made, gradient = taken_out(problem, fitted, wanted)
+    a = problem.total_a
+    gains = dict.fromkeys(new, 0.0)
+    for size in {len(own) for own in new.values()} - {0}:
+        # Sets of one size at a time: of all products only those within a set are wanted.
+        same = [columns for columns, own in new.items() if len(own) == size]
+        own = np.array([new[columns] for columns in same])
+        at = np.searchsorted(wanted, own)
+        left = a[own[:, :, None], own[:, None, :]] - cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
+        left[:, np.arange(size), np.arange(size)] += problem.precision[own]
+        found = gains_within(left, gradient[at], problem.lower[own], problem.upper[own])
+        gains.update(zip(same, found.tolist(), strict=True))
+    return gains
+
+
+def taken_out(
+    problem: LinearProblem, fitted: Solution, columns: Int[Array, " m"]
+) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
+    """Project columns off the free columns of a fit.
+
+    Args:
+        problem: What was fitted.
+        fitted: The fit.
+        columns: Which.
+
+    Returns:
+        Products of the fit's free columns with these, coefficients of the projection, and products of the projected
+        columns with the residual.
+    """
+    active, theta = fitted.active, fitted.theta
+    x = theta[active]
+    free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
+    a = problem.total_a
+    cross = a[np.ix_(free, columns)]
+    made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
+    gradient = problem.total_b - a[:, active] @ x
+    return cross, made, gradient[columns] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
+
+
+def gains_within(
+    a: Float[Array, "T k k"], b: Float[Array, "T k"], lower: Float[Array, "T k"], upper: Float[Array, "T k"]
+) -> Float[Array, " T"]:
+    """Depths of the minima of ``x a x - 2 b x`` within bounds."""
+    x = solve_each(a, b[:, :, None])[:, :, 0]
+    outside = np.any((x < lower) | (x > upper), axis=1)
+    if a.shape[1] == 1:
+        x = np.clip(x, lower, upper)
+    else:
+        for k in np.flatnonzero(outside):
+            x[k] = bounded_solve(a[k], b[k], lower[k], upper[k])
+    return 2 * np.einsum("tk,tk->t", b, x) - np.einsum("tk,tkl,tl->t", x, a, x)
+
+
+@dataclass(frozen=True)
+class FoldProjection:
+    """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the moves fitted beside them.
+
+    Attributes:
+        problem: What is fitted.
+        lines: Training products of the nuisances with all columns, ``(n, K)``.
+        core: Products of the held-out cores among nuisances, and between them and all columns.
+        made: Nuisances that a unit of each column moves, ``(n, K)``.
+    """
+
+    problem: LinearProblem
+    lines: Float[Array, "n K"]
+    core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
+    made: Float[Array, "n K"]
+
+    @property
+    def inner(self) -> Float[Array, "n n"]:
+        """Training products of the nuisances with priors."""
+        moves = self.problem.moves
+        return self.lines[:, moves] + np.diag(self.problem.precision[moves])
+
+    def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Training products among each group of columns with the nuisances taken out, priors included.
+
+        Args:
+            columns: Of each group.
+            square: Training products among them as they are.
+        """
+        made, cross = _each(self.made, columns), _each(self.lines, columns)
+        return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
+
+    def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
+        """Products of the held-out cores among each group of columns with the moved nuisances counted.
+
+        Args:
+            columns: Of each group.
+            square: Products of the held-out cores among them as they are.
+        """
+        inside, across = self.core
+        made = _each(self.made, columns)
+        turned = _each(across, columns).mT @ made
+        return square - turned - turned.mT + made.mT @ inside @ made
+
+
+def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
+    """The projection of each fold, and last that of the fit that holds nothing out."""
+    grams, moves = problem.grams, problem.moves
+    less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
+    nothing = np.zeros_like(less[0])
+    out = []
+    for gone, core in zip((*less, nothing), (*cores, nothing), strict=True):
+        lines = problem.total_a[moves] - gone
+        made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
+        out.append(FoldProjection(problem, lines, (core[:, moves], core), made))
+    return tuple(out)
+
+
+def _each(rows: Float[Array, "n K"], columns: Int[Array, "g m"]) -> Float[Array, "g n m"]:
+    """The columns of each group."""
+    return rows[:, columns].transpose(1, 0, 2)

@@ -1,0 +1,196 @@
+"""A set of columns that is solved as a whole, and what fits of other sets near it are computed with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from identification.engine.fits.problem import LinearProblem
+from identification.engine.numerics.tableau import Entering, Tableau, tableau
+from phantom_dyn.array_types import Bool, Float, Int
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """What one column enters a tableau with, for several tableaus: see `Entering`."""
+
+    cross: Float[Array, "T n"]
+    answer: Float[Array, "T n"]
+    slope: Float[Array, " T"]
+    scale: Float[Array, " T"]
+
+
+@dataclass(frozen=True)
+class End:
+    """Where the fits of one set ended.
+
+    Attributes:
+        bits: Of a number, those of the columns of the set.
+        index: The columns that ``x`` is of, ``(v,)``.
+        x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
+        known: Which of all columns ``x`` is of, ``(K,)``.
+        held: Those of them that are at a bound in the fit to all blocks, ``(K,)``.
+    """
+
+    bits: int
+    index: Int[Array, " v"]
+    x: Float[Array, "G v"]
+    known: Bool[Array, " K"]
+    held: Bool[Array, " K"]
+
+
+@dataclass(frozen=True)
+class SolvedSet:
+    """One set of columns, solved on all blocks and once without each fold.
+
+    Attributes:
+        problem: What is fitted.
+        columns: Of the set, ``(n,)``.
+        whole: Its fit.
+    """
+
+    problem: LinearProblem
+    columns: Int[Array, " n"]
+    whole: Tableau
+    _entering: dict[int, _Pieces] = field(default_factory=dict)
+    _fold_entering: dict[int, _Pieces] = field(default_factory=dict)
+    _core_lines: dict[int, Float[Array, "B n"]] = field(default_factory=dict)
+
+    @cached_property
+    def inside(self) -> Bool[Array, " K"]:
+        """Which of all columns are in the set."""
+        return marked(self.columns, len(self.problem.precision))
+
+    @cached_property
+    def folds(self) -> tuple[Tableau, ...]:
+        """The fits that have not seen one fold each."""
+        problem, columns = self.problem, self.columns
+        a, b, lower, upper = quadratic(problem, columns)
+        near = self.whole.x * self.whole.scale
+        less_a, less_b = problem.grams.fold_a.among(columns), problem.grams.by_fold(problem.grams.b[:, columns])
+        return tuple(tableau(a - x, b - y, lower, upper, near) for x, y in zip(less_a, less_b, strict=True))
+
+    @cached_property
+    def core(self) -> Float[Array, "B n n"]:
+        """Products over the core of each block."""
+        return self.problem.grams.core_a.among(self.columns)
+
+    @cached_property
+    def which(self) -> Int[Array, " B"]:
+        """The fit that each block is judged by: its fold's, or the last, which is that of all blocks."""
+        fold = self.problem.grams.fold
+        return np.where(fold < 0, len(self.folds), fold)
+
+    @cached_property
+    def at(self) -> Float[Array, "B n"]:
+        """Coefficients that each block is judged by."""
+        return np.stack([one.x * one.scale for one in (*self.folds, self.whole)])[self.which]
+
+    @cached_property
+    def core_slope(self) -> Float[Array, "B n"]:
+        """Half the slope of each block's loss there."""
+        return (self.core @ self.at[:, :, None])[:, :, 0] - self.problem.grams.core_b[:, self.columns]
+
+    @cached_property
+    def core_diagonal(self) -> Float[Array, " n"]:
+        """Products of each column with itself over all cores."""
+        return np.einsum("bkk->k", self.core)
+
+    @cached_property
+    def losses(self) -> Float[Array, " B"]:
+        """Loss of each block there."""
+        grams = self.problem.grams
+        return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
+
+    @cached_property
+    def held(self) -> Bool[Array, " K"]:
+        """Which of all columns are in the set and at a bound."""
+        return marked(self.columns[self.whole.held], len(self.problem.precision))
+
+    def apart(self, wanted: Bool[Array, " K"], end: End | None) -> int:
+        """Number of columns that only one of two sets has, or that are at a bound in only one of them.
+
+        Args:
+            wanted: The columns of the set.
+            end: Where the fit of a similar set ended; None: where this one did.
+        """
+        other = self.inside != wanted
+        if end is not None:
+            other = other | (self.inside & wanted & end.known & (self.held != end.held))
+        return int(np.count_nonzero(other))
+
+    def changes(self, active: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " l"], Int[Array, " v"]]:
+        """Columns of a set that enter, places of those that leave, and all columns with those that enter last."""
+        new = active[~self.inside[active]]
+        gone = np.flatnonzero(~marked(active, len(self.inside))[self.columns])
+        return new, gone, np.concatenate([self.columns, new])
+
+    def entering(self, columns: Int[Array, " m"]) -> Entering:
+        """Columns that are not in the set, as they enter its fit."""
+        problem = self.problem
+        square = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
+        return self.whole.joined(*self.pieces(columns), square)
+
+    def pieces(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
+        """The same without the products among them: see `Tableau.pieces`."""
+        known = self._entering
+        new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
+        if len(new):
+            problem = self.problem
+            diagonal = np.diag(problem.total_a)[new] + problem.precision[new]
+            parts = self.whole.pieces(problem.total_a[np.ix_(new, self.columns)], diagonal, problem.total_b[new])
+            known.update((column, _Pieces(*(part[k][None] for part in parts))) for k, column in enumerate(new.tolist()))
+        return _together(self.whole, [known[k] for k in columns.tolist()], 0)
+
+    def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
+        """The same for the fit without each fold."""
+        problem, known = self.problem, self._fold_entering
+        new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
+        whole = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
+        squares = whole - problem.grams.fold_a.among(columns)
+        if len(new):
+            cross = problem.total_a[np.ix_(new, self.columns)] - problem.grams.fold_a.between(new, self.columns)
+            b = problem.total_b[new] - problem.grams.by_fold(problem.grams.b[:, new])
+            diagonal = np.diag(problem.total_a)[new] + problem.precision[new] - problem.grams.fold_a.diagonal(new)
+            parts = [one.pieces(cross[fold], diagonal[fold], b[fold]) for fold, one in enumerate(self.folds)]
+            for k, column in enumerate(new.tolist()):
+                known[column] = _Pieces(*(np.array([part[i][k] for part in parts]) for i in range(4)))
+        pieces = [known[k] for k in columns.tolist()]
+        return [one.joined(*_together(one, pieces, k), squares[k]) for k, one in enumerate(self.folds)]
+
+    def core_lines(self, columns: Int[Array, " m"]) -> Float[Array, "B m n"]:
+        """Products of further columns with those of the set over the core of each block."""
+        new = np.array([k for k in columns.tolist() if k not in self._core_lines], dtype=int)
+        if len(new):
+            lines = self.problem.grams.core_a.between(new, self.columns)
+            self._core_lines.update((column, lines[:, k]) for k, column in enumerate(new.tolist()))
+        shape = len(self.problem.grams.fold), 0, len(self.columns)
+        return np.stack([self._core_lines[k] for k in columns.tolist()], axis=1) if len(columns) else np.zeros(shape)
+
+
+def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
+    """Which of all columns are among some."""
+    out = np.zeros(count, dtype=bool)
+    out[columns] = True
+    return out
+
+
+def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array, Array, Array, Array]:
+    """Products of some columns with priors, those with the residual, and bounds."""
+    a = problem.total_a[np.ix_(columns, columns)]
+    a.flat[:: len(a) + 1] += problem.precision[columns]
+    return a, problem.total_b[columns], problem.lower[columns], problem.upper[columns]
+
+
+def _together(one: Tableau, pieces: list[_Pieces], which: int) -> tuple[Array, Array, Array, Array]:
+    """What several columns enter one of several tableaus with."""
+    n = len(one.x)
+    cross, answer = (
+        np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "answer")
+    )
+    slope, scale = (np.array([getattr(piece, name)[which] for piece in pieces]) for name in ("slope", "scale"))
+    return cross, answer, slope, scale

@@ -1,0 +1,26 @@
+"""Spans of columns: an orthonormal basis, and what of other columns is outside of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.array_types import Float
+
+Array = np.ndarray
+
+
+def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:
+    """Basis of the span of columns, each weighed by its own size."""
+    norms = np.linalg.norm(matrix, axis=0)
+    kept = matrix[:, norms > 0] / norms[norms > 0]
+    if not kept.size:
+        return np.zeros((len(matrix), 0))
+    u, s, _ = np.linalg.svd(kept, full_matrices=False)
+    return u[:, s > tolerance * s[0]]
+
+
+def without(matrix: Array, basis: Float[Array, "m r"]) -> Array:
+    """What of columns is not in a span; twice, so that rounding leaves no part along it."""
+    for _ in range(2):
+        matrix = matrix - basis @ (basis.T @ matrix)
+    return matrix

@@ -1,0 +1,150 @@
+"""What is kept of a problem that is solved within bounds: its principal pivot transform.
+
+It states what every unknown answers to a force on one that is free, or to a shift of one that is held. Minima of
+problems that differ from it by some unknowns follow from it: see `tableau_changes`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from identification.engine.numerics.bounded import bounded_solve
+from phantom_dyn.array_types import Bool, Float
+
+Array = np.ndarray
+
+# What keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the digits that a solution does.
+TWINS = 1e-11
+# Steps that take the rounding of an inverse out of what is kept of a solved problem.
+_REFINED = 3
+# A multiplier is of the wrong sign from this share of the largest product with the residual on.
+_ROUNDING = 1e-12
+
+
+class Entering(NamedTuple):
+    """Unknowns that a solved problem does not contain, in its scale.
+
+    Attributes:
+        cross: Products of these with the solved problem's unknowns, ``(m, n)``.
+        answer: What the solved problem's unknowns answer to a shift of each, ``(m, n)``.
+        square: Products among these, ``(m, m)``.
+        among: What the slopes of these answer to a shift of each, ``(m, m)``.
+        slope: Of the loss by each, at zero, ``(m,)``.
+        scale: Unit of each, ``(m,)``.
+    """
+
+    cross: Float[Array, "m n"]
+    answer: Float[Array, "m n"]
+    square: Float[Array, "m m"]
+    among: Float[Array, "m m"]
+    slope: Float[Array, " m"]
+    scale: Float[Array, " m"]
+
+
+class Tableau(NamedTuple):
+    """A solved problem ``x a x / 2 - b x`` within bounds, in units in which ``a`` has a diagonal of ones.
+
+    Attributes:
+        a: Quadratic part, ``(n, n)``.
+        b: Linear part, ``(n,)``.
+        scale: Unit of each unknown, ``(n,)``.
+        held: Unknowns at a bound, ``(n,)``.
+        x: Minimum, ``(n,)``.
+        state: Unknowns that are free, slopes of those that are held, ``(n,)``.
+        answer: What the state answers to a force on an unknown that is free or a shift of one that is held, one line
+            an action, ``(n, n)``.
+        rounding: Size below which a slope is nothing.
+    """
+
+    a: Float[Array, "n n"]
+    b: Float[Array, " n"]
+    scale: Float[Array, " n"]
+    held: Bool[Array, " n"]
+    x: Float[Array, " n"]
+    state: Float[Array, " n"]
+    answer: Float[Array, "n n"]
+    rounding: float
+
+    def pieces(
+        self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
+    ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
+        """What further unknowns enter with: cross products, answer, slope and scale of `Entering`.
+
+        Args:
+            cross: Products of these with the solved problem's unknowns.
+            diagonal: Products of each with itself, prior included.
+            b: Their linear part.
+        """
+        unit = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+        cross = cross * self.scale * unit[:, None]
+        answer = -np.where(self.held, 0.0, cross) @ self.answer
+        answer[:, self.held] += cross[:, self.held]
+        return cross, answer, cross @ self.x - b * unit, unit
+
+    def joined(
+        self,
+        cross: Float[Array, "m n"],
+        answer: Float[Array, "m n"],
+        slope: Float[Array, " m"],
+        scale: Float[Array, " m"],
+        square: Float[Array, "m m"],
+    ) -> Entering:
+        """Further unknowns together, from their pieces and the products among them, priors included."""
+        square = square * scale[:, None] * scale
+        square.flat[:: len(square) + 1] += TWINS
+        free = ~self.held
+        return Entering(cross, answer, square, square + cross[:, free] @ answer[:, free].T, slope, scale)
+
+
+def tableau(
+    a: Float[Array, "n n"],
+    b: Float[Array, " n"],
+    lower: Float[Array, " n"],
+    upper: Float[Array, " n"],
+    near: Float[Array, " n"],
+) -> Tableau:
+    """Solve a problem and keep what changes of it are solved with.
+
+    Args:
+        a: Quadratic part, positive definite.
+        b: Linear part.
+        lower: Lower bounds.
+        upper: Upper bounds.
+        near: Minimum of a similar problem; NaN where there is none.
+    """
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
+    x = bounded_solve(a, b, lower, upper, near) / unit
+    held = (x <= lower / unit) | (x >= upper / unit)
+    scaled, right = a * unit[:, None] * unit, b * unit
+    scaled.flat[:: len(scaled) + 1] += TWINS
+    free, fixed = np.flatnonzero(~held), np.flatnonzero(held)
+    inverse = _inverse(scaled[np.ix_(free, free)])
+    across = scaled[np.ix_(free, fixed)]
+    answer = np.empty_like(scaled)
+    made = inverse @ across
+    answer[np.ix_(free, free)] = inverse
+    answer[np.ix_(fixed, free)] = -made.T
+    answer[np.ix_(free, fixed)] = made
+    answer[np.ix_(fixed, fixed)] = scaled[np.ix_(fixed, fixed)] - across.T @ made
+    # An inverse alone is not accurate where much cancels.
+    for _ in range(_REFINED):
+        x[free] += inverse @ (right[free] - scaled[free] @ x)
+    state = np.where(held, scaled @ x - right, x)
+    return Tableau(scaled, right, unit, held, x, state, answer, _ROUNDING * float(np.abs(right).max(initial=0.0)))
+
+
+def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
+    """Inverse of a positive definite matrix, by its Cholesky factor: half the work of a general one."""
+    from scipy.linalg import get_lapack_funcs
+
+    if not len(a):  # LAPACK complains of that on the terminal
+        return a
+    potrf, potri = get_lapack_funcs(("potrf", "potri"))
+    factor, failed = potrf(a, lower=1)
+    if failed:
+        inverse = np.linalg.inv(a)
+        return 0.5 * (inverse + inverse.T)
+    below = np.tril(potri(factor, lower=1)[0])
+    return below + np.tril(below, -1).T

@@ -1,0 +1,1 @@
+"""Products of columns and residual by block, which all fits work on."""

@@ -1,0 +1,221 @@
+"""Gram matrices of columns and residual by block and by fold, which every fit works on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from identification.engine.numerics.two_threads import in_two_threads
+from identification.engine.products.blocks import Block
+from identification.engine.products.row_products import RowProducts
+from identification.engine.products.triangles import places_in, square, triangle
+from phantom_dyn.array_types import Bool, Float, Int
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``.
+
+    Attributes:
+        floor: Noise floor, in the unit of the row, ``(nv,)``.
+        spread: How many samples of coloured noise tell as much as one of white noise, ``(nv,)``.
+    """
+
+    floor: Float[Array, " nv"]
+    spread: Float[Array, " nv"]
+
+    @property
+    def per_sample(self) -> Float[Array, " nv"]:
+        """Weight of a squared residual on each row."""
+        return 1.0 / (self.floor**2 * self.spread)
+
+
+@dataclass(frozen=True)
+class RowGrams:
+    """Weighted products of one row's columns and residual.
+
+    Attributes:
+        index: Which of all columns, ``(k,)``.
+        a: Columns times columns over the whole blocks of each fold, then of those that no fit may see, as triangles
+            (see `products.triangles`), ``(F + 1, k (k + 1) / 2)``: block by block they would take several times the
+            memory.
+        b: Columns times residual over whole blocks, ``(B, k)``.
+        c: Residual times residual, ``(B,)``.
+        core_a, core_b, core_c: The same over the core of each block, ``(B, k (k + 1) / 2)``, ``(B, k)`` and ``(B,)``.
+        count: Effective number of samples in each core, ``(B,)``.
+    """
+
+    index: Int[Array, " k"]
+    a: Float[Array, "G n"]
+    b: Float[Array, "B k"]
+    c: Float[Array, " B"]
+    core_a: Float[Array, "B n"]
+    core_b: Float[Array, "B k"]
+    core_c: Float[Array, " B"]
+    count: Float[Array, " B"]
+
+    @cached_property
+    def core_total(self) -> tuple[Float[Array, "k k"], Float[Array, " k"], float]:
+        """Products of all cores together, written out."""
+        return square(self.core_a.sum(axis=0)), self.core_b.sum(axis=0), float(self.core_c.sum())
+
+
+@dataclass(frozen=True)
+class Grams:
+    """Products of all columns and the residual, rows summed with their weights.
+
+    Attributes:
+        rows: The rows that were summed.
+        fold_a: Columns times columns over the whole blocks of each fold, as if ``(F, K, K)``.
+        unseen_a: The same over the blocks that no fit may see, as if ``(1, K, K)``.
+        b: Columns times residual over whole blocks, ``(B, K)``.
+        c: Residual times residual, ``(B,)``.
+        core_a, core_b, core_c: The same over the core of each block, on which fits of other blocks are judged.
+        fold: Which blocks are held out together, ``(B,)``; -1 for blocks that no fit may see.
+        count: Effective number of samples in each core, ``(B,)``.
+    """
+
+    rows: tuple[RowGrams, ...]
+    fold_a: RowProducts
+    unseen_a: RowProducts
+    b: Float[Array, "B K"]
+    c: Float[Array, " B"]
+    core_a: RowProducts
+    core_b: Float[Array, "B K"]
+    core_c: Float[Array, " B"]
+    fold: Int[Array, " B"]
+    count: Float[Array, " B"]
+
+    @cached_property
+    def total_a(self) -> Float[Array, "K K"]:
+        """Columns times columns over all blocks that train, written out."""
+        return self.fold_a.sum(axis=0)
+
+    @cached_property
+    def everything(self) -> Float[Array, "K K"]:
+        """Columns times columns over all blocks, written out."""
+        return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.sum(axis=0)
+
+    @cached_property
+    def fold_core_a(self) -> RowProducts:
+        """The same over the cores of the blocks."""
+        return self.core_a.grouped(self.fold)
+
+    def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
+        """What is known of each block, summed over the blocks of each fold."""
+        return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
+
+
+class Columns(Protocol):
+    """Columns of some series, row by row."""
+
+    @property
+    def rows(self) -> Sequence[Sequence[int]]:
+        """For each row, the indices of the columns that touch it."""
+        ...
+
+    @property
+    def values(self) -> Sequence[Sequence[Float[Array, "n k"]]]:
+        """For each series and row, samples of those columns, ``(n, len(rows[row]))``."""
+        ...
+
+    @property
+    def residual(self) -> Sequence[Float[Array, "n rows"]]:
+        """For each series, what is to be explained."""
+        ...
+
+    @property
+    def usable(self) -> Sequence[Bool[Array, "n rows"]]:
+        """For each series, samples that may be used on each row."""
+        ...
+
+
+def row_grams(
+    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
+) -> RowGrams:
+    """Products of one row.
+
+    Args:
+        columns: All columns.
+        blocks: Of the same logs.
+        folds: Which blocks are held out together; -1 for blocks that no fit may see.
+        weights: Noise per row.
+        row: Which.
+    """
+    size, groups = len(columns.rows[row]) + 1, int(folds.max(initial=-1)) + 1
+    whole, product = np.zeros((groups + 1, size, size)), np.empty((size, size))
+    lower = places_in(size, size - 1)
+    core_a, core = np.empty((len(blocks), len(lower))), np.empty((len(blocks), size))
+    edges: list[list[Array]] = [[] for _ in range(groups + 1)]
+    b, c, count = np.empty((len(blocks), size - 1)), np.empty(len(blocks)), np.empty(len(blocks))
+    for k, block in enumerate(blocks):
+        part = slice(block.start, block.stop)
+        use = columns.usable[block.log][part, row]
+        # One product of the columns with the residual beside them gives all three.
+        x, residual = columns.values[block.log][row][part], columns.residual[block.log][part, row]
+        joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
+        # The core is the block less its first few samples.
+        first = int(np.searchsorted(np.flatnonzero(use), block.core - block.start))
+        np.matmul(joined[first:].T, joined[first:], out=product)
+        core_a[k], core[k] = triangle(product, lower), product[:, -1]
+        edge = joined[:first]
+        last = core[k] + edge.T @ edge[:, -1]
+        b[k], c[k] = last[:-1], last[-1]
+        # Fold -1 comes last.
+        whole[folds[k]] += product
+        edges[folds[k]].append(edge)
+        count[k] = (len(joined) - first) / weights.spread[row]
+    for products, parts in zip(whole, edges, strict=True):
+        if parts:
+            guard = np.concatenate(parts)
+            products += guard.T @ guard
+    weight = weights.per_sample[row]
+    core_a *= weight
+    core *= weight
+    whole *= weight
+    return RowGrams(
+        index=np.array(columns.rows[row]),
+        a=triangle(whole, lower),
+        b=weight * b,
+        c=weight * c,
+        core_a=core_a,
+        core_b=core[:, :-1],
+        core_c=core[:, -1],
+        count=count,
+    )
+
+
+def all_row_grams(
+    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights
+) -> tuple[RowGrams, ...]:
+    """Products of every row."""
+    return tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))
+
+
+def summed(total: int, rows: tuple[RowGrams, ...], folds: Int[Array, " B"], always: Int[Array, " m"]) -> Grams:
+    """Products of all rows, summed.
+
+    Args:
+        total: Number of all columns.
+        rows: Products of every row.
+        folds: Which blocks are held out together.
+        always: Columns of every fit, in order.
+    """
+    count, index = len(folds), tuple(row.index for row in rows)
+    fold_a = RowProducts(index, tuple(row.a[:-1] for row in rows), total, always)
+    unseen_a = RowProducts(index, tuple(row.a[-1:] for row in rows), total, always)
+    core_a = RowProducts(index, tuple(row.core_a for row in rows), total, always)
+    b, core_b = np.zeros((count, total)), np.zeros((count, total))
+    for row in rows:
+        b[:, row.index] += row.b
+        core_b[:, row.index] += row.core_b
+    c, core_c, samples = (sum(getattr(row, name) for row in rows) for name in ("c", "core_c", "count"))
+    return Grams(
+        rows, fold_a, unseen_a, b, np.asarray(c), core_a, core_b, np.asarray(core_c), folds, np.asarray(samples)
+    )

@@ -1,0 +1,1 @@
+"""Searches for the few columns, or groups of them, that explain a residual."""

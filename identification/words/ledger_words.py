@@ -1,0 +1,226 @@
+"""Why an effect was named, or was not, in sentences: from the ledger of a diagnosis."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from identification.diagnosis.result import Diagnosis, EffectAt
+from identification.engine.claims import Claim, GateResult
+from identification.words.diagnosis_words import capital, effect_at, joined
+from identification.words.numbers_and_names import number, percent, with_unit
+from phantom_dyn.errors import UsageError
+
+_NEAREST = 5
+_CLEAR = 0.01  # noise floors: what closes less more closes as much
+
+# Of each gate, why what fails it is not named; `value` and `needed` are its figures.
+REASONS: dict[str, str] = {
+    "possible size": "its fit ends on a size that nothing has",
+    "more than chance": "beside what is named it gains {value} on data that its fit has not seen, where chance alone "
+    "may give {needed}",
+    "fair part of the gap": "it gains {value} where a fair part of the gap, encoder noise and its own numbers ask for "
+    "{needed}",
+    "in enough blocks": "its gain sits in few stretches of the recording: {value} where {needed} is needed",
+    "explains more than others": "the set with it scores {margin} on data that no fit has seen",
+    "worth its numbers": "it explains only {value} more than a simpler law, where the method is right to {needed}",
+    "torque is there": "no joint's measured torque is above its noise: the largest is {value} floors",
+    "gap is there": "the given model leaves no more than noise on any joint",
+    "shown by motion": "it goes with the motion as noise that moves a joint does, and where the motion is far above "
+    "the noise it gains {value} where {needed} is needed",
+    "visible": "without it no joint's squared residual grows by {needed} in the judged band",
+    "shown above noise": "noise may make it: without it no joint is left with more than its noise ({value} where "
+    "{needed} is needed)",
+    "differs from simpler": "its size differs from nothing, or from a simpler law, with a probability of {value} only, "
+    "where {needed} is needed",
+    "more than a missing part": "what it explains is the absence of a part that the model carries, but for {value} of "
+    "its squared torque",
+    "plausible size": "its size is {outside} outside of what a sound robot has, and that of a rival is not",
+    "likelier than rivals": "its probability is {value}, and that of a rival {needed}",
+    "coarser than stated": "the readings lie on a lattice of {value} stated steps, where {needed} are needed",
+    "rounding matters": "the rounding makes {value} of a joint's squared noise, where {needed} is needed",
+    "large enough": "it is too small to matter: {value} where {needed} is needed",
+    "beyond the gain": "positions do not separate it from the gain of the controller, which may be wrong by {needed}",
+}
+
+_SHARES = {"of the squared noise", "of the squared residual", "of the squared torque", "of the gap", "probability"}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Why an effect was named or not: its name and joint, a sentence, and a line for each gate that it met."""
+
+    name: str
+    sentence: str
+    gates: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "\n".join([self.sentence, *(f"  {line}" for line in self.gates)])
+
+
+def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[Answer, ...]:
+    """Why an effect is named in a diagnosis or not, one answer a joint; of all joints where none is given.
+
+    Args:
+        diagnosis: With its ledger.
+        effect: Its name in the catalogue.
+        joint: Where.
+
+    Raises:
+        UsageError: If the diagnosis knows no such effect or no such joint, or holds no ledger.
+    """
+    effect = effect.strip().replace(" ", "_").replace("-", "_").lower()
+    known = _known(diagnosis)
+    if not diagnosis.ledger and not any(place[0] == effect for place in known):
+        raise UsageError(_no_ledger(diagnosis))
+    if effect not in {name for name, _ in known}:
+        nearest = difflib.get_close_matches(effect, sorted({name for name, _ in known}), n=1)
+        hint = f"; did you mean {nearest[0]}?" if nearest else "."
+        raise UsageError(
+            f"{effect!r} was asked for, which is no effect that this diagnosis looked at{hint} Wanted one of "
+            f"{', '.join(sorted({name for name, _ in known}))}."
+        )
+    places = [place for place in known if place[0] == effect and (joint is None or joint == place[1])]
+    if not places:
+        where = [place[1] for place in known if place[0] == effect]
+        joints = ", ".join(name or "the whole robot (leave --joint out)" for name in where)
+        raise UsageError(f"{effect} was asked for on {joint!r}, wanted one of: {joints}.")
+    return tuple(answer for place in places for answer in _answers(diagnosis, *place))
+
+
+def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
+    """Why the five effects are not named that came nearest: that would close most of the gap, or were claimed once."""
+    others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
+    others.sort(key=lambda claim: -_closes(claim))
+    return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
+
+
+def _no_ledger(diagnosis: Diagnosis) -> str:
+    if diagnosis.at_rest or diagnosis.poses_alone:
+        return (
+            "this diagnosis was made of recordings at rest or of poses, of which no ledger is kept: its findings state "
+            "their rivals."
+        )
+    return "this diagnosis holds no ledger, as it was made by an earlier version: diagnose the recording again."
+
+
+def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
+    """Effects and joints that a diagnosis says anything of, in the order of the ledger first."""
+    places = [(at.effect, at.joint) for claim in diagnosis.ledger for at in claim.effects]
+    places += [(one.effect, one.joint) for one in (*diagnosis.bounds, *diagnosis.not_testable)]
+    return tuple(dict.fromkeys(places))
+
+
+def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answer, ...]:
+    """Of one effect on one joint; several where it was claimed of single recordings."""
+    claims = [
+        claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
+    ]
+    return tuple(_of_claim(diagnosis, claim) for claim in claims) or (_without_claim(diagnosis, effect, joint),)
+
+
+def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answer:
+    name = effect_at(EffectAt(effect, joint))
+    for entry in diagnosis.not_testable:
+        if (entry.effect, entry.joint) == (effect, joint):
+            return Answer(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
+    bounds = [one for one in diagnosis.bounds if (one.effect, one.joint) == (effect, joint)]
+    sizes = joined(
+        [f"{one.parameter.replace('_', ' ')} {with_unit(number(one.below), one.unit)}" for one in bounds], " or "
+    )
+    return Answer(
+        name,
+        f"{capital(name)} was tried and never claimed, and is not among the ten that came nearest. The recording would "
+        f"have shown it from {sizes} on.",
+    )
+
+
+def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> Answer:
+    name = joined([effect_at(at) for at in claim.effects])
+    lines = tuple(gate_line(result) for result in claim.gates)
+    return Answer(name, _sentence(diagnosis, claim, name), lines)
+
+
+def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
+    failed, closes = claim.failed, _closes(claim)
+    would = f"{capital(name)} would close {percent(min(closes, 1.0))} of the gap" if closes > 0.0 else ""
+    if claim.outcome == "claimed":
+        alone = f", and would close {percent(min(closes, 1.0))} of the gap alone" if closes > 0.0 else ""
+        return f"{capital(name)} is named: it passed all {len(claim.gates)} gates that it met{alone}."
+    if claim.outcome == "minor":
+        return f"{capital(name)} is seen, and listed as minor: {_reason(failed)}."
+    start = f"{would}; it is not named because" if would else f"{capital(name)} is not named because"
+    if claim.outcome == "displaced" and claim.instead:
+        return f"{start} {_instead(claim, _as_rival(diagnosis, claim))}."
+    return f"{start} {_reason(failed)}."
+
+
+def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
+    """Probability of a claim as a rival of what is named in its place; zero where it is none."""
+    findings = [one for one in diagnosis.findings if EffectAt(one.effect, one.joint, one.recording) in claim.instead]
+    own = [rival.probability for one in findings for rival in one.rivals if set(rival.effects) == set(claim.effects)]
+    return max(own, default=0.0)
+
+
+def _instead(claim: Claim[EffectAt], probability: float) -> str:
+    others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
+    several = len(claim.instead) > 1 or "parameters" in others
+    more = claim.figures.get("floors_more", math.nan)
+    if not math.isfinite(more):  # what took its place is itself not named in the end
+        return f"{others} took its place in the search: {_reason(failed)}"
+    if more >= _CLEAR:
+        better = f"{others} {'close' if several else 'closes'} {number(more, 2)} noise floors more"
+    else:
+        better = f"{others} {'explain' if several else 'explains'} as much"
+    if probability > 0.0:
+        apart = f"and these two cannot be separated by this motion ({percent(probability)} for the one not named)"
+        return f"{better}, {apart}"
+    if failed is not None and failed.gate == "more than chance":
+        return f"{better}, and beside {'these' if several else 'it'} {_gain_words(failed)}"
+    return f"{better}: {_reason(failed)}"
+
+
+def _gain_words(failed: GateResult) -> str:
+    """What is left to gain beside what is named; nothing is said of a loss but that it is none."""
+    gained = "nothing is gained" if failed.value <= 0.0 else f"only {number(failed.value)} is gained"
+    return f"{gained}, where chance alone may give {number(failed.needed)}"
+
+
+def _reason(failed: GateResult | None) -> str:
+    if failed is None:
+        return "another set of effects was chosen"
+    template = REASONS.get(failed.gate, f"it failed the gate '{failed.gate}' with {{value}} where {{needed}} is needed")
+    sign = "worse" if failed.value < 0.0 else "no better than without it"
+    margin = f"{number(abs(failed.value))} {sign}" if failed.value < 0.0 else sign
+    return template.format(
+        value=_figure(failed.value, failed.unit),
+        needed=_figure(failed.needed, failed.unit),
+        margin=margin,
+        outside=with_unit(number(abs(failed.value)), failed.unit),
+    )
+
+
+def _figure(value: float, unit: str) -> str:
+    """A figure of a gate: shares as percentages, gains without a unit, as they have none that a reader knows."""
+    if unit in _SHARES:
+        return percent(value)
+    return number(value)
+
+
+def gate_line(result: GateResult) -> str:
+    """One gate in a line: ``passed  more than chance: 521, needed 20 (gain)``."""
+    value, needed = (_figure(figure, result.unit) for figure in (result.value, result.needed))
+    unit = f" ({result.unit})" if result.unit and result.unit != "probability" else ""
+    return f"{'passed' if result.passed else 'failed'}  {result.gate}: {value}, needed {needed}{unit}"
+
+
+def _closes(claim: Claim[EffectAt]) -> float:
+    closes = claim.figures.get("closes", math.nan)
+    return closes if math.isfinite(closes) else -math.inf
+
+
+def listed(answers: Iterable[Answer]) -> str:
+    """Several answers one below the other."""
+    return "\n\n".join(map(str, answers))

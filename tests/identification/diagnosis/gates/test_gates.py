@@ -1,0 +1,137 @@
+"""Each gate passes what exceeds its threshold, and states its figure. Oracle: by hand, at the threshold's two sides."""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.gates import GATES, ORDER, gate_name
+from identification.diagnosis.gates.above_chance import more_than_chance
+from identification.diagnosis.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.diagnosis.gates.controller_gain import beyond_the_gain
+from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
+from identification.diagnosis.gates.in_band import gap_is_there, torque_is_there, visible
+from identification.diagnosis.gates.least_size import large_enough
+from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
+from identification.diagnosis.gates.over_blocks import in_enough_blocks
+from identification.diagnosis.gates.possible import possible_size
+from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
+from identification.diagnosis.gates.special_case import differs_from_simpler, more_than_a_missing_part
+from identification.engine.claims import GateResult
+from identification.words.ledger_words import REASONS
+
+SIDES = [
+    (possible_size(1), possible_size(0)),
+    (more_than_chance(20.0, 20.0), more_than_chance(20.1, 20.0)),
+    (fair_part_of_the_gap(30.0, 30.0), fair_part_of_the_gap(30.1, 30.0)),
+    (explains_more_than_others(0.0), explains_more_than_others(0.1)),
+    (explains_more_than_others(-2.0, -1.0), explains_more_than_others(-0.5, -1.0)),
+    (worth_its_numbers(0.9, 1.0), worth_its_numbers(1.0, 1.0)),
+    (torque_is_there(1.0), torque_is_there(1.1)),
+    (gap_is_there(0.03), gap_is_there(0.031)),
+    (visible(0.029), visible(0.03)),
+    (differs_from_simpler(0.949), differs_from_simpler(0.95)),
+    (more_than_a_missing_part(0.9), more_than_a_missing_part(0.89)),
+    (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.0, "", rival_is=True)),
+    (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.1, "kg", rival_is=False)),
+    (likelier_than_rivals(0.3, 0.5, leads=False), likelier_than_rivals(0.5, 0.3, leads=True)),
+    (coarser_than_stated(1.49), coarser_than_stated(1.5)),
+    (rounding_matters(0.05), rounding_matters(0.051)),
+    # Less than a hundredth of the gap, and half a floor or more.
+    (large_enough(0.009, 0.49), large_enough(0.009, 0.51)),
+    (large_enough(0.009, 0.49), large_enough(0.011, 0.49)),
+    # Twice a tolerance of a tenth, of gains that are stated.
+    (beyond_the_gain(-0.19, stated=True), beyond_the_gain(-0.21, stated=True)),
+    (beyond_the_gain(9.0, stated=False), beyond_the_gain(9.0, stated=True)),
+]
+
+
+@pytest.mark.parametrize(("failed", "passed"), SIDES, ids=lambda one: one.gate)
+def test_a_gate_passes_what_exceeds_its_threshold(failed: GateResult, passed: GateResult):
+    assert failed.gate == passed.gate
+    assert (failed.passed, passed.passed) == (False, True)
+
+
+@pytest.mark.parametrize("gate", GATES, ids=gate_name)
+def test_every_gate_asks_a_question_and_has_words_for_what_fails_it(gate):
+    question = (inspect.getdoc(gate) or "").split("\n\n")[0]
+    assert question.endswith("?")
+    assert gate_name(gate) in REASONS
+
+
+def test_results_bear_the_names_of_the_gates_in_their_order():
+    assert {failed.gate for failed, _ in SIDES} <= ORDER.keys()
+    assert list(ORDER.values()) == list(range(len(GATES)))
+    assert REASONS.keys() == ORDER.keys()
+
+
+def blocks(*gains: float, energy: tuple[float, ...] = (), named: bool = True, needed: float = 10.0) -> GateResult:
+    series = np.array(gains)
+    total = float(series.sum())
+    acting = np.array(energy) if energy else np.ones(len(series))
+    return in_enough_blocks(series, total, total, needed, lambda: acting, named=named)
+
+
+def test_a_gain_holds_that_is_significant_from_block_to_block():
+    # By hand: 2 to 4 in each of ten blocks: 30, against twice a standard error of 3.16.
+    found = blocks(*(2.0, 4.0) * 5)
+    assert found.passed
+    assert (found.value, found.needed) == (30.0, pytest.approx(2.0 * np.sqrt(10.0)))
+
+
+def test_a_gain_holds_that_is_enough_without_its_two_best_blocks():
+    # By hand: not significant beside blocks that lose; 12 are left of 10 needed, and 9 are too few.
+    assert blocks(40.0, 40.0, 30.0, -18.0, 0.0, 0.0).passed
+    assert not blocks(40.0, 40.0, 27.0, -18.0, 0.0, 0.0).passed
+
+
+def test_of_a_structure_without_a_name_one_block_may_be_the_best():
+    gains = (40.0, 27.0, -18.0, 0.0, 0.0, 0.0)
+    assert [blocks(*gains, named=named, needed=8.5).passed for named in (True, False)] == [False, True]
+
+
+def test_what_acts_in_few_blocks_has_to_gain_in_each_of_them():
+    # By hand: it acts in two of six blocks, a third; of half of them it would be no rare event.
+    rare = (1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
+    assert blocks(40.0, 1.0, -1.0, -1.0, -1.0, -1.0, energy=rare).passed
+    assert not blocks(40.0, -1.0, 1.0, -1.0, -1.0, -1.0, energy=rare).passed
+    assert not blocks(40.0, 1.0, -1.0, -1.0, -1.0, -1.0, energy=(1.0, 0.5, 0.2, 0.0, 0.0, 0.0)).passed
+
+
+def test_a_very_large_gain_may_sit_in_one_block():
+    assert blocks(101.0, 0.0, 0.0, 0.0, 0.0, 0.0).passed
+    assert not blocks(99.0, 0.0, 0.0, 0.0, 0.0, 0.0).passed
+
+
+NOT_CLAIMED = more_than_chance(1.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("held_out", "in_sample", "scatter", "price", "passed"),
+    [
+        # Twice the scatter of 4, and a price of 5.
+        (8.1, 9.0, 4.0, 5.0, True),
+        (7.9, 9.0, 4.0, 5.0, False),
+        (8.1, 4.9, 4.0, 5.0, False),
+    ],
+)
+def test_where_the_motion_is_loud_a_gain_has_to_exceed_its_price_and_its_scatter(
+    held_out, in_sample, scatter, price, passed
+):
+    assert shown_by_motion(NOT_CLAIMED, held_out, in_sample, scatter, price).passed is passed
+
+
+def test_what_is_claimed_where_the_motion_is_loud_is_shown_whatever_its_scatter():
+    found = shown_by_motion(more_than_chance(30.0, 20.0), 1.0, 1.0, 100.0, 5.0)
+    assert (found.passed, found.value, found.needed) == (True, 30.0, 20.0)
+
+
+def test_one_joint_has_to_be_above_its_noise_and_to_grow():
+    # By hand: the first joint grows within its noise, the second is above it and does not grow.
+    apart = shown_above_noise(np.array([1.0, 0.02]), np.array([0.8, 5.0]), np.array([1.0, 1.0]))
+    assert not apart.passed
+    assert (apart.value, apart.needed, apart.unit) == (0.8, 1.0, "floors")
+    assert shown_above_noise(np.array([1.0, 0.04]), np.array([0.8, 5.0]), np.array([1.0, 1.0])).passed
