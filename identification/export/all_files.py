@@ -229,7 +229,7 @@ def proved(
             del kept[name]
             refused.append(f"{name} was not written: {record.refused}.")
         else:
-            kept[name] = with_header(texts[name], record, proof.diagnosis)
+            kept[name] = with_header(texts[name], record, proof.diagnosis, late=proof.timing)
     for name, other in _GOES_WITH.items():
         if name in kept and other not in kept:
             del kept[name]
@@ -399,7 +399,7 @@ def _others(
         RANDOMISATION: lambda: randomisation_text(
             randomisation_of(diagnosis, corrected.base),
             known,
-            moves=diagnosis.adjusted if corrected.base is not corrected.given else (),
+            moves=diagnosis.adjusted,
             with_mjcf=MJCF in models,
         ),
         FEEDFORWARD: code,

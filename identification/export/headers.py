@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from identification.diagnosis.result import Diagnosis, WrittenFile
 from identification.words.numbers_and_names import number
 
-_OF_DRIVES = "feedforward.py"
+_OF_DRIVES, _WITH = "feedforward.py", "corrected.yaml"
+_LATE = 0.05  # of a sample: less is hardly seen in the figures
 
 
-def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis) -> str:
+def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, *, late: float = 0.0) -> str:
     """The text of a file with what it leaves of each joint in its header; as it is where nothing was run.
 
     Args:
         text: Of the file.
         record: What it leaves.
         diagnosis: Gives units and the measured torque.
+        late: Part of a sample by which the recorded torque is late.
     """
     if not record.rms_left:
         return text
     lines = _table(record, diagnosis)
+    if abs(late) > _LATE:
+        lines.append(f"The recorded torque is {late:.2f} samples late, which is part of these figures and of no file.")
+    if record.file == _WITH:
+        lines.append("The changes under adjusted are part of it: --with leaves them to the next diagnosis.")
     kind = Path(record.file).suffix
     if kind == ".yaml":
         return "".join(f"# {line}\n" for line in lines) + text
@@ -40,10 +47,18 @@ def with_comment(text: str, lines: Sequence[str]) -> str:
         text: Of the file.
         lines: Of the comment.
     """
-    # A comment may not hold two dashes.
-    comment = "\n    ".join(line.replace("--", "- -") for line in lines)
-    start = text.index(">", text.index("<mujoco" if "<mujoco" in text else "<robot")) + 1
+    # A comment may not hold two dashes, nor end with one.
+    comment = "\n    ".join(re.sub("-(?=-)", "- ", line) for line in lines)
+    start = text.index(">", root_of(text)) + 1
     return f"{text[:start]}\n  <!-- {comment}\n  -->{text[start:]}"
+
+
+def root_of(text: str) -> int:
+    """Where the root element of a URDF or MJCF begins, whatever comments before it say."""
+    found = re.search(
+        r"<(?:robot|mujoco)\b", re.sub(r"<!--.*?-->", lambda part: " " * len(part[0]), text, flags=re.DOTALL)
+    )
+    return 0 if found is None else found.start()
 
 
 def _table(record: WrittenFile, diagnosis: Diagnosis) -> list[str]:

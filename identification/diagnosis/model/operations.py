@@ -65,7 +65,8 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     """The same operation with the torque of known effects.
 
     Each is made of what it acts on, as in the fit that found it: friction under load of what the transmission passes, a
-    late drive of what it is asked for, and a torque constant of all that.
+    late drive of what it is asked for, and a torque constant of all that. A mass acts where the links truly are, and in
+    the gravity that they truly feel.
 
     Args:
         robot: The given model.
@@ -73,13 +74,25 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
+    there, motion = robot, Motion(operation.t, operation.q, operation.v, operation.a)
+    for effect, one in effects:
+        there, motion = effect.true_motion(there, motion, one.joint, np.array(one.theta))
     tau, found_load = operation.tau, np.zeros_like(operation.tau)
+    displacing = [pair for pair in effects if pair[0].displaces]
+    if len(displacing) > 1:
+        # Together they are another torque than the sum of what each does by itself.
+        tau = tau + inverse_dynamics(there, motion) - inverse_dynamics(robot, operation)
+        effects = [pair for pair in effects if not pair[0].displaces]
     for stage in range(4):
         here = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
         for effect, one in effects:
             if _stage_of(effect) == stage:
                 # The drive has to give what the model needs less what the effect gives.
-                torque = effect.torque(robot, here, one.joint, np.array(one.theta))
+                if effect.inertial is not None and displacing:
+                    truly = replace(here, robot=there, q=motion.q, v=motion.v, a=motion.a)
+                    torque = effect.torque(there, truly, one.joint, np.array(one.theta))
+                else:
+                    torque = effect.torque(robot, here, one.joint, np.array(one.theta))
                 tau = tau - torque
                 found_load = found_load - torque if effect.on_link else found_load
     return replace(operation, tau=tau, expected=tau, found_load=None)

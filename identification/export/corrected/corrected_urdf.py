@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
+from identification.export.headers import root_of
 from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -39,8 +40,8 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
     robot = _without_rotors(corrected)
     text = edited_urdf(robot, corrected.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    head, start, _ = text.partition("<robot")
-    root = ElementTree.fromstring(start + text[len(head) + len(start) :], parser)
+    head = text[: root_of(text)]
+    root = ElementTree.fromstring(text[len(head) :], parser)
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     for name, limit in corrected.limits.items():
         if limit != corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit:

@@ -28,6 +28,7 @@ from identification.export.proof.formats import OF_DRIVES, used_numbers
 from identification.export.uses.feedforward import over_samples
 from identification.export.uses.residual_model import loaded as loaded_residual
 from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
 from phantom_dyn.model.robot import Robot
@@ -167,15 +168,17 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
     return torque_of_model(replay, moved_by(robot, moves), (*known, *found))
 
 
-def torque_of_feedforward(replay: Replay, code: str) -> Asked:
+def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
     """What a ``feedforward.py`` asks for, of the motion that comes a drive's delay later.
 
-    What was asked of a drive beyond its limit had no effect, so it is added: the file is not to ask for it. Measured
-    external forces did what the drives need not, and no file knows of them.
+    What was asked of a drive beyond its limit had no effect, so it is added. What the file would ask for beyond a limit
+    counts in full: cut off on one side, the noise of the measured motion would be no noise any more. Loads that are
+    known in one recording, and measured external forces, are no part of the file.
 
     Args:
         replay: The recordings.
         code: Of the file.
+        robot: The given model.
     """
     law = over_samples(code)
     leads, limits = np.array(law["LEAD"]), np.array(law["LIMITS"])
@@ -185,12 +188,14 @@ def torque_of_feedforward(replay: Replay, code: str) -> Asked:
         out = np.empty_like(motion.v)
         for lead in np.unique(leads):
             ahead = [_later(motion.t, x, float(lead)) for x in (motion.q, motion.v, motion.a)]
-            torque = law["torque"](*([read_only(row) for row in x.T] for x in ahead))
+            torque = law["_needed"](*([read_only(row) for row in x.T] for x in ahead))
             for j in np.flatnonzero(leads == lead):
                 out[:, j] = torque[j]
         logged, external = replay.logs[log].tau, replay.logs[log].external
         out += logged - np.clip(logged, -limits, limits)
-        return out if external is None else out - external
+        out = out if external is None else out - external
+        loaded = replay.robot_in(robot, log)
+        return out if loaded is robot else out + inverse_dynamics(loaded, motion) - inverse_dynamics(robot, motion)
 
     return asked
 

@@ -34,7 +34,8 @@ LAWS = Format(None)
 URDF_FORMAT = Format(_URDF)
 MJCF_FORMAT = Format(_MJCF)
 ISAAC_FORMAT = Format(_URDF | _DRIVES)
-FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness"}, OWN_LAWS)
+FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness", "lag"}, OWN_LAWS)
+"""It follows a lag as if it were a delay, which is not all of it."""
 
 
 def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:

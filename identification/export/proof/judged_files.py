@@ -117,7 +117,7 @@ class Proof:
 
     def of_feedforward(self, code: str) -> WrittenFile:
         """The record of a ``feedforward.py``."""
-        asked = torque_of_feedforward(self.replay, code)
+        asked = torque_of_feedforward(self.replay, code, self.corrected.given)
         return self._record("feedforward.py", asked, FEEDFORWARD_FORMAT, self._given_as(FEEDFORWARD_FORMAT))
 
     def of_actuators(self, code: str) -> WrittenFile:
@@ -132,13 +132,21 @@ class Proof:
         return self._record("residual.py", asked, LAWS)
 
     def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Squares that a torque leaves as late as it was recorded, and their counts."""
+        """Squares that a torque leaves as late as it was recorded, and their counts.
+
+        By how much it is late belongs to the recording: files are judged by what is left besides.
+        """
 
         def recorded(log: int) -> Array:
             torque = asked(log)
             return torque + self.timing * np.gradient(torque, axis=0) if self.timing else torque
 
         return self.replay.squares(recorded)
+
+    def _as_recorded(self, asked: Asked, squares: Float[Array, "2 B nv"]) -> dict[str, float]:
+        """Residual of each joint on the recording as it is, by name."""
+        left = rms(self.replay.squares(asked) if self.timing else squares)
+        return dict(zip(self.corrected.given.joint_names, left.tolist(), strict=True))
 
     def _held(self, kind: Format) -> tuple[KnownEffect, ...]:
         return tuple(one for one in self.effects if holds(kind, self.corrected, one))
@@ -157,16 +165,15 @@ class Proof:
 
     def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
         squares = self._squares(asked)
-        before = self.given if given is None or not self.known else self._squares(given)
-        names = self.corrected.given.joint_names
+        given = torque_of_model(self.replay, self.corrected.given, self.known) if given is None else given
+        before = self._squares(given) if self.known else self.given
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
         # What adds noise to the readings alone takes nothing from a residual.
         lacks = any(one in lacking or effect_named(one.effect, self.corrected.given).only_noise for one in self.found)
-        left, had = rms(squares), rms(before)
         return WrittenFile(
             file,
-            dict(zip(names, left.tolist(), strict=True)),
-            dict(zip(names, had.tolist(), strict=True)),
+            self._as_recorded(asked, squares),
+            self._as_recorded(given, before),
             tuple(_named(one) for one in self.found if one not in lacking),
             tuple(_named(one) for one in lacking),
             self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),

@@ -71,7 +71,8 @@ It foresees {percent(model.rest_closed)} of the squares of what the corrected mo
 
 The torque acts on the joint JOINT, in UNIT: add it to the generalised forces of a simulation of the corrected model,
 and take it from a feedforward. Inputs by name: q position, v velocity, a acceleration, tl torque that the transmission
-passes on, tau drive torque, temp temperature, each of a joint, and t time. Beyond VALID the value at the end of the
+passes on and tau drive torque, both of the given model without what was found, temp temperature, each of a joint, and
+t time. Beyond VALID the value at the end of the
 range holds, and outside(x) names the inputs that are there:
 {ranges}
 """

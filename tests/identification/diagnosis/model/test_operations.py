@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from identification.data.signals import process_all
@@ -64,3 +65,28 @@ def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_w
     load = needed[:, 1] - planar.rotor_inertia[1] * log.motion.a[:, 1]
     needed[:, 1] = (needed[:, 1] + 0.2 * np.abs(load) * np.sign(log.motion.v[:, 1])) / 0.8
     np.testing.assert_allclose(operate(planar, log, known).tau, needed, atol=1e-9)
+
+
+TURNED = (0.05, -0.08, 0.0)  # rad, across the gravity of an arm that hangs along z
+
+
+@pytest.mark.parametrize(
+    "displacing",
+    [
+        (KnownEffect("encoder_offset", "elbow", (0.1,)),),
+        (KnownEffect("base_tilt", None, TURNED),),
+        (KnownEffect("encoder_offset", "elbow", (0.1,)), KnownEffect("base_tilt", None, TURNED)),
+        (KnownEffect("encoder_offset", "elbow", (0.1,)), KnownEffect("encoder_offset", "shoulder", (-0.2,))),
+    ],
+)
+def test_a_known_payload_is_where_the_links_truly_are(displacing, lab, planar, heavier):
+    # Oracle: Pinocchio with the loaded robot at its true positions, in the gravity that it truly feels.
+    (log,), _ = process_all((lab.recording(planar, lab.motion(2)),), planar)
+    offsets = {one.joint: one.theta[0] for one in displacing if one.effect == "encoder_offset"}
+    q = log.motion.q - [offsets.get(joint, 0.0) for joint in planar.joint_names]
+    model = heavier.model.copy()
+    if any(one.effect == "base_tilt" for one in displacing):
+        model.gravity = pin.Motion(pin.exp3(np.array(TURNED)) @ model.gravity.linear, np.zeros(3))
+    wanted = inverse_dynamics(replace(heavier, model=model), replace(log.motion, q=q))
+    known = (KnownEffect("payload", None, LOAD), *displacing)
+    np.testing.assert_allclose(operate(planar, log, known).tau, wanted, atol=1e-9)

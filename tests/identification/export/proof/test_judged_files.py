@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,7 @@ from scipy import stats
 
 from identification.diagnosis.result import Value
 from identification.export.all_files import NAMES, export_texts
+from identification.export.headers import with_comment
 from identification.export.proof.judged_files import leaves_more, rms
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
@@ -162,3 +164,30 @@ def test_the_interval_is_students(rng):
 def test_a_rounding_is_no_difference(rng):
     squares, _ = blocks(rng)
     assert not leaves_more(np.array([squares[0] * (1 + 1e-9), squares[1]]), squares).any()
+
+
+def test_a_torque_that_is_late_by_part_of_a_sample_is_part_of_the_figures(robots, lab, trusted, tmp_path):
+    # Oracle: the gap that the terminal prints, which knows no shift either.
+    robot = trusted(load_robot(robots / "planar2.urdf"))
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.0)
+    recording = lab.recording(robot, motion, noise=0.001)
+    late = replace(recording, tau=recording.tau - 0.4 * np.gradient(recording.tau, axis=0))
+    diagnosis = diagnose(robot, (late,))
+    texts, found = export_texts(diagnosis, robot, folder=tmp_path)
+    assert found.numbers[0].timing == pytest.approx(-0.4, abs=0.05)
+    urdf = next(file for file in found.files if file.file == "corrected.urdf")
+    assert list(urdf.rms_given.values()) == pytest.approx([joint.rms_before for joint in diagnosis.joints], rel=1e-6)
+    assert "The recorded torque is -0.4" in texts["corrected.urdf"]
+
+
+def test_a_comment_before_the_root_and_dashes_in_names_make_no_broken_file():
+    text = '<?xml version="1.0"?>\n<!-- <robot name="old"> was here -->\n<robot name="new">\n</robot>\n'
+    root = ElementTree.fromstring(with_comment(text, ["arm---1 leaves --0.1"]))
+    assert root.get("name") == "new"
+
+
+def test_what_is_not_a_number_is_refused_by_the_law(exported):
+    names: dict = {"__name__": "feedforward"}
+    exec(exported[0]["feedforward.py"], names)
+    with pytest.raises(ValueError, match="slow the motion down"):
+        names["torque"]([0.3, 0.2], [1e160, 0.0], [0.0, 0.0])
