@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from identification.export.corrected.corrected_yaml import write_corrected
 from identification.export.corrected.found_effects import (
     effect_of,
     lasting_findings,
-    possible_within_tolerance,
+    same_torque_bodies,
     within_tolerance,
 )
 from identification.export.corrected.moved_joints import (
@@ -304,64 +305,65 @@ def _models(
 ) -> tuple[_Models, tuple[str, ...]]:
     """The corrected model and its files, and a sentence on the moves within tolerance.
 
-    The findings are added to the given model with these moves; where no body can be so, to possible bodies of the same
-    torque; where that gives fewer files that may be handed out, to the given model without moves.
+    The findings are added to the given model with these moves; where no body can be so, possible bodies that need the
+    same torques along the recording take their place, or else the nearest possible ones. Where none of these gives all
+    files that may be handed out, the same is tried without the moves.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
     """
     motion = _recorded_motion(diagnosis)
 
-    def models_on(base: Robot, *, nearest: bool = False) -> _Models:
+    def models_on(base: Robot, *, possible: bool) -> _Models:
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
         told: tuple[str, ...] = ()
-        if nearest:
-            possible, told = with_nearest_bodies(corrected.robot, robot)
-            corrected = replace(corrected, robot=possible)
+        if possible:
+            bodies, told = _possible(corrected.robot, robot, motion)
+            corrected = replace(corrected, robot=bodies)
         try:
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (f"{URDF} and {MJCF} were not written: {error}",))
-        return _Models(
-            corrected, files, told, len(proved({f.name: f.text for f in files if f.text}, proof_of(corrected))[0])
-        )
+        kept, _, _ = proved({file.name: file.text for file in files if file.text}, proof_of(corrected))
+        return _Models(corrected, files, told, len(kept))
 
     best: _Models | None = None
-    for base_of in (within_tolerance, possible_within_tolerance):
+    failure: PhantomDynError | None = None
+    for base_of, possible in product((within_tolerance, lambda given, _: given), (False, True)):
         try:
-            base = base_of(robot, diagnosis)
-            found = models_on(base)
-        except PhantomDynError:
+            found = models_on(base_of(robot, diagnosis), possible=possible)
+        except PhantomDynError as error:
+            failure = error
             continue
-        if base is robot:
-            return (found if found.count == _COMPLETE else _better(found, lambda: models_on(robot, nearest=True))), ()
-        if found.count > (0 if best is None else best.count):
-            best = found
-        if found.count == _COMPLETE:
+        best = found if best is None or found.count > best.count else best
+        if best.count == _COMPLETE:
             break
+    if best is None:
+        assert failure is not None
+        raise failure
+    if not diagnosis.adjusted:
+        return best, ()
     count = len(diagnosis.adjusted)
     moved = (
         f"The {count} quantities that moved within tolerance are"
         if count > 1
         else ("The quantity that moved within tolerance is")
     )
-    if best is not None and best.count == _COMPLETE:
+    if best.corrected.base is not robot:
         return best, (f"{moved} in the corrected files.",)
-    plain = models_on(robot)
-    if plain.count < _COMPLETE:
-        plain = _better(plain, lambda: models_on(robot, nearest=True))
-    if best is not None and best.count >= plain.count:
-        return best, (f"{moved} in the corrected files.",)
-    return plain, (f"{moved} not in the corrected files: no body can be so.",)
+    return best, (f"{moved} not in the corrected files: no body can be so.",)
 
 
-def _better(one: _Models, make: Callable[[], _Models]) -> _Models:
-    """Models with more files where there are any, else those that are there."""
+def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[str, ...]]:
+    """The robot with bodies that can be, and what is to be said of them."""
+    nearest, told = with_nearest_bodies(robot, given)
+    if nearest is robot:
+        return robot, ()
     try:
-        other = make()
-    except PhantomDynError:
-        return one
-    return other if other.count > one.count else one
+        same = same_torque_bodies(robot, given, motion)
+    except EstimationError:
+        return nearest, told
+    return same, ("No body can have all inertias that were found: the files have bodies of the same torques.",)
 
 
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:

@@ -21,6 +21,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.errors import EstimationError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -120,28 +121,27 @@ def moved_by(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
     return moved_robot(robot, values) if values.any() else robot
 
 
-def possible_within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:
-    """`within_tolerance` with bodies that can be, nearest to the given ones, of the same torque along the recording.
+def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
+    """The robot with bodies that can be, nearest to the given ones, that need the same torque along a motion.
 
     Args:
-        robot: The given model.
-        diagnosis: Of this model; its evidence holds the motion.
+        robot: With bodies of which some may be impossible.
+        given: The given model, whose bodies are possible or nearly so.
+        motion: Along which torques are to be the same; of a long one some samples count.
 
     Raises:
+        EstimationError: If there are no such bodies.
         RobotError: If a link would weigh nothing or less.
-        EstimationError: If no such bodies can be.
     """
-    moved = within_tolerance(robot, diagnosis)
-    evidence = diagnosis.evidence
-    at = np.unique(np.linspace(0, len(evidence.t) - 1, min(_SAMPLES, len(evidence.t))).astype(int))
-    if moved is robot or not len(evidence.t):
-        return moved
-    motion = Motion(evidence.t[at], evidence.q[at], evidence.v[at], evidence.a[at])
-    wanted, given = standard_parameters(moved), standard_parameters(robot)
-    bodies = reference_bodies(given)
+    at = np.unique(np.linspace(0, len(motion.t) - 1, min(_SAMPLES, len(motion.t))).astype(int))
+    if not len(at):
+        raise EstimationError("No motion was recorded along which other bodies need the same torques.")
+    few = Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+    wanted, stated = standard_parameters(robot), standard_parameters(given)
+    bodies = reference_bodies(stated)
     scale = np.concatenate([body.scale for body in bodies])
-    _, sizes, rows = np.linalg.svd(rigid_body_regressor(robot, motion).reshape(-1, len(given)) * scale)
+    _, sizes, rows = np.linalg.svd(rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale)
     seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
     none = np.zeros(0)
     found = solve_program(Program(seen, seen @ wanted, bodies, (None,) * len(bodies), none, none, exact=True))
-    return with_parameters(moved, found.pi - wanted)
+    return with_parameters(robot, found.pi - wanted)
