@@ -12,7 +12,6 @@ import numpy as np
 import yaml
 
 from identification.data.log import Log
-from identification.diagnosis.law.rest import inputs_of
 from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.operations import motion_of, operate, with_known
 from identification.diagnosis.model.terms import KnownEffect
@@ -266,6 +265,8 @@ def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) ->
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
     """Torque of a law that is called step by step."""
+    from identification.diagnosis.law.rest import inputs_of  # with all laws of a rest, which few runs need
+
     others = [k for k in range(robot.nv) if k != row]
     inputs = inputs_of(robot, log, operation, row, others)
     every = max(math.ceil(len(inputs["t"]) / _STEPS), 1)

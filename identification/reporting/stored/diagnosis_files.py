@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identification.diagnosis.model.structure import STRUCTURES
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import (
     Adjusted,
@@ -140,12 +141,16 @@ def _effect_at(at: EffectAt) -> Json:
     return {"effect": at.effect, "joint": at.joint} | ({} if at.recording is None else {"recording": at.recording})
 
 
+_NAMELESS = frozenset(structure.name for structure in STRUCTURES)
+
+
 def _claim(claim: Claim[EffectAt]) -> Json:
     return {
         "effects": [_effect_at(at) for at in claim.effects],
         "gates": [_plain(asdict(result)) for result in claim.gates],
         "outcome": claim.outcome,
-        "instead": [_effect_at(at) for at in claim.instead],
+        # What has no name in the catalogue is no effect for a reader.
+        "instead": [_effect_at(at) for at in claim.instead if at.effect not in _NAMELESS],
         "figures": _plain(claim.figures),
     }
 

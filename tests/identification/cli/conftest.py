@@ -137,6 +137,22 @@ class NotTestable(Strict):
     why: str
 
 
+class Gate(Strict):
+    gate: str
+    value: float | None
+    needed: float | None
+    unit: str
+    passed: bool
+
+
+class Entry(Strict):
+    effects: list[EffectAt]
+    gates: list[Gate]
+    outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
+    instead: list[EffectAt]
+    figures: dict[str, float | None]
+
+
 class File(Strict):
     file: str
     rms_left: dict[str, Positive]
@@ -163,6 +179,7 @@ class Document(Strict):
     data_warnings: list[str]
     next_experiment: dict[str, Any] | None
     rollout: dict[str, Any] | None
+    ledger: list[Entry]
     files: list[File]
     seconds: Positive
     version: str

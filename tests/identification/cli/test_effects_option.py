@@ -77,7 +77,7 @@ def test_with_reads_the_finding_back(covered, diagnosed, capsys):
 
 def test_compare_reads_a_diagnosis_that_names_it(diagnosed, capsys):
     assert main(["compare", str(diagnosed), str(diagnosed)]) == 0
-    assert "Bellows on joint elbow, coefficient" in capsys.readouterr().out
+    assert "Stiff bellows on joint elbow, coefficient" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["diagnose", "degrade", "view"])

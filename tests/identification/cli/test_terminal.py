@@ -20,7 +20,8 @@ from identification import file_sets
 from identification.cli.main import main
 from identification.cli.terminal.percentage import Stage
 from identification.cli.terminal.progress import Progress
-from identification.reporting.stored import diagnosis_files as outputs
+from identification.export.all_files import NAMES as MODELS
+from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from phantom_dyn._kernels.jit import compiles
 
 pytestmark = pytest.mark.whole
@@ -66,6 +67,9 @@ def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, b
     child.stdout.close()
     os.close(controller)
     return child.wait(), printed, shown
+
+
+OURS = (INDEX, REPORT, *MODELS)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +123,7 @@ def test_an_interrupt_at_any_stage_leaves_nothing(pendulum, log, monkeypatch, ca
 def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monkeypatch):
     out = log.parent / "out"
     out.mkdir()
-    for name in outputs.NAMES:
+    for name in OURS:
         (out / name).write_text("old")
 
     def interrupted_after_the_first(folder, texts):
@@ -129,7 +133,7 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
 
     monkeypatch.setattr(file_sets, "_write_all", interrupted_after_the_first)
     assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 130
-    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(outputs.NAMES, "old")
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(OURS, "old")
 
 
 def test_without_a_terminal_a_line_with_the_stage_is_written_in_equal_times():

@@ -5,14 +5,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
 from identification.diagnosis.result import Finding, Value
 from identification.export.all_files import export_texts, not_held
 from identification.export.corrected.nearest_bodies import nearest_possible, with_nearest_bodies
-from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_parameters, breaks_triangle, central_parameters, impossible_because
@@ -66,7 +64,7 @@ def test_a_link_without_weight_is_refused(planar):
         with_nearest_bodies(robot, planar)
 
 
-def test_a_finding_that_no_body_can_have_is_written_as_the_nearest_one(planar, made_up, tmp_path):
+def test_a_finding_that_no_body_can_have_is_written_as_a_possible_one(planar, made_up, tmp_path):
     size = {"elbow.Iyy": Value(3.0, 0.1, "kg m^2"), "elbow.m": Value(0.2, 0.01, "kg")}
     diagnosis = made_up(("shoulder", "elbow"), findings=1, samples=400)
     finding = replace(diagnosis.findings[0], effect="inertial_parameters", joint="elbow", parameters=size, loadings=())
@@ -74,6 +72,4 @@ def test_a_finding_that_no_body_can_have_is_written_as_the_nearest_one(planar, m
     texts, noted = export_texts(replace(diagnosis, findings=(finding,), adjusted=()), planar, folder=tmp_path)
     assert "corrected.xml" in texts
     assert "corrected.urdf" in texts
-    model = mujoco.MjModel.from_xml_string(texts["corrected.xml"])
-    assert model.body("lower").mass[0] == pytest.approx(standard_parameters(planar)[10] + 0.2, rel=0.05)
-    assert any("nearest possible" in sentence for sentence in not_held(noted.notes))
+    assert any("No body can have" in sentence for sentence in not_held(noted.notes))
