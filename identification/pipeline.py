@@ -35,6 +35,7 @@ from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn import __version__
 from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.robot import Robot
@@ -124,7 +125,7 @@ def diagnose(
     hold_out: tuple[Recording, ...] = (),
     known: tuple[KnownEffect, ...] = (),
     changes: tuple[Change, ...] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Diagnosis:
     """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
 
@@ -134,7 +135,7 @@ def diagnose(
         hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
         known: Effects that belong to the given model already.
         changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
@@ -144,31 +145,31 @@ def diagnose(
 
 
 @one_blas_thread()
-def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda _: None) -> Diagnosis:
+def diagnose_prepared(given: Prepared, progress: Progress = lambda _: None) -> Diagnosis:
     """As `diagnose`, of recordings that are prepared.
 
     Args:
         given: See `prepared`.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used.
     """
     robot, changes = given.robot, given.changes
     if not given.seen:
-        progress("fitting poses")
+        progress(Announcement(Stage.FITTING_POSES))
         return diagnosis_of_poses(robot, given.tracked, given.places)
-    progress("filtering")
+    progress(Announcement(Stage.FILTERING))
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explained(session, progress)
-    progress("comparing rivals")
+    progress(Announcement(Stage.RIVALS_COMPARED))
     judgement, shown = judged(explanation, progress)
-    progress("looking for a law of what is left")
+    progress(Announcement(Stage.LAW))
     if judgement.unexplained.structured:
         from identification.diagnosis.law.find_law import with_law  # a dozen modules, which few runs need
 
         judgement = with_law(judgement, shown)
-    progress("simulating")
+    progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
@@ -194,7 +195,7 @@ def diagnose_logs(
     held_out: int = 0,
     known: tuple[KnownEffect, ...] = (),
     motion_only: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> tuple[Robot, Diagnosis]:
     """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest.
 
@@ -204,7 +205,7 @@ def diagnose_logs(
         held_out: How many of them, from the last, no fit sees.
         known: Effects that belong to the given model already.
         motion_only: True if a torque that was recorded is not to be used.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Returns:
         The robot that was judged, with the gains of its controllers, and the diagnosis.
@@ -238,7 +239,7 @@ def diagnose_controlled(
     *,
     held_out: int = 0,
     known: tuple[KnownEffect, ...] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> tuple[Robot, Diagnosis]:
     """The robot with the gains of its controllers, and the diagnosis by the torque that these ask for.
 
@@ -249,7 +250,7 @@ def diagnose_controlled(
         recordings: With references, or with voltages that give a torque.
         held_out: How many of them, from the last, no fit sees.
         known: Effects that belong to the given model already.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used, or the motion tells no gain.
@@ -266,8 +267,8 @@ def diagnose_controlled(
     return higher if leads else driven, found
 
 
-def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Callable[[str], None]) -> Proposal:
-    progress("choosing what to record next")
+def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Progress) -> Proposal:
+    progress(Announcement(Stage.NEXT_EXPERIMENT))
     if not any(finding.rivals for finding in findings):
         return Proposal()
     from identification.next_experiment.advise import proposed  # with all that plans motions
