@@ -15,18 +15,18 @@ from identification.data.refusal import fault_warnings, require_right, wrong_wit
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation, explained
-from identification.diagnosis.judge.bursts import burst_warnings
+from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.recorded import replay_of
 from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
 from identification.diagnosis.model.session import Session, session_of
-from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
 from identification.next_experiment.proposal import Proposal
+from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
@@ -66,7 +66,7 @@ class Prepared:
     tracked: tuple[Recording, ...]
     places: KnownPlaces | None
     files: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Said, ...]
     started: float
 
 
@@ -180,7 +180,7 @@ def diagnose_prepared(given: Prepared, progress: Progress = lambda _: None) -> D
     else:
         judgement = with_user_words(judgement, robot)
         proposal = _proposed(explanation, judgement.findings, progress)
-    soft = (SOFT,) if session.robot.soft_friction else ()
+    soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
     seconds = time.perf_counter() - given.started
     found = _result(session, given.files, judgement, rollout, proposal, seconds)
@@ -311,10 +311,10 @@ def _result(
         data_warnings=(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
-            *(warning for recording in session.recordings for warning in recording.warnings),
+            *(said for recording in session.recordings for said in recording.said),
             *rollout.warnings,
             *judgement.warnings,
-            *burst_warnings(judgement.bursts, judgement.joints),
+            *burst_notes(judgement.bursts, judgement.joints),
         ),
         next_experiment=proposal.experiment,
         rollout=rollout.json,

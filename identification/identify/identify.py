@@ -30,6 +30,7 @@ from identification.identify.missed_joints import missed_sentences, shared_effec
 from identification.regression.regressor import Regressor, torque_regressor
 from identification.regression.triangular import one_blas_thread
 from identification.stages import Announcement, Progress, Stage
+from identification.words.note_words import sentence
 from phantom_dyn import __version__
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
@@ -124,7 +125,7 @@ def identify(
                     *fault_warnings(every),
                     *missed_sentences(errors, shared),
                     *robot.warnings,
-                    *(warning for recording in every for warning in recording.warnings),
+                    *(sentence(said) for recording in every for said in recording.said),
                     *_lacking_excitation(fit, excited.rank, lacking),
                     *caution(split),
                     *(warning for warning in fit.warnings if not warning.startswith("Not separable")),

@@ -25,6 +25,7 @@ from identification.viewing.replayed_motion import replayed_motion
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
 from identification.words.diagnosis_words import effect_at, joints_words
 from identification.words.effect_words import is_between_joints, words_of
+from identification.words.note_words import sentences
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
@@ -156,7 +157,7 @@ def replay_of(
         full=full,
         horizon_s=motion.horizon_s,
         corrections=_corrections(correction, robot),
-        notes=(*fault_warnings((recording,)), *recording.warnings, *motion.notes),
+        notes=(*fault_warnings((recording,)), *sentences(recording.said), *motion.notes),
     )
 
 

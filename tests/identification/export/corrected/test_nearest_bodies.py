@@ -12,6 +12,7 @@ import pytest
 from identification.diagnosis.result import Finding, Value
 from identification.export.all_files import export_texts, not_held
 from identification.export.corrected.nearest_bodies import nearest_possible, with_nearest_bodies
+from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError
@@ -54,7 +55,7 @@ def test_what_no_body_can_have_becomes_possible_and_is_told(planar):
     assert impossible_because(mass, inertia) is None
     assert not breaks_triangle(inertia)
     assert len(told) == 1
-    assert told[0].startswith("No body can have the inertia that was found for lower")
+    assert sentence(told[0]).startswith("No body can have the inertia that was found for lower")
 
 
 def test_a_link_without_weight_is_refused(planar):
@@ -76,4 +77,4 @@ def test_a_finding_that_no_body_can_have_is_written_as_the_nearest_one(planar, m
     assert "corrected.urdf" in texts
     model = mujoco.MjModel.from_xml_string(texts["corrected.xml"])
     assert model.body("lower").mass[0] == pytest.approx(standard_parameters(planar)[10] + 0.2, rel=0.05)
-    assert any("nearest possible" in sentence for sentence in not_held(noted.notes))
+    assert any("nearest possible" in sentence for sentence in sentences(not_held(noted.notes)))
