@@ -133,15 +133,16 @@ def stages(robot: Robot, log: Path) -> dict[str, float]:
     """Seconds of each stage of one diagnosis in this process, under the words that the progress line shows."""
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose
+    from identification.stages import Stage
+    from identification.words.stage_words import NAMES
 
-    marks = [("reading", time.perf_counter())]
+    marks = [(Stage.READING, time.perf_counter())]
     recording = read_recording(log, robot)
-    diagnose(robot, (recording,), progress=lambda words: marks.append((words, time.perf_counter())))
-    marks.append(("", time.perf_counter()))
+    diagnose(robot, (recording,), progress=lambda now: marks.append((now.stage, time.perf_counter())))
+    marks.append((Stage.WRITING, time.perf_counter()))
     out: dict[str, float] = {}
-    for (words, start), (_, stop) in pairwise(marks):
-        stage = words.partition(",")[0]
-        out[stage] = out.get(stage, 0.0) + stop - start
+    for (stage, start), (_, stop) in pairwise(marks):
+        out[NAMES[stage]] = out.get(NAMES[stage], 0.0) + stop - start
     return out
 
 

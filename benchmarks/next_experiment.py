@@ -37,12 +37,12 @@ from identification.excitation.excite import PlannedRecording, excite
 from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.advise import length_of
 from identification.next_experiment.candidates import Candidate, candidates, design_of, safe_limits
+from identification.notes import Code, Note
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
-# How a note begins that says which rivals no safe motion separates.
-LEFT_OPEN = "No safe motion"
 # Draws of motions before a robot counts as one that no motion of these kinds suits.
 _TRIES = 20
 # Steps per second of a random motion, where no proposal gives them.
@@ -172,10 +172,10 @@ def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = N
     logs, _ = process_all((case.first,), case.robot)
     experiment, proposed = diagnosis.next_experiment, diagnosis.next_motion
     if experiment is None or proposed is None:
-        out |= {"proposed": None, "say": " ".join(diagnosis.notes[-1:])}
+        out |= {"proposed": None, "say": " ".join(sentences(diagnosis.notes[-1:]))}
     else:
         out |= {"expected": experiment["expected_power"], "say": experiment["say"], "sure": {}, "struck": {}}
-        out["left"] = any(note.startswith(LEFT_OPEN) for note in diagnosis.notes)
+        out["left"] = any(isinstance(note, Note) and note.code is Code.NOT_SEPARATED for note in diagnosis.notes)
         for name, motion in motions(case, logs, proposed, seed).items():
             mass = asked_mass(experiment["say"]) if name == "proposed" else None
             both = together(case, motion, 1, mass)

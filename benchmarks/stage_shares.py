@@ -26,7 +26,9 @@ if __name__ == "__main__":
 
 from benchmarks.diagnosis_cost import fresh_process
 from benchmarks.first_run import words_for
-from identification.cli.terminal.percentage import Percentage, Stage
+from identification.cli.terminal.percentage import Percentage, Share
+from identification.stages import Announcement, Stage
+from identification.words.stage_words import NAMES
 
 GRID = "x=0:0:1,y=-0.2:0.3:51,z=-0.2:0.2:41"
 
@@ -48,40 +50,40 @@ def watched(words: list[str]) -> None:
     from identification.cli.main import main as run
     from identification.cli.terminal import progress
 
-    marks: list[tuple[float, str, float]] = []
-    stages: tuple[Stage, ...] = ()
+    marks: list[tuple[float, Stage | None, float]] = []
+    stages: tuple[Share, ...] = ()
 
     class Watched(Percentage):
-        def __init__(self, given: tuple[Stage, ...]) -> None:
+        def __init__(self, given: tuple[Share, ...]) -> None:
             nonlocal stages
             stages = given
             super().__init__(given)
 
-        def enter(self, words: str) -> None:
-            marks.append((time.perf_counter(), words, self.now()))
-            super().enter(words)
+        def enter(self, announced: Announcement) -> None:
+            marks.append((time.perf_counter(), announced.stage, self.now()))
+            super().enter(announced)
 
         def end(self) -> None:
-            marks.append((time.perf_counter(), "", 100.0))
+            marks.append((time.perf_counter(), None, 100.0))
             super().end()
 
     progress.Percentage = Watched
     with redirect_stdout(sys.stderr):
         run(words)
     print(f"{words[0]}, {marks[-1][0] - marks[0][0]:.1f} s")
-    for stage, taken in shares(stages, marks).items():
-        print(f"  {taken:5.1f} %  counted as {stage.share:4.1f} %  {stage.words}")
+    for share, taken in shares(stages, marks).items():
+        print(f"  {taken:5.1f} %  counted as {share.percent:4.1f} %  {NAMES[share.stage]}")
     at, shown = np.array([mark[0] for mark in marks]), np.array([mark[2] for mark in marks])
     beside = np.abs(shown - 100.0 * (at - at[0]) / (at[-1] - at[0]))
     print(f"  shown beside passed: {np.sqrt(np.mean(beside**2)):.0f} points, at most {beside.max():.0f}")
 
 
-def shares(stages: tuple[Stage, ...], marks: list[tuple[float, str, float]]) -> dict[Stage, float]:
+def shares(stages: tuple[Share, ...], marks: list[tuple[float, Stage | None, float]]) -> dict[Share, float]:
     """Part of the time [%] that each stage took: an announcement of none or an earlier one is of the last."""
     out = dict.fromkeys(stages, 0.0)
     at, whole = 0, marks[-1][0] - marks[0][0]
-    for (begun, words, _), (ended, _, _) in pairwise(marks):
-        at = max(at, next((k for k, stage in enumerate(stages) if words.startswith(stage.words)), 0))
+    for (begun, announced, _), (ended, _, _) in pairwise(marks):
+        at = max(at, next((k for k, share in enumerate(stages) if share.stage is announced), 0))
         out[stages[at]] += 100.0 * (ended - begun) / whole
     return out
 

@@ -15,18 +15,18 @@ from identification.data.refusal import fault_warnings, require_right, wrong_wit
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation, explained
-from identification.diagnosis.judge.bursts import burst_warnings
+from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.recorded import replay_of
 from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
 from identification.diagnosis.model.session import Session, session_of
-from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
 from identification.next_experiment.proposal import Proposal
+from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
@@ -35,6 +35,7 @@ from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn import __version__
 from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.robot import Robot
@@ -65,7 +66,7 @@ class Prepared:
     tracked: tuple[Recording, ...]
     places: KnownPlaces | None
     files: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Said, ...]
     started: float
 
 
@@ -124,7 +125,7 @@ def diagnose(
     hold_out: tuple[Recording, ...] = (),
     known: tuple[KnownEffect, ...] = (),
     changes: tuple[Change, ...] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Diagnosis:
     """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
 
@@ -134,7 +135,7 @@ def diagnose(
         hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
         known: Effects that belong to the given model already.
         changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
@@ -144,31 +145,31 @@ def diagnose(
 
 
 @one_blas_thread()
-def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda _: None) -> Diagnosis:
+def diagnose_prepared(given: Prepared, progress: Progress = lambda _: None) -> Diagnosis:
     """As `diagnose`, of recordings that are prepared.
 
     Args:
         given: See `prepared`.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used.
     """
     robot, changes = given.robot, given.changes
     if not given.seen:
-        progress("fitting poses")
+        progress(Announcement(Stage.FITTING_POSES))
         return diagnosis_of_poses(robot, given.tracked, given.places)
-    progress("filtering")
+    progress(Announcement(Stage.FILTERING))
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explained(session, progress)
-    progress("comparing rivals")
+    progress(Announcement(Stage.RIVALS_COMPARED))
     judgement, shown = judged(explanation, progress)
-    progress("looking for a law of what is left")
+    progress(Announcement(Stage.LAW))
     if judgement.unexplained.structured:
         from identification.diagnosis.law.find_law import with_law  # a dozen modules, which few runs need
 
         judgement = with_law(judgement, shown)
-    progress("simulating")
+    progress(Announcement(Stage.SIMULATION))
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
@@ -179,7 +180,7 @@ def diagnose_prepared(given: Prepared, progress: Callable[[str], None] = lambda 
     else:
         judgement = with_user_words(judgement, robot)
         proposal = _proposed(explanation, judgement.findings, progress)
-    soft = (SOFT,) if session.robot.soft_friction else ()
+    soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
     seconds = time.perf_counter() - given.started
     found = _result(session, given.files, judgement, rollout, proposal, seconds)
@@ -194,7 +195,7 @@ def diagnose_logs(
     held_out: int = 0,
     known: tuple[KnownEffect, ...] = (),
     motion_only: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> tuple[Robot, Diagnosis]:
     """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest.
 
@@ -204,7 +205,7 @@ def diagnose_logs(
         held_out: How many of them, from the last, no fit sees.
         known: Effects that belong to the given model already.
         motion_only: True if a torque that was recorded is not to be used.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Returns:
         The robot that was judged, with the gains of its controllers, and the diagnosis.
@@ -238,7 +239,7 @@ def diagnose_controlled(
     *,
     held_out: int = 0,
     known: tuple[KnownEffect, ...] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> tuple[Robot, Diagnosis]:
     """The robot with the gains of its controllers, and the diagnosis by the torque that these ask for.
 
@@ -249,7 +250,7 @@ def diagnose_controlled(
         recordings: With references, or with voltages that give a torque.
         held_out: How many of them, from the last, no fit sees.
         known: Effects that belong to the given model already.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used, or the motion tells no gain.
@@ -266,8 +267,8 @@ def diagnose_controlled(
     return higher if leads else driven, found
 
 
-def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Callable[[str], None]) -> Proposal:
-    progress("choosing what to record next")
+def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Progress) -> Proposal:
+    progress(Announcement(Stage.NEXT_EXPERIMENT))
     if not any(finding.rivals for finding in findings):
         return Proposal()
     from identification.next_experiment.advise import proposed  # with all that plans motions
@@ -310,10 +311,10 @@ def _result(
         data_warnings=(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
-            *(warning for recording in session.recordings for warning in recording.warnings),
+            *(said for recording in session.recordings for said in recording.said),
             *rollout.warnings,
             *judgement.warnings,
-            *burst_warnings(judgement.bursts, judgement.joints),
+            *burst_notes(judgement.bursts, judgement.joints),
         ),
         next_experiment=proposal.experiment,
         rollout=rollout.json,

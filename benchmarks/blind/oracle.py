@@ -20,6 +20,7 @@ from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import write_outputs
+from identification.stages import Progress
 from phantom_dyn.model.loading import load_robot
 
 Place = tuple[str, str | None]
@@ -28,12 +29,12 @@ Place = tuple[str, str | None]
 def told(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
     """A search that returns the true effects; those that leave no trace in the recording are left out."""
 
-    def search_told(search: Search, progress: Callable[[str], None], *_: object) -> frozenset[Term]:
+    def search_told(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
         by_place: dict[Place, list[Term]] = {}
         for term in search.terms:
             if term.place in truth:
                 by_place.setdefault(term.place, []).append(term)
-        progress("fitting what is true")
+        del progress  # a set is chosen at once
         sets = [frozenset(chosen) for chosen in product(*by_place.values())]
         return min(sets, key=search.score)
 

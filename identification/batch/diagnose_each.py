@@ -10,7 +10,7 @@ import json
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose_logs
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
+from identification.stages import Announcement, Progress, Stage
 from identification.words.diagnosis_words import effect_at_finding
 from identification.words.geometry_words import all_findings, answer
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
@@ -191,7 +192,7 @@ def diagnose_each(
     reading: ReadOptions | None = None,
     out: str | Path | None = None,
     jobs: int | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> DiagnosedRecordings:
     """Diagnose every recording by itself; one that is refused does not stop the others.
 
@@ -207,7 +208,7 @@ def diagnose_each(
         out: Folder that gets a folder with the files of a diagnosis for each recording, named after its log. None:
             nothing is written.
         jobs: Recordings at once, see `phantom_dyn.large_work.worker_count`.
-        progress: Told in words what is done.
+        progress: Takes the stages.
 
     Returns:
         One row a recording. The same whatever does the work, but for the ``seconds`` in the documents.
@@ -235,11 +236,11 @@ def diagnose_each(
         (given, known, reading, path, folder, row) for path, folder, row in zip(paths, folders, rows, strict=True)
     ]
     done = 0
-    progress(f"diagnosed 0 of {len(rows)} recordings")
+    progress(Announcement(Stage.BATCH, 0, len(rows)))
     try:
         for place, row in spread(_diagnosed, pieces, jobs=jobs):
             rows[place], done = row, done + 1
-            progress(f"diagnosed {done} of {len(rows)}, last {Path(row.log).name}")
+            progress(Announcement(Stage.BATCH, done, len(rows), {"file": Path(row.log).name}))
     except WorkerLostError:
         pass  # what was not finished says so in its row
     return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))

@@ -25,6 +25,7 @@ from identification.cli.terminal.percentage import BATCH, DIAGNOSIS
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.cli.terminal.stage_times import StageTimes
+from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
@@ -133,15 +134,15 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
-    times = StageTimes(DIAGNOSIS) if arguments.profile else None
-    with Progress("reading", sys.stderr, stages=DIAGNOSIS, times=times) as progress:
+    times = StageTimes() if arguments.profile else None
+    with Progress(Stage.READING, sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
         if arguments.recordings is None:
             diagnosis = _diagnosis_of_logs(arguments, robot, known, excluded, progress)
         else:
             diagnosis = _diagnosis_of_changes(arguments, robot, known, excluded, progress)
-        progress.show("writing")
+        progress.show(Announcement(Stage.WRITING))
         not_held: list[str] = []
         written = write_outputs(
             diagnosis,
@@ -179,7 +180,7 @@ def _diagnosis_of_changes(
     changes = read_changes(arguments.recordings, paths, robot.joint_names)
 
     def read(path: str, change: Change) -> Recording:
-        progress.show(f"reading {Path(path).name}")
+        progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
         return read_changed(
             path,
             robot,
@@ -208,7 +209,7 @@ def _diagnosis_of_logs(
     from identification.pipeline import diagnose_logs
 
     def read(path: str, torque_needed: bool) -> Recording:
-        progress.show(f"reading {Path(path).name}")
+        progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
         return read_recording(
             path,
             robot,
@@ -262,7 +263,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
-    with Progress("loading", sys.stderr, stages=BATCH) as progress:
+    with Progress(Stage.LOADING, sys.stderr, stages=BATCH) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         result = diagnose_each(
             robot,

@@ -12,6 +12,7 @@ from identification.cli.terminal.percentage import EXCITATION
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_ending, require_writable
+from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
@@ -118,7 +119,7 @@ def _excite(arguments: argparse.Namespace) -> int:
     from identification.export.log_and_map_files import write_log
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("loading", sys.stderr, stages=EXCITATION) as progress:
+    with Progress(Stage.LOADING, sys.stderr, stages=EXCITATION) as progress:
         shapes, criterion = _shapes(arguments), _criterion(arguments.criterion)
         boxes = [_box(text) for text in arguments.box]
         robot = load_robot(arguments.robot, config=arguments.robot_config)
@@ -140,7 +141,7 @@ def _excite(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             progress=progress.show,
         )
-        progress.show("writing")
+        progress.show(Announcement(Stage.WRITING))
         write_log(arguments.out, result.columns(arguments.rate))
     for note in result.notes:
         say(f"note: {note}")

@@ -22,6 +22,7 @@ from identification.cli.arguments import (
 from identification.cli.terminal.percentage import IDENTIFICATION
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
+from identification.stages import Announcement, Stage
 
 if TYPE_CHECKING:
     from identification.data.recording import Recording
@@ -82,7 +83,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
     from identification.identify.identify import identify, usable_estimator
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("reading", sys.stderr, stages=IDENTIFICATION) as progress:
+    with Progress(Stage.READING, sys.stderr, stages=IDENTIFICATION) as progress:
         usable_estimator(arguments.estimator)
         friction = friction_terms([word.strip() for word in arguments.friction.split(",")])
         terms = JointTerms(friction, arguments.rotors)
@@ -90,7 +91,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
         robot = load_robot(arguments.robot, config=arguments.robot_config)
 
         def read(path: str) -> Recording:
-            progress.show(f"reading {Path(path).name}")
+            progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
             return read_recording(
                 Path(path),
                 robot,
@@ -111,7 +112,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
             config=arguments.robot_config,
             progress=progress.show,
         )
-        progress.show("writing")
+        progress.show(Announcement(Stage.WRITING))
         written = write_outputs(found, arguments.out)
     say(summary(found))
     for path in written:

@@ -12,6 +12,7 @@ from identification.cli.terminal.percentage import MAP
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_writable_folder
+from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError, known_names
 from phantom_dyn.libraries import missing_library
 from phantom_dyn.model.robot_files import find_robot
@@ -79,7 +80,7 @@ def _map(arguments: argparse.Namespace) -> int:
     from phantom_dyn.maps.operational_map import operational_map
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("loading", sys.stderr, stages=MAP) as progress:
+    with Progress(Stage.LOADING, sys.stderr, stages=MAP) as progress:
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         model = map_model(
             robot,
@@ -91,7 +92,7 @@ def _map(arguments: argparse.Namespace) -> int:
         names = [name.strip() for name in arguments.quantity.split(",") if name.strip()]
 
         def done(points: int) -> None:
-            progress.show(f"mapping {points} of {grid.size} points")
+            progress.show(Announcement(Stage.MAP, points, grid.size))
 
         result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
         written = write_map(result, arguments.out, progress=progress.show)

@@ -24,6 +24,7 @@ from identification.cli.terminal.percentage import VIEW
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_existing, require_not_swapped
+from identification.stages import Stage
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.model.robot_files import find_robot
@@ -117,7 +118,7 @@ def _require_numbers(arguments: argparse.Namespace) -> None:
 
 def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> Replay:
     """The replay that the arguments ask for."""
-    with Progress("loading", sys.stderr, stages=VIEW) as progress:
+    with Progress(Stage.LOADING, sys.stderr, stages=VIEW) as progress:
         from identification.data.reading import read_recording
         from identification.export.corrected.corrected_yaml import known_effects
         from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion

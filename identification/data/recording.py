@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identification.notes import Note, Said
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -122,6 +123,7 @@ class Recording:
             position as well.
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
+        notes: What later stages have to say of it.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
         gains_estimated: Joints whose controller nobody has stated, so that its gains were estimated from the motion.
@@ -149,6 +151,7 @@ class Recording:
     orientations: Mapping[str, Float[Array, "N 4"]] = field(default_factory=dict)
     excluded: tuple[tuple[float, float], ...] = ()
     warnings: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
     controlled: bool = False
     gains_estimated: tuple[str, ...] = ()
@@ -157,6 +160,11 @@ class Recording:
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False
     named: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def said(self) -> tuple[Said, ...]:
+        """Everything that there is to say of it, what was read first."""
+        return (*self.warnings, *self.notes)
 
     @property
     def poses_alone(self) -> bool:

@@ -36,7 +36,7 @@ def stretches(recording: Recording) -> tuple[Recording, ...]:
     moved = _movement(recording, windows)
     best = [few[np.argmax(moved[few])] for few in np.array_split(np.arange(len(windows)), _COUNT) if len(few)]
     parts = [part_of(recording, slice(*windows[k])) for k in best]
-    return (parts[0], *(replace(part, warnings=(), wrong=()) for part in parts[1:]))
+    return (parts[0], *(replace(part, warnings=(), notes=(), wrong=()) for part in parts[1:]))
 
 
 def busiest(recording: Recording) -> Recording:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +44,7 @@ from identification.diagnosis.search.rival_sets import settled
 from identification.diagnosis.search.row_gaps import RowGaps, row_gaps
 from identification.diagnosis.search.search import Search, Threshold, asked, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -79,7 +79,7 @@ class Explanation:
     encoders: Float[Array, " nv"] | None = None
 
 
-def explained(session: Session, progress: Callable[[str], None] = lambda _: None) -> Explanation:
+def explained(session: Session, progress: Progress = lambda _: None) -> Explanation:
     """The effects that explain the recordings of a session, by a stepwise search that is judged on held-out blocks.
 
     Laws that are not linear are linearised; after each search they are taken again about what was found, and the noise
@@ -87,12 +87,12 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
 
     Args:
         session: Robot, logs, blocks.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
     """
-    progress("computing regressors")
+    progress(Announcement(Stage.REGRESSORS))
     at = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
     columns = build_columns(session, at)
-    progress("estimating the noise")
+    progress(Announcement(Stage.NOISE))
     steps = coarsest_steps(session.logs)
     again = recordings_read_again(session, columns, steps)
     noise, inside = estimate_noise(session, columns)
@@ -171,10 +171,10 @@ def _with_thresholds(
     search: Search,
     noise: Series,
     spurious: dict[tuple[str, str | None], float],
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Search:
     """The same rivals with what chance, encoder noise and the accuracy of the method give."""
-    progress("measuring what chance gives")
+    progress(Announcement(Stage.CHANCE))
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
@@ -185,7 +185,7 @@ def _with_thresholds(
 def _searched(
     search: Search,
     noise: Series,
-    progress: Callable[[str], None],
+    progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
     """What explains the recordings, the search that it was found with, and the noise that this one was set up for.

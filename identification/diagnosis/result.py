@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from identification.engine.claims import Claim
+from identification.notes import Said
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
@@ -152,6 +153,19 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class Hidden:
+    """What could hide behind a move that ends at the limit of its tolerance.
+
+    Attributes:
+        kind: A payload, or a larger change of what moves.
+        size: The heaviest payload [kg], or the relative change that is surpassed [1].
+    """
+
+    kind: Literal["payload", "change"]
+    size: float
+
+
+@dataclass(frozen=True)
 class Adjusted:
     """A move of the model inside its tolerance.
 
@@ -160,14 +174,14 @@ class Adjusted:
         change: Relative change.
         tolerance: One sigma of what the model states; the change may reach twice that.
         at_limit: True if it ends at that limit.
-        hides: What could hide behind a move at its limit, in words; empty if it is inside.
+        hides: What could hide behind a move at its limit; None if it is inside.
     """
 
     quantity: str
     change: float
     tolerance: float
     at_limit: bool = False
-    hides: str = ""
+    hides: Hidden | None = None
 
 
 @dataclass(frozen=True)
@@ -317,8 +331,8 @@ class Judgement:
         bounds: What would have been seen.
         not_testable: What this recording cannot show.
         evidence: Samples behind the figures.
-        warnings: Sentences about the data.
-        notes: Sentences about the findings.
+        warnings: Notes on the data.
+        notes: Notes on the findings.
         bursts: Events that nothing in the state foretells, in the order of time.
         gap: What the findings close together.
         minor: Effects that are seen but too small to matter.
@@ -334,8 +348,8 @@ class Judgement:
     bounds: tuple[Bound, ...]
     not_testable: tuple[NotTestable, ...]
     evidence: Evidence
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    warnings: tuple[Said, ...] = ()
+    notes: tuple[Said, ...] = ()
     bursts: tuple[Burst, ...] = ()
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
@@ -364,13 +378,13 @@ class Diagnosis:
     unexplained: Unexplained
     bounds: tuple[Bound, ...]
     not_testable: tuple[NotTestable, ...]
-    data_warnings: tuple[str, ...]
+    data_warnings: tuple[Said, ...]
     next_experiment: dict | None
     rollout: dict | None
     seconds: float
     version: str
     evidence: Evidence
-    notes: tuple[str, ...] = ()
+    notes: tuple[Said, ...] = ()
     next_motion: Motion | None = None
     wrong: tuple[str, ...] = ()
     gap: Gap = Gap()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from identification.data.recording import Recording
@@ -11,6 +10,7 @@ from identification.door.diagnosis import Diagnosis
 from identification.door.inputs import RecordingsLike, described, expanded, listed, recordings_of
 from identification.pipeline import diagnose, diagnose_logs
 from identification.scenarios.recordings_file import read_changed, read_changes
+from identification.stages import Progress
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
@@ -21,7 +21,7 @@ def diagnosis_of_recordings(
     hold_out: RecordingsLike,
     known: tuple[KnownEffect, ...],
     columns: str | Path | None,
-    progress: Callable[[str], None],
+    progress: Progress,
     *,
     motion_only: bool,
 ) -> Diagnosis:
@@ -33,7 +33,7 @@ def diagnosis_of_recordings(
         hold_out: What no fit sees; may be empty.
         known: Effects that belong to the model already.
         columns: Column map of recordings that are paths.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
         motion_only: True if a torque that was recorded is not to be used.
 
     Raises:
@@ -60,7 +60,7 @@ def diagnosis_of_changes(
     known: tuple[KnownEffect, ...],
     changes: str | Path,
     columns: str | Path | None,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Diagnosis:
     """The diagnosis of recordings whose differences a ``recordings.yaml`` states; they are paths then.
 
@@ -71,7 +71,7 @@ def diagnosis_of_changes(
         known: Effects that belong to the model already.
         changes: The ``recordings.yaml``.
         columns: Column map.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         UsageError: If a recording is no path.

@@ -18,6 +18,7 @@ from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.geometry_words import all_findings
 from identification.words.ledger_words import listed, why
+from identification.words.note_words import sentences
 from identification.words.numbers_and_names import number, percent, value_words
 from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
@@ -86,12 +87,12 @@ class Diagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about the recordings."""
-        return self.result.data_warnings
+        return sentences(self.result.data_warnings)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the findings."""
-        return self.result.notes
+        return sentences(self.result.notes)
 
     @property
     def next_experiment(self) -> dict | None:

@@ -38,6 +38,7 @@ from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
 from identification.reporting import comparison
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from identification.words.stage_words import in_words
 from phantom_dyn.arguments import (
     FLAG,
     NAMES,
@@ -168,8 +169,10 @@ def diagnose(
     loaded = with_user_effects(robot_of(robot, recordings), effects)
     added = known_effects(tuple(Path(file) for file in paths_of(known, "known")), loaded)
     if changes is not None:
-        return diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress)
-    return diagnosis_of_recordings(loaded, recordings, hold_out, added, columns, progress, motion_only=motion_only)
+        return diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, in_words(progress))
+    return diagnosis_of_recordings(
+        loaded, recordings, hold_out, added, columns, in_words(progress), motion_only=motion_only
+    )
 
 
 @takes(estimator=TEXT, friction=NAMES, rotors=FLAG, columns=or_none(COLUMNS), progress=TOLD)
@@ -212,7 +215,7 @@ def identify(
         estimator=estimator,
         terms=terms,
         config=loaded.config,
-        progress=progress,
+        progress=in_words(progress),
     )
     return Identification(found, loaded)
 
@@ -252,7 +255,7 @@ def excite(
         limits=limits,
         planned=PlannedRecording(rate),
         seed=seed,
-        progress=progress,
+        progress=in_words(progress),
     )
     return Reference(design, rate)
 

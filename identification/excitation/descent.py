@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from identification.excitation.criteria import Criterion
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.limited_quantities import Bounds
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ChainError
 
@@ -49,7 +49,7 @@ def descend(
     rounds: int = 5,
     iterations: int = 40,
     criterion: Criterion | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Float[Array, "K nv"]:
     """Weights of a motion that is better by the criterion, and about within the limits.
 
@@ -60,7 +60,7 @@ def descend(
         rounds: Of multipliers.
         iterations: Of L-BFGS in each.
         criterion: In place of the problem's own.
-        progress: Told in words how far it is.
+        progress: Takes the stages.
     """
     from scipy.optimize import minimize
 
@@ -87,5 +87,5 @@ def descend(
         values = problem.limited(motion, problem.regressor(motion))
         multipliers = penalty.pushes(values)
         excess = max(0.0, float(penalty.bounds.excess(values).max()))
-        progress(f"round {number + 1} of {rounds}: cost {found.fun:.3f}, limits exceeded by {100 * excess:.1f} %")
+        progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": float(found.fun), "excess": float(excess)}))
     return weights

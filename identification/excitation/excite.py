@@ -6,7 +6,7 @@ checked at ten times the samples of the descent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from identification.excitation.starts import (
     random_weights,
     worst_excess,
 )
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -121,7 +122,7 @@ def excite(
     planned: PlannedRecording | None = None,
     starts: int = 24,
     seed: int = 0,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Excitation:
     """A motion that is good by a criterion and keeps all limits, checked at ten times the samples that it is made from.
 
@@ -133,7 +134,7 @@ def excite(
         planned: The recording that is to be made: its rate and noise, and what was recorded before; by default 100 Hz.
         starts: Random motions; the best one is improved.
         seed: Of the random motions.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         ParameterError: If no motion keeps the limits (the sentence names the one that is broken most, and the excess),
@@ -149,9 +150,9 @@ def excite(
     problem = DesignProblem(robot, base, ConditionNumber() if criterion is None else criterion, kept)
     grid, dense = Grid.of(shapes, shapes.samples), Grid.of(shapes, _DENSE * shapes.samples)
     rng = np.random.default_rng(seed)
-    progress("looking for postures within the limits")
+    progress(Announcement(Stage.POSTURES))
     postures = feasible_postures(problem, rng)
-    progress("trying random motions")
+    progress(Announcement(Stage.RANDOM_MOTIONS))
     tried = []
     for _ in range(starts):
         posture = postures[rng.integers(len(postures))]

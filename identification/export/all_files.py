@@ -49,6 +49,7 @@ from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
+from identification.notes import NOT_HELD, Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
@@ -78,14 +79,13 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(name for name in NAMES if out / name not in there)
 
 
-def not_held(notes: Iterable[str]) -> tuple[str, ...]:
+def not_held(notes: Iterable[Said]) -> tuple[Note, ...]:
     """Notes on files that were not written, and on findings that a model file does not hold.
 
     Args:
         notes: That `export_texts` added.
     """
-    said = (" not written: ", "no place for", "given file is not in it", "No body can have")
-    return tuple(note for note in notes if any(words in note for words in said))
+    return tuple(note for note in notes if isinstance(note, Note) and note.code in NOT_HELD)
 
 
 # With more threads sums come in another order, and the last digits would depend on the machine.
@@ -117,14 +117,8 @@ def export_texts(
             break
         other = _written(_with_numbers(diagnosis, numbers), robot, folder, known, config)
         best = other if len(other.refused) < len(best.refused) else best
-    notes = best.notes if best is stated else (*best.notes, _OTHER_NUMBERS)
+    notes = best.notes if best is stated else (*best.notes, Note(Code.OTHER_NUMBERS))
     return best.texts, replace(diagnosis, notes=(*diagnosis.notes, *notes), files=best.files)
-
-
-_OTHER_NUMBERS = (
-    "The corrected files have sizes and changes within tolerance that were fitted together; those that are stated, "
-    "without changes that are not certain, would leave more."
-)
 
 
 def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
@@ -142,7 +136,7 @@ class _Written:
 
     texts: dict[str, str]
     files: tuple[WrittenFile, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     refused: tuple[str, ...]
 
 
@@ -150,7 +144,7 @@ def _written(
     diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
 ) -> _Written:
     """The files of a diagnosis with its numbers; raises as `write_corrected`."""
-    texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[str]()
+    texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[Note]()
     known_torques = of_torques(known)
     found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
     stated = robot_config(robot, config)
@@ -163,10 +157,10 @@ def _written(
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
     except PhantomDynError as error:
-        return _Written(texts, (), (f"{', '.join(NAMES[1:])} were not written: {error}",), NAMES[1:])
+        return _Written(texts, (), (_not_written(NAMES[1:], error),), NAMES[1:])
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
-        notes.append(f"The corrected model lacks what acts in one recording only: {', '.join(own)}.")
+        notes.append(Note(Code.ONE_RECORDING_ONLY, None, {"effects": tuple(own)}))
     notes += (*models.notes, *within_notes)
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
@@ -182,7 +176,7 @@ def _written(
         try:
             others[name] = make()
         except PhantomDynError as error:
-            notes.append(f"{name} was not written: {error}")
+            notes.append(_not_written((name,), error))
     others, more, refused = proved(others, proof)
     texts, files = texts | others, (*files, *more)
     notes += refused
@@ -192,7 +186,7 @@ def _written(
         notes.append(residual_note(residual))
     moved = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
     if moved and FEEDFORWARD in texts:
-        notes.append(f"{FEEDFORWARD} has no place for what poses showed: it has {', '.join(moved)} where it was given.")
+        notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
     return _Written(texts, files, tuple(notes), tuple(name for name in NAMES if name not in texts))
 
 
@@ -202,7 +196,7 @@ _GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
 
 def proved(
     texts: dict[str, str], proof: Proof | None
-) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[str, ...]]:
+) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
     """Files that may be handed out, each with what it leaves in its header; what each leaves; and why some may not.
 
     Args:
@@ -228,13 +222,13 @@ def proved(
         records.append(record)
         if record.refused:
             del kept[name]
-            refused.append(f"{name} was not written: {record.refused}.")
+            refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
             kept[name] = with_header(texts[name], record, proof.diagnosis, late=proof.timing)
     for name, other in _GOES_WITH.items():
         if name in kept and other not in kept:
             del kept[name]
-            refused.append(f"{name} was not written: it goes with {other}.")
+            refused.append(Note(Code.NOT_ALONE, None, {"files": (name,), "other": other}))
     return kept, tuple(records), tuple(refused)
 
 
@@ -243,24 +237,32 @@ def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
     return {one.joint or "" for one in diagnosis.findings if one.effect == ZERO}
 
 
+def _not_written(files: tuple[str, ...], error: Exception) -> Note:
+    return Note(Code.NOT_WRITTEN, None, {"files": files, "problem": str(error)})
+
+
+def _places_not_in(file: str, names: Iterable[str], *, given: bool) -> Note:
+    return Note(Code.PLACES_NOT_IN_IT, None, {"files": (file,), "names": tuple(names), "given": given})
+
+
 def _with_moved_joints(
     texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
-) -> tuple[dict[str, str], list[str]]:
+) -> tuple[dict[str, str], list[Note]]:
     """Model files with their joints where measured poses put them, and what is not in them."""
     moves = moves_of_files(robot, joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
     notes = [*not_in_files(diagnosis.geometry, known), *moves.notes]
     out = dict(texts)
     if moves.urdf and URDF in out:
         moved, left = moved_urdf(out[URDF], moves.urdf)
-        notes += [f"{URDF} has no place for what was found of the place of {', '.join(left)}."] if left else []
+        notes += [_places_not_in(URDF, left, given=False)] if left else []
         if problem := problem_of_loops(moved, robot, config):
-            notes.append(f"{URDF} has no place for what poses showed: with its joints moved, {problem}")
+            notes.append(Note(Code.LOOPS_STAY_OPEN, None, {"files": (URDF,), "problem": problem}))
         else:
             out[URDF] = moved
     if moves.mjcf and MJCF in out:
         out[MJCF], left = moved_mjcf(out[MJCF], moves.mjcf)
         if left:
-            notes.append(f"{MJCF}: what was found of the place of {', '.join(left)} in the given file is not in it.")
+            notes.append(_places_not_in(MJCF, left, given=True))
     return out, notes
 
 
@@ -276,7 +278,7 @@ def _of_poses(
     try:
         files = model_files(corrected_model(robot, of_torques(known)), motion, folder=folder, config=config)
     except PhantomDynError as error:
-        notes.append(f"{URDF} and {MJCF} were not written: {error}")
+        notes.append(_not_written((URDF, MJCF), error))
         return {}, replace(diagnosis, notes=tuple(notes))
     for file in files:
         notes += [] if file.text else file.notes
@@ -291,7 +293,7 @@ class _Models:
 
     corrected: CorrectedModel
     files: tuple[ModelFile, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     count: int = 0  # of files that may be handed out
 
 
@@ -302,8 +304,8 @@ def _models(
     folder: Path,
     config: Path | None,
     proof_of: Callable[[CorrectedModel], Proof | None],
-) -> tuple[_Models, tuple[str, ...]]:
-    """The corrected model and its files, and a sentence on the moves within tolerance.
+) -> tuple[_Models, tuple[Note, ...]]:
+    """The corrected model and its files, and a note on the moves within tolerance.
 
     The findings are added to the given model with these moves; where no body can be so, possible bodies that need the
     same torques along the recording take their place, or else the nearest possible ones. Where none of these gives all
@@ -316,14 +318,14 @@ def _models(
 
     def models_on(base: Robot, *, possible: bool) -> _Models:
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
-        told: tuple[str, ...] = ()
+        told: tuple[Note, ...] = ()
         if possible:
             bodies, told = _possible(corrected.robot, robot, motion)
             corrected = replace(corrected, robot=bodies)
         try:
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
-            return _Models(corrected, (), (f"{URDF} and {MJCF} were not written: {error}",))
+            return _Models(corrected, (), (_not_written((URDF, MJCF), error),))
         kept, _, _ = proved({file.name: file.text for file in files if file.text}, proof_of(corrected))
         return _Models(corrected, files, told, len(kept))
 
@@ -343,19 +345,12 @@ def _models(
         raise failure
     if not diagnosis.adjusted:
         return best, ()
-    count = len(diagnosis.adjusted)
-    moved = (
-        f"The {count} quantities that moved within tolerance are"
-        if count > 1
-        else ("The quantity that moved within tolerance is")
-    )
-    if best.corrected.base is not robot:
-        return best, (f"{moved} in the corrected files.",)
-    return best, (f"{moved} not in the corrected files: no body can be so.",)
+    held = best.corrected.base is not robot
+    return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": held}),)
 
 
-def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with bodies that can be, and what is to be said of them."""
+def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
+    """The robot with bodies that can be, and notes on them."""
     nearest, told = with_nearest_bodies(robot, given)
     if nearest is robot:
         return robot, ()
@@ -363,7 +358,7 @@ def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[
         same = same_torque_bodies(robot, given, motion)
     except EstimationError:
         return nearest, told
-    return same, ("No body can have all inertias that were found: the files have bodies of the same torques.",)
+    return same, (Note(Code.SAME_TORQUES, None, {}),)
 
 
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ import numpy as np
 from identification.csv_cells import header_line
 from identification.file_sets import renamed_together
 from identification.files import require_ending, temporary_beside
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
@@ -49,13 +50,13 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
             np.savetxt(temporary, rows, delimiter=",", header=header_line(columns), comments="", fmt="%.17g")
 
 
-def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str], None] = lambda _: None) -> list[Path]:
+def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lambda _: None) -> list[Path]:
     """Write a map; ``map.nc`` only where the library for NetCDF is installed.
 
     Args:
         result: The map.
         folder: Made if it is missing; files that are not ours stay.
-        progress: Told in words what is being written.
+        progress: Takes the stages.
 
     Returns:
         The files.
@@ -66,14 +67,14 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
     netcdf = (NETCDF,) if is_installed("netCDF4") and is_installed("xarray") else ()
     written = [folder / name for name in ("map.npz", *netcdf, *(f"{name}.png" for name in result.values))]
     with renamed_together(folder) as beside:
-        progress("writing map.npz")
+        progress(Announcement(Stage.WRITING, detail={"file": "map.npz"}))
         with beside(written[0]).open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays(result))
         if netcdf:
-            progress(f"writing {NETCDF}")
+            progress(Announcement(Stage.WRITING, detail={"file": NETCDF}))
             _write_netcdf(dataset(result), beside(written[1]))
         for name, path in zip(result.values, written[1 + len(netcdf) :], strict=True):
-            progress(f"drawing {name}")
+            progress(Announcement(Stage.DRAWING, detail={"file": name}))
             figure(result, name).savefig(beside(path))
     return written
 

@@ -32,6 +32,7 @@ from identification.geometry.result import (
 )
 from identification.geometry.told_frames import problem_of
 from identification.geometry.whitened import SEEN
+from identification.notes import Code, Note
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
@@ -248,10 +249,9 @@ def _own_size(columns: Array, k: int) -> float:
     return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
 
 
-def _warnings(explained: ExplainedPoses) -> tuple[str, ...]:
+def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
     left_out = len(np.unique(explained.found.pose)) - len(np.unique(explained.found.pose[explained.kept]))
     if not left_out:
         return ()
-    files = ", ".join(dict.fromkeys(one.file for one in explained.problem.sets))
-    what = "pose lies" if left_out == 1 else "poses lie"
-    return (f"{files}: {left_out} measured {what} more than six noises from all others and were left out.",)
+    files = tuple(dict.fromkeys(one.file for one in explained.problem.sets))
+    return (Note(Code.POSES_LEFT_OUT, None, {"recordings": files, "count": int(left_out)}),)

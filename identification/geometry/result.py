@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identification.notes import Said
 from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
@@ -164,10 +165,10 @@ class GeometryResult:
         delays: Of recordings that are motions.
         rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
         structured: True if something is left that depends on the posture.
-        warnings: Sentences about the data.
+        warnings: Notes on the data.
         evidence: Errors of single poses.
         torque_verdict: Of the torques of the same recordings; None where there are none.
-        notes: Sentences on how findings in torque and in poses agree.
+        notes: On how findings in torque and in poses agree.
     """
 
     verdict: str
@@ -182,7 +183,7 @@ class GeometryResult:
     delays: tuple[Lateness, ...]
     rank: int
     structured: bool
-    warnings: tuple[str, ...]
+    warnings: tuple[Said, ...]
     evidence: PoseEvidence | None = None
     torque_verdict: str | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Said, ...] = field(default=())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,8 @@ from identification.identify.missed_joints import missed_sentences, shared_effec
 from identification.identify.worse_files import without_worse_files
 from identification.regression.regressor import Regressor, torque_regressor
 from identification.regression.triangular import one_blas_thread
+from identification.stages import Announcement, Progress, Stage
+from identification.words.note_words import sentence
 from phantom_dyn import __version__
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
@@ -51,7 +53,7 @@ def identify(
     terms: JointTerms | None = None,
     folder: Path | None = None,
     config: Path | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Identification:
     """Base parameters, friction and drives of a robot, judged on held-out data, with a model to simulate.
 
@@ -63,7 +65,7 @@ def identify(
         terms: What is unknown of every joint beside the rigid body; by default viscous and Coulomb friction and offset.
         folder: Where the model files will lie, for the places of meshes; the working folder by default.
         config: The robot's ``robot.yaml``, None for the one beside its file.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
@@ -74,26 +76,26 @@ def identify(
     started = time.perf_counter()
     entry = usable_estimator(estimator)
     require_right((*recordings, *hold_out))
-    progress("filtering")
+    progress(Announcement(Stage.FILTERING))
     _require_no_forces(entry, (*recordings, *hold_out))
     split = split_logs(robot, recordings, hold_out)
     terms = JointTerms() if terms is None else terms
     effects = effects_of(robot, terms)
     fitted = without_estimated(robot, terms)
-    progress("looking for what cannot be identified")
+    progress(Announcement(Stage.IDENTIFIABILITY))
     excited = excited_base(fitted, split.train[0], effects)
     require_enough(robot, split, excited.rank)
-    progress(f"estimating ({estimator})")
+    progress(Announcement(Stage.ESTIMATION, detail={"estimator": estimator}))
     fit = entry.fit(fitted, split.train, effects)
     # Both sides of the test are at hand where instruments are, and only there: they may fail for other estimators.
     bias = hausman_test(torque_regressor(fitted, split.train, effects)).sentence() if estimator == "iv" else ""
-    progress("predicting held-out samples")
+    progress(Announcement(Stage.HELD_OUT))
     evidence = held_out_evidence(robot, fitted, fit, split.test)
     errors = joint_errors(robot, evidence.measured, evidence.predicted, evidence.given, fit.relative_error)
     shared = shared_effects(fitted, split, effects, errors)
-    progress("choosing possible inertias")
+    progress(Announcement(Stage.POSSIBLE_INERTIAS))
     full = full_model(robot, fitted, fit)
-    progress("writing and loading models")
+    progress(Announcement(Stage.MODEL_FILES))
     files = exports(full, robot, split.train[0].motion, folder=folder or Path.cwd(), config=config)
     files = without_worse_files(files, robots_in_files(full, robot), robot, split.test, split.cutoff_hz)
     base, others = parameters(fit)
@@ -125,7 +127,7 @@ def identify(
                     *fault_warnings(every),
                     *missed_sentences(errors, shared),
                     *robot.warnings,
-                    *(warning for recording in every for warning in recording.warnings),
+                    *(sentence(said) for recording in every for said in recording.said),
                     *_lacking_excitation(fit, excited.rank, lacking),
                     *caution(split),
                     *(warning for warning in fit.warnings if not warning.startswith("Not separable")),

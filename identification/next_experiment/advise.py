@@ -16,9 +16,10 @@ from identification.next_experiment.candidates import safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, as_told, hypotheses_of, union_of
 from identification.next_experiment.laboratory import laboratory
 from identification.next_experiment.proposal import Proposal
-from identification.next_experiment.proposal_words import nothing_separates, proposal_words
+from identification.next_experiment.proposal_words import not_separated, proposal_words
 from identification.next_experiment.separation import Pair, rivalry_of
 from identification.next_experiment.trials import Trial, ranked_trials
+from identification.notes import Code, Note
 from phantom_dyn.errors import ChainError, ParameterError, RobotError
 
 Array = np.ndarray
@@ -53,10 +54,9 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
         limits = safe_limits(session.robot, session.logs)
         trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), length_of(session.logs))
     except (RobotError, ParameterError, ChainError) as problem:
-        return Proposal(notes=(f"No further experiment is proposed: {problem}",))
+        return Proposal(notes=(Note(Code.NO_EXPERIMENT, None, {"problem": str(problem)}),))
     except np.linalg.LinAlgError:
-        note = "No further experiment is proposed: the fits of the rivals cannot be compared; take a longer recording."
-        return Proposal(notes=(note,))
+        return Proposal(notes=(Note(Code.NO_EXPERIMENT),))
     return _proposal(min(session.logs[0].band.rate_hz, _RATE_HZ), groups, trials)
 
 
@@ -74,7 +74,7 @@ def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials
     pairs = tuple(pair for group in groups for pair in _pairs(group))
     best = trials[0] if trials else None
     if best is None or not best.separates:
-        return Proposal(notes=(nothing_separates(pairs),))
+        return Proposal(notes=(not_separated(pairs),))
     separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= rules.SEPARATED)
     left = tuple(pair for pair in pairs if pair not in separated)
     effects = dict.fromkeys(
@@ -87,7 +87,7 @@ def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials
         "expected_power": power,
         "say": proposal_words(separated, best, REFERENCE, power),
     }
-    return Proposal(experiment, best.candidate.motion(rate_hz), (nothing_separates(left),) if left else ())
+    return Proposal(experiment, best.candidate.motion(rate_hz), (not_separated(left),) if left else ())
 
 
 def _pairs(group: tuple[Hypothesis, ...]) -> tuple[Pair, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from identification.notes import Note
 from phantom_dyn.motion import Motion
 
 
@@ -14,9 +15,9 @@ class Proposal:
     Attributes:
         experiment: As in ``diagnosis.json``; None where nothing is proposed.
         motion: The reference motion.
-        notes: Sentences on what no recording would separate.
+        notes: On what no recording would separate.
     """
 
     experiment: dict | None = None
     motion: Motion | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()

@@ -14,6 +14,7 @@ from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
 from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
+from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
 from identification.words.verdict_words import verdict_sentence
 from phantom_dyn.errors import printable
@@ -94,14 +95,14 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
     """Sentences on data and findings, those first on which an answer may hang."""
-    out = [f"Warning: {warning}" for warning in diagnosis.data_warnings]
+    out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
         names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
         out.append(f"Also visible, too small to matter: {names}.")
     if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
         count = len(diagnosis.adjusted)
         out.append(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance.")
-    return [*out, *(f"Note: {note}" for note in diagnosis.notes)]
+    return [*out, *(f"Note: {note}" for note in note_sentences(diagnosis.notes))]
 
 
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:

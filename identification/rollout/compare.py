@@ -10,7 +10,8 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from identification.rollout.joint_limits import Engaged, Simulated, limit_warnings, limits_engaged
+from identification.notes import Code, Note
+from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
@@ -103,8 +104,8 @@ class Rollout:
             the end of its 99 % band.
         recordings: The errors by recording, where there are several.
         engaged: Joint limits that simulated motion runs past.
-        warnings: Sentences on joint limits.
-        notes: Sentences: a horizon that was shortened, or why there is none at all.
+        warnings: Notes on joint limits.
+        notes: A horizon that was shortened, or why there is none at all.
     """
 
     horizon_s: float | None
@@ -114,8 +115,8 @@ class Rollout:
     strays: dict[str, float] = field(default_factory=dict)
     recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
     engaged: tuple[Engaged, ...] = ()
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    warnings: tuple[Note, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def json(self) -> dict | None:
@@ -143,8 +144,9 @@ def compared(
     shots: tuple[Shot, ...],
     shoot: Shoot,
     horizons: tuple[float, ...],
-    drive: str,
     settle: Settle = unsettled,
+    *,
+    controlled: bool,
 ) -> Rollout:
     """Errors of both models over the longest horizon that the noise of the starts allows.
 
@@ -154,7 +156,7 @@ def compared(
         shots: At least one window, as long as the longest horizon.
         shoot: Simulates a window.
         horizons: To choose from [s], the longest first.
-        drive: What moves the joints, in words.
+        controlled: True if controllers move the joints, and not the recorded torque.
         settle: Adds what the corrected model makes of hidden states before a window; the given one starts as smoothed.
 
     Raises:
@@ -173,7 +175,7 @@ def compared(
     travel = tuple(shot.read - shot.read[0] for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
-    notes = () if horizon >= possible_horizons(errors, horizons)[0] else (_shortened(horizon, drive),)
+    notes = () if horizon >= possible_horizons(errors, horizons)[0] else (shortened(horizon, controlled=controlled),)
     engaged = limits_engaged(robot, tuple(_seen(shot, errors, k, horizon) for k, shot in enumerate(shots)))
     deviations = np.sqrt(np.mean([shot.states.scatter**2 for shot in shots], axis=0))
     read_noise = dict(zip(robot.joint_names, deviations.tolist(), strict=True))
@@ -188,7 +190,7 @@ def compared(
         noise=read_noise,
         recordings=apart,
         engaged=engaged,
-        warnings=limit_warnings(robot, engaged),
+        warnings=limit_notes(robot, engaged),
         notes=notes,
     )
 
@@ -209,8 +211,6 @@ def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
     )
 
 
-def _shortened(horizon: float, drive: str) -> str:
-    return (
-        f"Simulated motion under {drive} is compared over {horizon:g} s: over longer times the noise of the start "
-        "would grow into a large part of the error."
-    )
+def shortened(horizon: float, *, controlled: bool) -> Note:
+    """A note on a horizon that is shorter than the longest one."""
+    return Note(Code.SHORTER_HORIZON, None, {"seconds": horizon, "controlled": controlled})

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
-from identification.data.times import time_text
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
@@ -80,39 +80,29 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
     return tuple(out)
 
 
-def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...]:
-    """One sentence a recording on limits that the corrected model runs past, or the given one where that does not."""
+def limit_notes(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[Note, ...]:
+    """One note a recording on limits that the corrected model runs past, or the given one where that does not.
+
+    Several joints have one note: one each would hide all else that is said.
+    """
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
     told = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
     units = dict(zip(robot.joint_names, robot.position_units, strict=True))
     out = []
     for recording, model in dict.fromkeys((one.recording, one.model) for one in told):
         here = [one for one in told if (one.recording, one.model) == (recording, model)]
-        out.append(_words(here[0], units[here[0].joint]) if len(here) == 1 else _several_words(here, units))
+        first, numbers = here[0], {"file": recording, "model": model, "of": here[0].of}
+        if len(here) == 1:
+            own = {"windows": first.windows, "limit": first.limit, "unit": units[first.joint], "t": first.t}
+            out.append(Note(Code.RUNS_PAST_LIMIT, first.joint, numbers | own))
+        else:
+            places = tuple((one.joint, one.limit, units[one.joint], one.windows) for one in here)
+            out.append(Note(Code.RUNS_PAST_LIMITS, None, numbers | {"places": places}))
     return tuple(out)
 
 
-def _words(one: Engaged, unit: str) -> str:
-    return (
-        f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
-        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {time_text(one.t)} s, where the recording "
-        "comes up to it and stays: a stop may have held it there, and the simulation has none."
-    )
-
-
-def _several_words(engaged: list[Engaged], units: dict[str, str]) -> str:
-    """The same of several joints: one sentence each would hide all else that is said."""
-    first = engaged[0]
-    places = [f"{one.joint} past {one.limit:.4g} {units[one.joint]} in {one.windows}" for one in engaged]
-    return (
-        f"{first.recording}: in {first.of} simulated windows joints run past limits of the {first.model} model that "
-        f"the recording comes up to and keeps ({', '.join(places)}): stops may have held them there, and the "
-        "simulation has none."
-    )
-
-
-def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[str, ...]:
-    """One sentence for each joint that a recording itself takes past the model's limits.
+def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
+    """One note on each joint that a recording itself takes past the model's limits.
 
     Args:
         robot: Its model states the limits.
@@ -128,11 +118,9 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[str, ...]:
                 continue
             first = int(np.argmax(beyond > 0))
             unit = robot.position_units[j]
-            out.append(
-                f"{log.file}: {joint} goes up to {beyond.max():.3g} {unit} past the model's limits of {lower:.4g} to "
-                f"{upper:.4g} {unit}, first at t = {time_text(log.motion.t[first])} s: a simulator that keeps "
-                "limits would stop it there. Correct the limits in the robot file."
-            )
+            numbers = {"past": float(beyond.max()), "lower": float(lower), "upper": float(upper), "unit": unit}
+            numbers |= {"file": log.file, "t": float(log.motion.t[first])}
+            out.append(Note(Code.RECORDED_PAST_LIMITS, joint, numbers))
     return tuple(out)
 
 

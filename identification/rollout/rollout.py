@@ -12,6 +12,7 @@ from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, res
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term, ordered
+from identification.notes import Code, Note
 from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
 from identification.rollout.driven import SHORTEST, STEP, acting_torque
 from identification.rollout.hidden_states import hides, look_back, tries
@@ -89,7 +90,7 @@ def rollout_of(explained: Explained) -> Rollout:
     def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
         return under_torque(shot, model, torque(shot, model), nudge)
 
-    out = _tried(explained, shoot, HORIZONS, "the recorded torque", settle)
+    out = _tried(explained, shoot, HORIZONS, settle, by_control=False)
     if not explained.terms and out.horizon_s is not None:
         out = replace(out, strays=_strays(explained, out.horizon_s))
     return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
@@ -161,42 +162,39 @@ def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
     operations = problem.columns.operations
     if any(explained.session.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
-    return _tried(explained, under_control, _CONTROLLED, "the stated controllers", settle)
+    return _tried(explained, under_control, _CONTROLLED, settle, by_control=True)
 
 
-def _said(loop: Rollout) -> tuple[str, ...]:
-    """One sentence on the closed loop."""
+def _said(loop: Rollout) -> tuple[Note, ...]:
+    """One note on the closed loop."""
     if loop.horizon_s is None:
         return loop.notes
-    before, after = (sum(x**2 for x in rms.values()) ** 0.5 for rms in (loop.rms_before, loop.rms_after))
-    return (
-        f"Under the stated controllers and the recorded references simulated positions stray by {before:.3g} from the "
-        f"recorded ones within {loop.horizon_s:g} s (root mean square over windows, summed over joints) with the given "
-        f"model and by {after:.3g} with the corrected one.",
-    )
+    numbers = {"seconds": loop.horizon_s, "before": loop.rms_before, "after": loop.rms_after}
+    return (Note(Code.CLOSED_LOOP, None, numbers),)
 
 
-def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
+def _tried(
+    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], settle: Settle, *, by_control: bool
+) -> Rollout:
     """Rollouts over the longest horizon at which no model leaves all bounds."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
-            return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), drive, settle)
+            return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), settle, by_control=by_control)
         except RobotError as error:
             problem = error
             break
         except (PhantomDynError, np.linalg.LinAlgError) as error:
             problem = error
     if isinstance(problem, RunawayError):
-        why = (
-            f"the simulated robot runs away within {problem.t:.2g} s of a recorded state, with the given or the "
-            "corrected model."
-        )
-        return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {why}",))
-    return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {_begun(str(problem))}",))
+        return Rollout(None, {}, {}, notes=(Note(Code.RUNS_AWAY, None, {"controlled": by_control, "t": problem.t}),))
+    numbers = {"controlled": by_control, "problem": str(problem)}
+    return Rollout(None, {}, {}, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
 
 
-def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
+def _rolled(
+    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], settle: Settle, *, by_control: bool
+) -> Rollout:
     session, terms = explained.session, ordered(explained.terms)
     robot, known = session.robot, session.known
     operations = explained.problem.columns.operations
@@ -220,7 +218,7 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
             )
         return pairs[key]
 
-    return compared(robot, models, shots, shoot, horizons, drive, settle)
+    return compared(robot, models, shots, shoot, horizons, settle, controlled=by_control)
 
 
 def _moment(window: Window, operation: Operation) -> int:
@@ -251,7 +249,3 @@ def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tup
     )
     states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)
-
-
-def _begun(text: str) -> str:
-    return text[:1].lower() + text[1:]

@@ -17,6 +17,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
 from identification.engine import contract_levels
 from identification.engine.resampling import probabilities
+from identification.notes import Code, Note
 from identification.scenarios.motion_only import commanded_torque
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.support.rows import stiffness_unit
@@ -68,20 +69,20 @@ def with_scaled_gains(
         scales: Of each joint, see `scales_by_friction`.
     """
     actuators = list(robot.actuators)
-    sentences = []
+    higher = []
     for joint, scale in scales.items():
         row = robot.joint_names.index(joint)
         controller = actuators[row].controller
         assert controller is not None
         actuators[row] = replace(actuators[row], controller=replace(controller, kp=scale * controller.kp, kd=0.0))
-        sentences.append(_sentence(robot, joint, controller.kp, scale))
+        numbers = {"kp": controller.kp, "scale": scale, "unit": stiffness_unit(robot, joint)}
+        higher.append(Note(Code.GAIN_BY_FRICTION, joint, numbers))
     driven = replace(robot, actuators=tuple(actuators))
-    heads = tuple(f"No gains of {joint} are stated" for joint in scales)
     out = []
     for k, one in enumerate(recordings):
-        kept = tuple(warning for warning in one.warnings if not warning.startswith(heads))
-        warnings = (*kept, *sentences) if k == 0 else kept
-        out.append(replace(one, tau=commanded_torque(one, driven), warnings=warnings))
+        kept = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
+        notes = (*kept, *higher) if k == 0 else kept
+        out.append(replace(one, tau=commanded_torque(one, driven), notes=notes))
     return driven, tuple(out)
 
 
@@ -152,13 +153,3 @@ def _first(finding: Finding) -> float:
 
 def _place(finding: Finding) -> EffectAt:
     return EffectAt(finding.effect, finding.joint, finding.recording, finding.words)
-
-
-def _sentence(robot: Robot, joint: str, kp: float, scale: float) -> str:
-    unit = stiffness_unit(robot, joint)
-    return (
-        f"No gains of {joint} are stated: with the masses of the model kp is {kp:.3g} {unit}, and the joint would rub "
-        f"less than the model states. With kp = {scale * kp:.3g} {unit} its friction is that of the model, and the "
-        f"robot is heavier: this is judged here. State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in "
-        "robot.yaml if you know them, as positions alone do not separate a gain from a load."
-    )

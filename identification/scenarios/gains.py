@@ -16,6 +16,7 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.data.stretches import busiest
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
@@ -115,7 +116,7 @@ def suggested_gains(recording: Recording, robot: Robot) -> Float[Array, "2 nv"]:
 
 
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with controllers where it states none, and recordings whose warnings say what was estimated.
+    """The robot with controllers where it states none, and recordings whose notes say what was estimated.
 
     Args:
         robot: The given model.
@@ -136,8 +137,8 @@ def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tup
         replace(actuator, controller=gains[joint]) if joint in gains else actuator
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
     )
-    sentences = tuple(_sentence(robot, one) for one in found)
-    first = replace(recordings[0], warnings=(*recordings[0].warnings, *sentences))
+    notes = tuple(_note(robot, one) for one in found)
+    first = replace(recordings[0], notes=(*recordings[0].notes, *notes))
     marked = tuple(replace(one, gains_estimated=lacking) for one in (first, *recordings[1:]))
     return replace(robot, actuators=actuators), marked
 
@@ -180,17 +181,21 @@ def _fitted(columns: Float[Array, "n 4"], needed: Float[Array, " n"]) -> tuple[f
     return kp, max(kd, 0.0), max(kd, 0.0) / kp if kp > 0 else float("nan")
 
 
-def _sentence(robot: Robot, one: Gains) -> str:
+def _note(robot: Robot, one: Gains) -> Note:
     """What was estimated of one joint, on what it rests, and what the positions tell without it."""
     tolerance = robot.tolerance.inertia * one.kp
-    stiff, damped = stiffness_unit(robot, one.joint), damping_unit(robot, one.joint)
-    return (
-        f"No gains of {one.joint} are stated: kp = {one.kp:.3g} ± {np.hypot(one.kp_std, tolerance):.2g} {stiff} and "
-        f"kd = {one.kd:.3g} ± {np.hypot(one.kd_std, tolerance * one.ratio):.2g} {damped} were estimated from its "
-        f"motion. They are as right as the {' and the '.join(one.rests_on)} of the model, and kd holds viscous "
-        f"friction that the model lacks; positions alone tell kd/kp = {one.ratio:.3g} ± {one.ratio_std:.2g} s. State "
-        f"controller: {{kind: pd, kp: ..., kd: ...}} of {one.joint} in robot.yaml if you know them."
-    )
+    numbers = {
+        "kp": one.kp,
+        "kp_std": float(np.hypot(one.kp_std, tolerance)),
+        "kp_unit": stiffness_unit(robot, one.joint),
+        "kd": one.kd,
+        "kd_std": float(np.hypot(one.kd_std, tolerance * one.ratio)),
+        "kd_unit": damping_unit(robot, one.joint),
+        "rests_on": one.rests_on,
+        "ratio": one.ratio,
+        "ratio_std": one.ratio_std,
+    }
+    return Note(Code.GAINS_ESTIMATED, one.joint, numbers)
 
 
 def _refusal(file: str, robot: Robot, unknown: Sequence[Gains]) -> str:

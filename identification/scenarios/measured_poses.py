@@ -15,6 +15,7 @@ from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, U
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
 from identification.geometry.terms import ZERO
+from identification.notes import Code, Note
 from phantom_dyn import __version__
 from phantom_dyn.model.robot import Robot
 
@@ -42,7 +43,7 @@ def with_poses(
     started = time.perf_counter()
     found = diagnose_poses(robot, recordings, known)
     assert found is not None
-    notes = tuple(zero_words(diagnosis.findings, found))
+    notes = tuple(zero_notes(diagnosis.findings, found))
     found = replace(found, torque_verdict=diagnosis.verdict, notes=notes)
     return replace(
         diagnosis,
@@ -80,7 +81,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
         not_testable=(),
         data_warnings=(
             *robot.warnings,
-            *(warning for recording in recordings for warning in recording.warnings),
+            *(said for recording in recordings for said in recording.said),
             *found.warnings,
         ),
         next_experiment=None,
@@ -108,8 +109,8 @@ def verdict_together(torques: str, poses: str) -> str:
     return torques if len(both) == 1 else "unknown" if "unknown" in both else "partly_explained"
 
 
-def zero_words(findings: Sequence[Finding], poses: GeometryResult) -> list[str]:
-    """Whether zeros of encoders that torques and poses both show are the same, a sentence each."""
+def zero_notes(findings: Sequence[Finding], poses: GeometryResult) -> list[Note]:
+    """Whether zeros of encoders that torques and poses both show are the same, a note each."""
     seen = {one.joint: one.parameters["offset"] for one in (*poses.findings, *poses.minor) if one.effect == ZERO}
     out = []
     for finding in findings:
@@ -119,8 +120,6 @@ def zero_words(findings: Sequence[Finding], poses: GeometryResult) -> list[str]:
         if isinstance(by_torque.value, list) or isinstance(by_torque.std, list):
             continue
         apart = abs(by_torque.value - by_pose.value) / max(float(np.hypot(by_torque.std, by_pose.std)), 1e-300)
-        unit = by_pose.unit
-        sizes = f"{by_torque.value:.3g} {unit} by the torques and {by_pose.value:.3g} {unit} by the poses"
-        end = "they agree" if apart < _AGREE else "they differ, so that one of the two has another cause"
-        out.append(f"The zero of {finding.joint} is off by {sizes}: {end}.")
+        sizes = {"by_torque": by_torque.value, "by_pose": by_pose.value, "unit": by_pose.unit}
+        out.append(Note(Code.ZEROS_COMPARED, finding.joint, {**sizes, "agree": bool(apart < _AGREE)}))
     return out

@@ -11,6 +11,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.gates import controller_gain as gate
 from identification.diagnosis.result import Adjusted, EffectAt, Finding, Judgement, NotTestable
 from identification.engine.claims import Claim, GateResult, Outcome
+from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
@@ -83,11 +84,7 @@ def limited_to_motion(
         for finding in small
         if finding not in damping
     )
-    warned = tuple(
-        f"The torque constant of {finding.joint} and the gain of its controller cannot be separated by positions: the "
-        f"ratio of {1.0 + _excess(finding):.3g} is that of their product."
-        for finding in large
-    )
+    warned = tuple(Note(Code.GAIN_OR_CONSTANT, finding.joint, {"ratio": 1.0 + _excess(finding)}) for finding in large)
     kept = [finding not in small for finding in judgement.findings]
     without = judgement.evidence.tau_without
     shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
@@ -119,14 +116,12 @@ def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], Gate
     return replace(claim, gates=(*claim.gates, result), outcome=outcome)
 
 
-def _strays(simulated: Rollout) -> tuple[str, ...]:
-    """A sentence for each joint whose simulated motion strays although its torque shows no gap."""
+def _strays(simulated: Rollout) -> tuple[Note, ...]:
+    """A note for each joint whose simulated motion strays although its torque shows no gap."""
     rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
     return tuple(
-        f"The torque that is asked for shows no gap, yet under its controller {joint} strays by {after[joint]:.3g} "
-        f"from the recorded motion, {after[joint] / noise[joint]:.0f} times what its readings scatter: a disturbance, "
-        "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
+        Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": after[joint], "noise": noise[joint]})
         for joint in after
         if after[joint] > _STRAYS * noise.get(joint, np.inf)
     )

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
@@ -50,8 +51,8 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
         raise LogError(
             f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
         )
-    words = f"{recording.file}: without torque columns, the torque is what its controllers asked for."
-    return replace(recording, tau=read_only(torque), controlled=True, warnings=(*recording.warnings, words))
+    note = Note(Code.TORQUE_ASKED, numbers={"file": recording.file})
+    return replace(recording, tau=read_only(torque), controlled=True, notes=(*recording.notes, note))
 
 
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
@@ -93,13 +94,10 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         if actuator.actuated and (actuator.controller is None or actuator.controller.kp <= 0)
     ]
     if recording.q_ref is not None and not lacking:
-        used = " The torque of the log is not used." if recording.tau is not None else ""
-        sentence = (
-            f"{recording.file}: positions and references only: the torque is what the controllers ask for at the "
-            f"recorded motion, so that findings are as good as their gains.{used}"
-        )
+        numbers = {"file": recording.file, "has_torque": recording.tau is not None}
         tau = commanded_torque(recording, robot)
-        return replace(recording, tau=tau, controlled=True, warnings=(*recording.warnings, sentence))
+        note = Note(Code.MOTION_ONLY, numbers=numbers)
+        return replace(recording, tau=tau, controlled=True, notes=(*recording.notes, note))
     if recording.voltage is not None and recording.tau is not None:
         return recording
     if recording.q_ref is None:

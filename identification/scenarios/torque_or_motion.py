@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from identification.data.joint_torque import NoTorqueError
 from identification.data.recording import Recording
+from identification.notes import Code, Note
 from identification.scenarios.gains import with_estimated_gains
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn.errors import LogError
@@ -59,17 +60,17 @@ def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tup
 
 
 def _told_once(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with the last sentence of all but the first left out where it is that of the first one."""
-    first = recordings[0]
-    if not first.warnings or not first.warnings[-1].startswith(first.file):
+    """The recordings with one note on their torque in the place of several that differ in the file alone."""
+    first, *others = recordings
+    own = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
+    if own is None:
         return recordings
-    words = first.warnings[-1].removeprefix(first.file)
-    alike = [one for one in recordings[1:] if one.warnings and one.warnings[-1] == one.file + words]
-    if not alike:
-        return recordings
-    told = (*first.warnings[:-1], f"{first.file} and {len(alike)} more{words}")
-    others = tuple(
-        replace(one, warnings=one.warnings[:-1]) if any(one is same for same in alike) else one
-        for one in recordings[1:]
-    )
-    return (replace(first, warnings=told), *others)
+    kept = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, own))) for one in others)
+    more = sum(len(one.notes) - len(less.notes) for one, less in zip(others, kept, strict=True))
+    notes = tuple(note.with_numbers(more=more) if note is own and more else note for note in first.notes)
+    return (replace(first, notes=notes), *kept)
+
+
+def _same(one: Note, other: Note) -> bool:
+    """True of two notes that differ in the file alone."""
+    return one.code is other.code and one.with_numbers(file="") == other.with_numbers(file="")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +18,14 @@ from identification.rollout.compare import HORIZONS
 from identification.rollout.rollout_starts import states_of
 from identification.rollout.shots import controlled
 from identification.rollout.simulated_models import known_causes, model_of
+from identification.stages import Announcement, Progress, Stage
 from identification.viewing.corrections import Correction
 from identification.viewing.link_poses import link_poses
 from identification.viewing.replayed_motion import replayed_motion
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
 from identification.words.diagnosis_words import effect_at, joints_words
 from identification.words.effect_words import is_between_joints, words_of
+from identification.words.note_words import sentences
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 
@@ -98,7 +99,7 @@ def replay_of(
     correction: Correction | None = None,
     known: tuple[KnownEffect, ...] = (),
     horizon_s: float | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Replay:
     """The replay of one recording.
 
@@ -108,7 +109,7 @@ def replay_of(
         correction: What a diagnosis adds to the model; None: the given model alone is simulated.
         known: Effects that belong to the given model already.
         horizon_s: How long simulated motion is followed [s]; by default as long as the diagnosis did.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
 
     Raises:
         LogError: If the recording cannot be used, or is certainly wrong and not to be shown anyway.
@@ -116,7 +117,7 @@ def replay_of(
     """
     require_right((recording,))
     robot, known = with_known_places(robot, known), of_torques(known)
-    progress("filtering")
+    progress(Announcement(Stage.FILTERING))
     (log,), cutoff_hz = process_all((recording,), robot)
     robots = [(robot, known)]
     if correction is not None:
@@ -135,7 +136,7 @@ def replay_of(
         controlled=recording.controlled and controlled(robot),
         progress=progress,
     )
-    progress("placing links")
+    progress(Announcement(Stage.LINKS))
     rows = frame_rows(log.motion.t)
     shares = relative_residuals(curves)
     full = full_colour(shares[0])
@@ -156,7 +157,7 @@ def replay_of(
         full=full,
         horizon_s=motion.horizon_s,
         corrections=_corrections(correction, robot),
-        notes=(*fault_warnings((recording,)), *recording.warnings, *motion.notes),
+        notes=(*fault_warnings((recording,)), *sentences(recording.said), *motion.notes),
     )
 
 

@@ -6,7 +6,7 @@ The recorded state is therefore taken up again and again (multiple shooting, as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from identification.rollout.hidden_states import hides
 from identification.rollout.rollout_starts import States, window_at
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.errors import PhantomDynError
@@ -50,7 +51,7 @@ def replayed_motion(
     horizons: tuple[float, ...],
     *,
     controlled: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> ReplayedMotion:
     """Motion of each model over the longest horizon at which none that can be simulated leaves all bounds.
 
@@ -60,7 +61,7 @@ def replayed_motion(
         models: What moves, by name.
         horizons: To choose from [s], the longest first.
         controlled: Under the stated controllers and recorded references in place of the recorded torque.
-        progress: Told in words how far it is.
+        progress: Takes the stages.
     """
     found: dict[str, tuple[float, Array]] = {}
     notes: list[str] = []
@@ -105,7 +106,7 @@ def stretches(valid: Bool[Array, " N"], length: int) -> tuple[tuple[int, int], .
 
 
 def _followed(
-    log: Log, states: States, model: Model, horizon: float, controlled: bool, progress: Callable[[str], None]
+    log: Log, states: States, model: Model, horizon: float, controlled: bool, progress: Progress
 ) -> Float[Array, "N nv"]:
     """Readings of one model, NaN where it was not simulated."""
     step = model.longest_step(states.q[0])
@@ -116,7 +117,7 @@ def _followed(
     torque = acting_torque(model, log)
     parts = stretches(log.valid, max(_FEWEST, round(horizon * log.band.rate_hz)))
     for k, (start, stop) in enumerate(parts):
-        progress(f"simulating stretch {k + 1} of {len(parts)}")
+        progress(Announcement(Stage.SIMULATION, k + 1, len(parts)))
         window = window_at((log,), 0, start, stop - start, -1, LEAD)
         assert window is not None  # all its samples are valid
         out[start:stop] = _read(Shot(log, states, window), model, torque, min(step, STEP) if controlled else None)

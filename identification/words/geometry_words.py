@@ -8,6 +8,7 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival,
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import sureness
+from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 from identification.words.verdict_words import headline
 
@@ -117,7 +118,7 @@ def place_words(place: Place) -> str:
 
 def sentences(found: GeometryResult) -> list[str]:
     """Two or three sentences: how far the tip is off, what explains it, and what is left."""
-    return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *found.notes]
+    return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
 
 
 def _gap_sentence(found: GeometryResult) -> str:

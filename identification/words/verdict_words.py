@@ -156,15 +156,25 @@ def _at_limits(moves: list[Adjusted]) -> list[str]:
     """What could hide behind moves that end at their limits; of several in one sentence."""
     if len(moves) < 2:
         return [
-            f"The move of {move.quantity} ends at the limit of its tolerance; {move.hides} could hide behind it."
+            f"The move of {move.quantity} ends at the limit of its tolerance; "
+            f"{hidden_words(move)} could hide behind it."
             for move in moves
         ]
-    plain = [move for move in moves if move.hides.startswith(f"a change of {move.quantity}")]
-    loads = dict.fromkeys(move.hides for move in moves if move not in plain)
+    plain = [move for move in moves if move.hides is not None and move.hides.kind == "change"]
+    loads = dict.fromkeys(hidden_words(move) for move in moves if move not in plain)
     hidden = [*loads, *["larger changes of these"] * bool(plain)]
     more = [f"{len(moves) - _MOVES} more (in the report)"] if len(moves) > _MOVES else []
     moved = joined([*(move.quantity for move in moves[:_MOVES]), *more])
     return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
+
+
+def hidden_words(move: Adjusted) -> str:
+    """What could hide behind a move that ends at its limit; empty where that is not known."""
+    if move.hides is None:
+        return ""
+    if move.hides.kind == "payload":
+        return f"a payload of up to {move.hides.size:.2g} kg"
+    return f"a change of {move.quantity} of more than {100 * move.hides.size:.0f} %"
 
 
 def left_over(diagnosis: Diagnosis) -> str:

@@ -12,6 +12,7 @@ from identification.export.corrected.corrected_files import urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
 from identification.pipeline import diagnose
 from identification.reporting.page.diagnosis_report import report_html
+from identification.words.note_words import sentences
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -71,4 +72,4 @@ def test_the_report_says_it_in_its_words(diagnosis):
 def test_a_model_file_that_cannot_hold_it_says_so(planar2, tmp_path):
     corrected = corrected_model(planar2, (KnownEffect("quadratic_drag", "elbow", (TRUTH,)),))
     left_out = urdf_left_out(corrected, tmp_path / "robot.urdf")
-    assert "It has no place for quadratic drag (coefficient): elbow 0.4." in left_out
+    assert "It has no place for quadratic drag (coefficient): elbow 0.4." in sentences(left_out)

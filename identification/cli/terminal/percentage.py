@@ -3,75 +3,79 @@
 from __future__ import annotations
 
 import math
-import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from identification.stages import Announcement, Stage
+
 
 @dataclass(frozen=True)
-class Stage:
+class Share:
     """Part of a run.
 
     Attributes:
-        words: What its announcements begin with; the first one starts it.
-        share: Of the whole time [%].
+        stage: Its first announcement starts it.
+        percent: Of the whole time [%].
     """
 
-    words: str
-    share: float
+    stage: Stage
+    percent: float
 
 
 DIAGNOSIS = (
-    Stage("reading", 11.0),
-    Stage("filtering", 1.0),
-    Stage("computing regressors", 8.0),
-    Stage("estimating the noise", 14.0),
-    Stage("measuring what chance gives", 17.0),
-    Stage("comparing rivals", 14.0),
-    Stage("stating what would have been seen", 1.0),
-    Stage("looking for a law of what is left", 1.0),
-    Stage("simulating", 3.0),
-    Stage("choosing what to record next", 5.0),
-    Stage("writing", 25.0),
+    Share(Stage.READING, 11.0),
+    Share(Stage.FILTERING, 1.0),
+    Share(Stage.REGRESSORS, 8.0),
+    Share(Stage.NOISE, 14.0),
+    Share(Stage.CHANCE, 17.0),
+    Share(Stage.RIVALS_COMPARED, 14.0),
+    Share(Stage.BOUNDS, 1.0),
+    Share(Stage.LAW, 1.0),
+    Share(Stage.SIMULATION, 3.0),
+    Share(Stage.NEXT_EXPERIMENT, 5.0),
+    Share(Stage.WRITING, 25.0),
 )
 """Stages of ``phantom-dyn diagnose``. Shares are rounded means over recordings of one to seven joints; on any one
 of them what is shown may be many points beside the time that has passed, as rivals take a small part or a large one
 (`python benchmarks/stage_shares.py` measures both)."""
 
 IDENTIFICATION = (
-    Stage("reading", 25.0),
-    Stage("filtering", 5.0),
-    Stage("looking for what cannot be identified", 8.0),
-    Stage("estimating", 10.0),
-    Stage("predicting held-out samples", 4.0),
-    Stage("choosing possible inertias", 8.0),
-    Stage("writing and loading models", 10.0),
-    Stage("writing", 30.0),
+    Share(Stage.READING, 25.0),
+    Share(Stage.FILTERING, 5.0),
+    Share(Stage.IDENTIFIABILITY, 8.0),
+    Share(Stage.ESTIMATION, 10.0),
+    Share(Stage.HELD_OUT, 4.0),
+    Share(Stage.POSSIBLE_INERTIAS, 8.0),
+    Share(Stage.MODEL_FILES, 10.0),
+    Share(Stage.WRITING, 30.0),
 )
 """Stages of ``phantom-dyn identify``. A short run takes most of its time to load libraries, a long one to estimate; so
 of the next two."""
 
 EXCITATION = (
-    Stage("loading", 20.0),
-    Stage("looking for postures", 2.0),
-    Stage("trying random motions", 18.0),
-    Stage("round", 58.0),
-    Stage("writing", 2.0),
+    Share(Stage.LOADING, 20.0),
+    Share(Stage.POSTURES, 2.0),
+    Share(Stage.RANDOM_MOTIONS, 18.0),
+    Share(Stage.DESCENT, 58.0),
+    Share(Stage.WRITING, 2.0),
 )
 """Stages of ``phantom-dyn excite``."""
 
-MAP = (Stage("loading", 15.0), Stage("mapping", 35.0), Stage("writing", 30.0), Stage("drawing", 20.0))
+MAP = (Share(Stage.LOADING, 15.0), Share(Stage.MAP, 35.0), Share(Stage.WRITING, 30.0), Share(Stage.DRAWING, 20.0))
 """Stages of ``phantom-dyn map``."""
 
-VIEW = (Stage("loading", 30.0), Stage("filtering", 10.0), Stage("simulating", 40.0), Stage("placing links", 20.0))
+VIEW = (
+    Share(Stage.LOADING, 30.0),
+    Share(Stage.FILTERING, 10.0),
+    Share(Stage.SIMULATION, 40.0),
+    Share(Stage.LINKS, 20.0),
+)
 """Stages of ``phantom-dyn view``."""
 
-BATCH = (Stage("loading", 1.0), Stage("diagnos", 98.0), Stage("writing", 1.0))
+BATCH = (Share(Stage.LOADING, 1.0), Share(Stage.BATCH, 98.0), Share(Stage.WRITING, 1.0))
 """Stages of ``phantom-dyn diagnose`` with a table of recordings."""
 
-_COUNTED = re.compile(r"(\d+) of (\d+)")
-"""In an announcement: how many parts of a stage are done, of how many."""
 _ROUND = 1 / 3
 """Part of what is left of a stage that one more round of it is worth: how many there will be nobody knows."""
 _LEAST_S = 0.5
@@ -84,12 +88,12 @@ _LAST = 99.0
 class Percentage:
     """Part of a run that is done [%]: never falls, is 100 at the end alone.
 
-    Where an announcement counts, as in ``mapping 20 of 80 points``, that is the part of its stage that is done.
+    Where an announcement counts, 20 of 80 points of a map, that is the part of its stage that is done.
     Within a stage it nears the end of that stage, as fast as the run has been up to there: what takes longer than
     usual makes it slow, never wrong by more than the stage.
     """
 
-    def __init__(self, stages: tuple[Stage, ...], clock: Callable[[], float] = time.monotonic):
+    def __init__(self, stages: tuple[Share, ...], clock: Callable[[], float] = time.monotonic):
         self._stages, self._clock = stages, clock
         self._at = -1
         self._low = self._high = 0.0
@@ -97,18 +101,18 @@ class Percentage:
         self._expected = _LEAST_S
         self._ended = False
 
-    def enter(self, words: str) -> None:
+    def enter(self, announced: Announcement) -> None:
         """Take note of an announcement; one of an earlier stage, or of none, changes nothing."""
-        found = next((k for k, stage in enumerate(self._stages) if words.startswith(stage.words)), -1)
+        found = next((k for k, share in enumerate(self._stages) if share.stage is announced.stage), -1)
         if found < max(self._at, 0):
             return
-        now, counted = self.now(), _COUNTED.search(words)
-        if found == self._at and not counted:
+        now = self.now()
+        if found == self._at and not announced.of:
             now = max(now, self._low + _ROUND * (self._high - self._low))
         else:
-            self._at, begin = found, sum(stage.share for stage in self._stages[:found])
-            done, parts = map(int, counted.groups()) if counted else (0, 1)
-            share = self._stages[found].share / max(parts, 1)
+            self._at, begin = found, sum(share.percent for share in self._stages[:found])
+            done, parts = announced.done, max(announced.of, 1)
+            share = self._stages[found].percent / parts
             now = max(now, begin + min(done, parts) * share)
             # What is counted is not guessed beyond the part that is being done.
             self._high = max(now, begin + min(done + 1, parts) * share)

@@ -9,8 +9,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from identification.cli.terminal.interrupts import end_if_asked
-from identification.cli.terminal.percentage import Percentage, Stage
+from identification.cli.terminal.percentage import Percentage, Share
 from identification.cli.terminal.stage_times import StageTimes
+from identification.stages import Announcement, Stage
+from identification.words.stage_words import stage_words
 from phantom_dyn.errors import printable
 
 if TYPE_CHECKING:
@@ -32,14 +34,14 @@ class Progress:
 
     def __init__(
         self,
-        words: str,
+        first: Stage,
         stream: TextIO,
         *,
-        stages: tuple[Stage, ...] = (),
+        stages: tuple[Share, ...] = (),
         every: float | None = None,
         times: StageTimes | None = None,
     ) -> None:
-        self._stream, self._words = stream, words
+        self._stream, self._now, self._done = stream, Announcement(first), False
         self._started = time.monotonic()
         self._every = EVERY_S if every is None else every
         self._percentage = Percentage(stages) if stages else None
@@ -109,19 +111,20 @@ class Progress:
         compiled = ""
         if self._compilation is not None and self._compilation.under_way:
             compiled = f"; compiling function {self._compilation.functions}, in a first run only"
-        return printable(f"{part}{self._words}{compiled}".strip())
+        words = "done" if self._done else stage_words(self._now)
+        return printable(f"{part}{words}{compiled}".strip())
 
-    def show(self, words: str) -> None:
+    def show(self, announced: Announcement) -> None:
         """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""
         end_if_asked()
-        self._words = words
+        self._now = announced
         self._enter_stage()
 
     def _enter_stage(self) -> None:
         if self._percentage is not None:
-            self._percentage.enter(self._words)
+            self._percentage.enter(self._now)
         if self._times is not None:
-            self._times.enter(self._words)
+            self._times.enter(self._now)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -130,7 +133,7 @@ class Progress:
         self._open.close()
         if kind is None and self._percentage is not None:
             self._percentage.end()
-            self._words = "done"
+            self._done = True
             if self._told:
                 self._written(self.said())
         if self._status is not None:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from identification.cli.terminal.percentage import Stage
+from identification.stages import Announcement, Stage
+from identification.words.stage_words import NAMES
 
 _BEFORE = "starting and loading"
 """What a process does before its command: the clock of that time is not known, that of the processor is."""
@@ -19,12 +20,12 @@ class Mark:
     """When a stage was announced.
 
     Attributes:
-        words: Of the announcement.
+        stage: That was announced; None at the end.
         clock: Of a clock that runs on [s].
         busy: Processor time of this process until then [s], of all its threads.
     """
 
-    words: str
+    stage: Stage | None
     clock: float
     busy: float
 
@@ -33,27 +34,26 @@ class StageTimes:
     """Takes down when the stages of a run are announced.
 
     Args:
-        stages: What announcements begin with; one that begins with none of them has a row of its own.
         now: Gives clock and processor time [s].
     """
 
     def __init__(
         self,
-        stages: tuple[Stage, ...],
         now: Callable[[], tuple[float, float]] = lambda: (time.perf_counter(), time.process_time()),
     ):
-        self._stages, self._now = stages, now
+        self._now = now
         self._marks: list[Mark] = []
 
-    def enter(self, words: str) -> None:
+    def enter(self, announced: Announcement) -> None:
         """Take note of an announcement."""
-        self._marks.append(Mark(words, *self._now()))
+        self._marks.append(Mark(announced.stage, *self._now()))
 
     def rows(self) -> dict[str, tuple[float, float]]:
         """Seconds on the clock and of the processor by stage up to now, in the order of their first announcement."""
         out: dict[str, tuple[float, float]] = {}
-        for mark, following in pairwise([*self._marks, Mark("", *self._now())]):
-            name = next((s.words for s in self._stages if mark.words.startswith(s.words)), mark.words.partition(",")[0])
+        for mark, following in pairwise([*self._marks, Mark(None, *self._now())]):
+            assert mark.stage is not None
+            name = NAMES[mark.stage]
             clock, busy = out.get(name, (0.0, 0.0))
             out[name] = clock + following.clock - mark.clock, busy + following.busy - mark.busy
         return out

@@ -16,6 +16,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
 from identification.engine import contract_levels
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
@@ -232,21 +233,17 @@ def _run(inside: Array, at: int) -> tuple[int, int]:
     return (int(before[-1]) + 1 if len(before) else 0, int(after[0]) - 1 if len(after) else len(inside) - 1)
 
 
-def burst_warnings(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tuple[str, ...]:
-    """A sentence for every burst, with what to leave out.
+def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tuple[Note, ...]:
+    """A note on every burst, with what to leave out.
 
     Args:
         bursts: Of a judgement.
         joints: Their units.
     """
     units = {joint.joint: joint.unit for joint in joints}
-    return tuple(_sentence(burst, units[burst.joint]) for burst in bursts)
+    return tuple(_note(burst, units[burst.joint]) for burst in bursts)
 
 
-def _sentence(burst: Burst, unit: str) -> str:
-    out = f"{burst.start - _MARGIN:.2f}:{burst.stop + _MARGIN:.2f}"
-    return (
-        f"{burst.file}: from {burst.start:.2f} to {burst.stop:.2f} s something acts on joint {burst.joint} that "
-        f"neither the model nor a finding makes, with up to {burst.torque:.3g} {unit}: if it was a push or a "
-        f"contact, leave it out with --exclude {out}, or record its force in columns f.<frame>.x, .y and .z."
-    )
+def _note(burst: Burst, unit: str) -> Note:
+    numbers = {"file": burst.file, "start": burst.start, "stop": burst.stop, "torque": burst.torque, "unit": unit}
+    return Note(Code.EVENT, burst.joint, {**numbers, "exclude": (burst.start - _MARGIN, burst.stop + _MARGIN)})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -34,12 +33,13 @@ from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 
 
-def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[Judgement, Shown]:
+def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
@@ -61,7 +61,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     left_over = unexplained(shown, judge, residual, whole)
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
-    progress("stating what would have been seen")
+    progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen
     )

@@ -16,7 +16,7 @@ from identification.diagnosis.model.nuisances import Nuisance
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.result import Adjusted, Bound, Finding, JointGap, Unexplained, noise_is_all
+from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
 from identification.engine import contract_levels
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
@@ -128,15 +128,15 @@ def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
         move, change = problem.columns.nuisances[k], found.theta[k]
         at_limit = bool(abs(change) > rules.AT_LIMIT * move.bound)
         if move.relative and (at_limit or abs(change) > 2 * deviation):
-            hides = hidden_by(problem.session.robot, move) if at_limit else ""
+            hides = hidden_by(problem.session.robot, move) if at_limit else None
             out.append(Adjusted(move.name, float(change), move.sigma, at_limit, hides))
     return tuple(out)
 
 
-def hidden_by(robot: Robot, move: Nuisance) -> str:
-    """What could hide behind a move that ends at its limit, in words."""
+def hidden_by(robot: Robot, move: Nuisance) -> Hidden:
+    """What could hide behind a move that ends at its limit."""
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
     body, _, quantity = move.name.rpartition(" ")
     if quantity == "mass" and body in masses:
-        return f"a payload of up to {move.bound * masses[body]:.2g} kg"
-    return f"a change of {move.name} of more than {100 * move.bound:.0f} %"
+        return Hidden("payload", float(move.bound * masses[body]))
+    return Hidden("change", float(move.bound))

@@ -21,12 +21,6 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-SOFT = (
-    "Friction turns over as softly as MuJoCo's does with this file: the recording looks simulated by it, and that "
-    "softness is not counted as a gap."
-)
-"""Told where recordings show soft friction."""
-
 # Of the law's own size: what a recording shows of it in each of its parts.
 _LEAST, _MOST = 0.5, 1.5
 _PARTS = 5

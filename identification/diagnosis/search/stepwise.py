@@ -6,7 +6,6 @@ Structures outside the catalogue then join the set, or take the place of effects
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from identification.diagnosis.gates import above_chance, exchange
@@ -24,6 +23,7 @@ from identification.diagnosis.search.search import (
     with_term,
 )
 from identification.diagnosis.search.swaps import simplified, swapped
+from identification.stages import Announcement, Progress, Stage
 
 # Effects of one set at most, far more than any robot has: in all, and for each joint.
 _MOST_TERMS, _MOST_TERMS_EACH = 40, 6
@@ -36,19 +36,19 @@ _MOST_NAMELESS = 4
 _MOST_NAMELESS_JUDGED = 8
 
 
-def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
+def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
     Args:
         search: Problem, rivals, threshold.
-        progress: Told in words what is being done.
+        progress: Takes the stages.
         start: What an earlier search has found.
     """
     chosen = dropped(search, frozenset(term for term in start if term.named))
     for _ in range(4):
         before = chosen
         chosen = forward(search, chosen, progress)
-        progress("weighing alternatives")
+        progress(Announcement(Stage.ALTERNATIVES))
         chosen = simplified(search, swapped(search, dropped(search, chosen)))
         chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
@@ -65,7 +65,7 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
 
-def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
@@ -74,7 +74,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
     """
     seen, rows = [chosen], len(search.problem.columns.rows)
     while len(chosen) < max(_MOST_TERMS, _MOST_TERMS_EACH * rows):
-        progress(f"trying rivals, {len(chosen)} found")
+        progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         base = search.score(chosen)
         rivals = [term for term in search.terms if term.named and search.possible(chosen, term)]
         promised = search.gains(chosen, tuple(rivals), above=0.0)
@@ -129,7 +129,7 @@ def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Ter
     return together
 
 
-def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The same set with effects of single joints in place of a law with more parameters than the robot has joints.
 
     Such a law gains most as long as nothing else is found, because it takes up a little of everything: free inertial
@@ -156,13 +156,13 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callab
     return chosen
 
 
-def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Add structures outside the catalogue to the set, or put them in the place of named effects.
 
     A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
     is then dropped. One that stands for several effects at a lower price takes their place.
     """
-    progress("looking for what has no name")
+    progress(Announcement(Stage.NAMELESS))
     accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):

@@ -22,6 +22,8 @@ from identification.export.headers import with_comment
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
+from identification.notes import Code, Note
+from identification.words.note_words import sentences
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
@@ -52,7 +54,7 @@ class ModelFile:
 
     name: str
     text: str
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def model_files(
@@ -108,15 +110,15 @@ def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Pa
     try:
         made = made_mjcf(corrected, motion, file=file, folder=folder)
     except PhantomDynError as error:
-        return ModelFile(MJCF, "", (f"{MJCF} was not written: {error}",))
+        return ModelFile(MJCF, "", (_not_written(MJCF, error),))
     left_out = (*mjcf_left_out(corrected, file, edited=made.edited), *made.left_out)
     return _checked_file(
         MJCF, lambda: (made.text, made.difference), versions().get("mjcf", ""), left_out, unchecked=made.unchecked
     )
 
 
-def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """A sentence on how far MuJoCo leaves the recorded motion with the given and with the corrected model.
+def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[Note, ...]:
+    """A note on how far MuJoCo leaves the recorded motion with the given and with the corrected model.
 
     Args:
         corrected: The model.
@@ -125,7 +127,7 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
         tau: Logged torque at the same times.
 
     Returns:
-        The sentence; nothing without MuJoCo, or where the motion is too short.
+        The note; nothing without MuJoCo, or where the motion is too short.
     """
     if not text:
         return ()
@@ -138,41 +140,33 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
         after = rollout_errors(text, corrected.given, motion, tau, horizon=_HORIZON)
     except PhantomDynError:
         return ()
-    places = zip(corrected.given.joint_names, before, after, corrected.given.position_units, strict=True)
-    changes = ", ".join(f"{joint} {one:.3g} {unit} before and {two:.3g} after" for joint, one, two, unit in places)
-    return (
-        f"{MJCF}: rolled out in MuJoCo for {_HORIZON:g} s under the logged torque, it is this far from the recorded "
-        f"motion (root mean square): {changes}.",
-    )
+    places = tuple(zip(corrected.given.joint_names, before, after, corrected.given.position_units, strict=True))
+    return (Note(Code.ROLLED_OUT, None, {"files": (MJCF,), "seconds": _HORIZON, "places": places}),)
 
 
 def _checked_file(
     name: str,
     make: Callable[[], tuple[str, float]],
     loaded_with: str,
-    left_out: tuple[str, ...],
+    left_out: tuple[Note, ...],
     *,
     unchecked: str = "",
 ) -> ModelFile:
     try:
         text, difference = make()
     except PhantomDynError as error:
-        return ModelFile(name, "", (f"{name} was not written: {error}",))
+        return ModelFile(name, "", (_not_written(name, error),))
     if difference > TOLERANCE:
-        reason = (
-            f"{name} was not written: loaded again with {loaded_with}, it needs torques that differ by "
-            f"{difference:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
-        )
-        return ModelFile(name, "", (reason,))
-    checked = (
-        f"not loaded again, as {unchecked}"
-        if np.isnan(difference)
-        else f"loaded again with {loaded_with}, it needs the same torques"
-    )
-    if difference > 0:
-        checked += f": they differ by at most {difference:.1g} of the largest"
-    notes = (f"{name}: {checked}.", *(f"{name}: {sentence[:1].lower()}{sentence[1:]}" for sentence in left_out))
-    return ModelFile(name, _with_comment(text, left_out), notes)
+        numbers = {"files": (name,), "loaded_with": loaded_with, "difference": difference}
+        return ModelFile(name, "", (Note(Code.WRITTEN_WRONG, None, numbers),))
+    numbers = {"files": (name,), "loaded_with": loaded_with, "unchecked": unchecked}
+    checked = Note(Code.CHECKED, None, {**numbers, "difference": None if np.isnan(difference) else difference})
+    notes = (checked, *(note.with_numbers(files=(name,)) for note in left_out))
+    return ModelFile(name, _with_comment(text, sentences(left_out)), notes)
+
+
+def _not_written(name: str, error: Exception) -> Note:
+    return Note(Code.NOT_WRITTEN, None, {"files": (name,), "problem": str(error)})
 
 
 def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
@@ -183,8 +177,8 @@ def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
     return with_comment(text, lines)
 
 
-def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
-    """Sentences on what a URDF lacks.
+def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
+    """Notes on what a URDF lacks.
 
     Args:
         corrected: The corrected model.
@@ -196,34 +190,30 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
     other = file.suffix != ".urdf"
     moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
-    out += _missing("rotor inertias: put them into " + CONFIG_NAME + " (rotor_inertia [kg m^2 or kg])", moved)
-    out += _missing("springs (stiffness)", {name: k for name, (k, _) in corrected.springs.items()})
-    out += _missing("constant torques [N m or N]", corrected.offsets)
-    out += _missing("torque constants (true over logged torque)", corrected.gains)
-    out += _missing("delays [s]", corrected.delays)
-    out += _missing("lags [s]", corrected.lags)
-    out += _missing("play (gap [rad or m])", corrected.plays)
-    out += _missing("springs of transmissions (stiffness)", corrected.compliances)
-    out += _missing("cogging (largest amplitude)", _largest(corrected))
-    out += _missing("couplings (ratio)", {f"{c.first}+{c.second}": c.ratio for c in corrected.couplings})
+    out += _missing("rotor_inertia", moved)
+    out += _missing("stiffness", {name: k for name, (k, _) in corrected.springs.items()})
+    out += _missing("offset", corrected.offsets)
+    out += _missing("torque_constant", corrected.gains)
+    out += _missing("delay", corrected.delays)
+    out += _missing("lag", corrected.lags)
+    out += _missing("play", corrected.plays)
+    out += _missing("transmission", corrected.compliances)
+    out += _missing("cogging", _largest(corrected))
+    out += _missing("coupling", {f"{c.first}+{c.second}": c.ratio for c in corrected.couplings})
     if given.chain is not None:
-        what = f"state them under loops in a {CONFIG_NAME}" if other else f"keep {CONFIG_NAME} beside it"
-        out.append(f"It has no place for closed loops: {what}.")
+        out.append(Note(Code.NO_PLACE_FOR_LOOPS, None, {"kept": not other, "config": CONFIG_NAME}))
     if given.locked and not other:
-        out.append(
-            f"{', '.join(given.locked)} can move in it: name what is fixed under lock in a {CONFIG_NAME} beside it."
-        )
+        out.append(Note(Code.LOCKED_CAN_MOVE, None, {"names": tuple(given.locked), "config": CONFIG_NAME}))
     gravity = given.model.gravity.linear
     if not np.allclose(gravity, _GRAVITY):
-        numbers = ", ".join(f"{x:g}" for x in gravity)
-        out.append(f"It has no place for gravity: state gravity: [{numbers}] in a {CONFIG_NAME} beside it.")
+        out.append(Note(Code.NO_PLACE_FOR_GRAVITY, None, {"gravity": tuple(gravity.tolist()), "config": CONFIG_NAME}))
     if other:
-        out.append("The given file is no URDF, so this one has bodies, joints and frames, and no shapes.")
+        out.append(Note(Code.NO_SHAPES))
     return tuple(out)
 
 
-def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False) -> tuple[str, ...]:
-    """Sentences on what the MJCF file lacks.
+def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False) -> tuple[Note, ...]:
+    """Notes on what the MJCF file lacks.
 
     Args:
         corrected: The corrected model.
@@ -232,45 +222,40 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
     """
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
     behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
-    out += _missing("a spring behind a play (stiffness)", behind)
+    out += _missing("spring_behind_play", behind)
     loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not _rotor(corrected, name)]
     if loose:
-        out.append(
-            f"The rotor inertia of {', '.join(loose)} is not known, so it is a hundredth of what the joint moves: "
-            f"state rotor_inertia in {CONFIG_NAME}."
-        )
+        out.append(Note(Code.ROTOR_UNKNOWN, None, {"names": tuple(loose), "config": CONFIG_NAME}))
     late = [delay for delay in corrected.delays.values() if delay > 0]
     if corrected.cogging or late:
-        out.append("Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0.")
+        out.append(Note(Code.NEEDS_NEWER_MUJOCO))
     if late:
-        out.append(f"Its delays are cut short where the timestep is below {SHORTEST_STEP:g} s: raise nsample there.")
+        out.append(Note(Code.DELAYS_CUT, None, {"shortest": SHORTEST_STEP}))
     if edited:
         return tuple(out)
-    urdf = file.suffix == ".urdf"
-    drives = "limits of torque and speed" if urdf else "actuators"
-    but = f", but for limits that {CONFIG_NAME} states" if urdf else ""
-    return (*out, f"It lacks shapes, sensors and {drives} of the given file{but}; a motor drives each joint.")
+    return (*out, Note(Code.ONLY_MOTORS, None, {"of_urdf": file.suffix == ".urdf", "config": CONFIG_NAME}))
 
 
 def _rotor(corrected: CorrectedModel, joint: str) -> float:
     return float(corrected.robot.rotor_inertia[corrected.robot.joint_names.index(joint)])
 
 
-def _reduced_laws(corrected: CorrectedModel) -> list[str]:
+def _reduced_laws(corrected: CorrectedModel) -> list[Note]:
     words = [(effect_named(effect.effect, corrected.given).words, effect.joint) for effect in corrected.others]
-    return [f"It has, {effect_words.kept}: {joint}." for effect_words, joint in words if effect_words.kept]
+    return [Note(Code.REDUCED_LAW, joint, {"words": one}) for one, joint in words if one.kept]
 
 
-def _lost_effects(corrected: CorrectedModel) -> list[str]:
+def _lost_effects(corrected: CorrectedModel) -> list[Note]:
     out = []
     for effect in catalogue.effects_of(corrected.given):
         lost = [other for other in corrected.others if other.effect == effect.name and not effect.words.kept]
         if lost:
-            size = effect.parameters(corrected.given, lost[0].joint)[0].name.replace("_", " ")
-            what = f"{effect.words.lost or effect.words.name} ({size})"
-            out += _missing(what, {str(other.joint): other.theta[0] for other in lost})
+            size = effect.parameters(corrected.given, lost[0].joint)[0].name
+            values = {str(other.joint): other.theta[0] for other in lost}
+            numbers = {"words": effect.words, "parameter": size, "values": values}
+            out.append(Note(Code.NO_PLACE_FOR_EFFECT, None, numbers))
     if not zeros_in_file(corrected):
-        out += _missing("the zeros of encoders in a closed chain [rad or m]", corrected.zeros)
+        out += _missing("zeros_in_chain", corrected.zeros)
     return out
 
 
@@ -278,7 +263,6 @@ def _largest(corrected: CorrectedModel) -> dict[str, float]:
     return {name: max((wave[1] for wave in waves), default=0.0) for name, waves in corrected.cogging.items()}
 
 
-def _missing(what: str, values: dict[str, float]) -> list[str]:
-    if not values:
-        return []
-    return [f"It has no place for {what}: {', '.join(f'{name} {value:.4g}' for name, value in values.items())}."]
+def _missing(quantity: str, values: dict[str, float]) -> list[Note]:
+    numbers = {"quantity": quantity, "values": values, "config": CONFIG_NAME}
+    return [Note(Code.NO_PLACE, None, numbers)] if values else []

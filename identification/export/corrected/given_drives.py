@@ -12,10 +12,11 @@ from identification.export.corrected.corrected_mjcf import SHORTEST_STEP
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.mjcf_defaults import GivenMjcf
 from identification.export.model_files.urdf_file import attribute_text
+from identification.notes import Code, Note
 from phantom_dyn.model.robot_xml import Element
 
 
-def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, str]:
+def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
     """Torque constants, limits, constant torques, lags and delays, in the actuators of the file.
 
     Args:
@@ -23,9 +24,9 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, str]:
         corrected: The corrected model.
 
     Returns:
-        By joint a sentence on the numbers that have no place.
+        By joint a note on the numbers that have no place.
     """
-    out: dict[str, str] = {}
+    out: dict[str, Note] = {}
     for name in corrected.robot.joint_names:
         found = _numbers_of(corrected, name)
         if not found:
@@ -36,24 +37,17 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, str]:
             for actuator in group
             if name in (actuator.get("joint"), actuator.get("jointinparent"))
         ]
-        told = ", ".join(f"{what} {value:.4g}" for what, value in found.items())
         if len(own) != 1:
-            count = "no actuator" if not own else "several actuators"
-            out[name] = (
-                f"It has no place for what was found of the drive of {name} ({told}): the file has {count} there."
-            )
+            out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, {"values": found, "actuators": len(own)})
         elif _plain(given, own[0]):
             _set_plain(given, own[0], corrected, name)
         else:
             limit = found.pop("limit", None)
             if limit is not None:
                 _set_limit(given, own[0], limit, 0.0)
-            told = ", ".join(f"{what} {value:.4g}" for what, value in found.items())
-            if told:
-                out[name] = (
-                    f"It has no place for what was found of the drive of {name} ({told}): its actuator is "
-                    f"<{own[0].tag}>, whose feedback would change too. A <motor> has one."
-                )
+            if found:
+                numbers = {"values": found, "actuators": 1, "kind": own[0].tag}
+                out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, numbers)
     return out
 
 

@@ -28,6 +28,7 @@ from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
 from identification.export.model_files.mjcf_loops import add_followers
 from identification.export.model_files.tree import LinkInertia
 from identification.export.model_files.urdf_file import attribute_text, own_inertia
+from identification.notes import Note
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.inertia import body_name, breaks_triangle
@@ -41,7 +42,7 @@ _SAME = 1e-12
 """Relative difference of a number that is the same but for its way through a file."""
 
 
-def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, str]]:
+def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, Note]]:
     """The text of the given MJCF with the findings, and by joint a sentence on what its actuator has no place for.
 
     Args:

@@ -18,6 +18,7 @@ from identification.export.corrected.urdf_shapes import with_urdf_shapes
 from identification.export.model_files.followers import with_followers
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE
+from identification.notes import Code, Note
 from phantom_dyn.errors import EstimationError, PhantomDynError, RobotError
 from phantom_dyn.model.mjcf import mjcf_facts
 from phantom_dyn.model.robot_xml import read_root
@@ -33,14 +34,14 @@ class MadeMjcf:
         difference: Of its torques in MuJoCo from the corrected model's, over the largest; NaN if it was not loaded.
         unchecked: Why it was not loaded again, as the end of a sentence; empty if it was.
         edited: True if it is the given file with the findings.
-        left_out: Sentences on what its drives have no place for, and on why the given file is not in it.
+        left_out: Notes on what its drives have no place for, and on why the given file is not in it.
     """
 
     text: str
     difference: float
     unchecked: str
     edited: bool
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Note, ...] = ()
 
 
 def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: Path) -> MadeMjcf:
@@ -62,12 +63,11 @@ def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: 
     try:
         return _edited(corrected, motion, file, folder)
     except PhantomDynError as error:
-        reason = f"The given file is not in it, so it has no shapes, sensors and actuators of that one: {error}"
-        return _new(corrected, motion, file, None, (reason,))
+        return _new(corrected, motion, file, None, (Note(Code.GIVEN_FILE_NOT_IN_IT, None, {"problem": str(error)}),))
 
 
 def _new(
-    corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[str, ...]
+    corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[Note, ...]
 ) -> MadeMjcf:
     """An MJCF that is made from the model, with the shapes of a URDF where ``folder`` says where it will lie."""
     whole = corrected
@@ -93,7 +93,8 @@ def _new(
     except (PhantomDynError, ValueError) as error:
         without = (f"The shapes of the URDF are not in it: {error}",)
         difference = torque_difference(text, whole, motion)
-    return MadeMjcf(text, difference, problem or "", False, (*left_out, *without))
+    remarks = (Note(Code.FILE_REMARK, None, {"sentence": sentence}) for sentence in without)
+    return MadeMjcf(text, difference, problem or "", False, (*left_out, *remarks))
 
 
 def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:

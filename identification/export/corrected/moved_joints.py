@@ -17,6 +17,7 @@ from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.pins import around, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 _OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
+_FILES = ("corrected.urdf", "corrected.xml")
 _HEADS = ("<robot", "<mujoco")
 
 
@@ -63,11 +65,11 @@ def joint_moves(
 
 @dataclass(frozen=True)
 class FileMoves:
-    """What model files can hold of moves, and sentences on what they cannot."""
+    """What model files can hold of moves, and notes on what they cannot."""
 
     urdf: Mapping[str, JointMove]
     mjcf: Mapping[str, JointMove]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
@@ -97,19 +99,14 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
     notes = []
     lost = [name for name, own in moves.items() if name in bound and np.any(own.twist)]
     if lost:
-        notes.append(
-            f"corrected.urdf and corrected.xml have no place for where {', '.join(lost)} sits: with links of other "
-            "lengths passive joints follow no formula, as they do in them; corrected.yaml has it, for --with."
-        )
+        notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": _FILES, "names": tuple(lost)}))
     if robot.chain.anchors:
-        notes.append(
-            "corrected.xml has no place for what poses showed: where its loops close is taken from how it is drawn."
-        )
+        notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": _FILES[1:]}))
     return FileMoves(held, {} if robot.chain.anchors else held, tuple(notes))
 
 
-def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[str, ...]:
-    """Sentences on elasticity and on poses of base and target that were found, which these files do not hold.
+def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:
+    """Notes on elasticity and on poses of base and target that were found, which these files do not hold.
 
     Args:
         found: What measured poses say; None where there are none.
@@ -117,13 +114,14 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
     """
     told = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
     joints = dict.fromkeys(str(joint) for effect, joint in told if effect == ELASTIC)
-    out = [f"the elasticity under load of {', '.join(joints)}"] if joints else []
+    out: list[tuple[str, tuple[str, ...]]] = [("elasticity", tuple(joints))] if joints else []
     if any(effect == BASE_POSE for effect, _ in told):
-        out.append("base_pose, where the base stands in its cell")
+        out.append(("base", ()))
     frames = dict.fromkeys(str(joint) for effect, joint in told if effect == TOOL_POSE)
     if frames:
-        out.append(f"tool_pose, where the target sits on {', '.join(frames)}")
-    return tuple(f"corrected.urdf and corrected.xml have no place for {one}." for one in out)
+        out.append(("tool", tuple(frames)))
+    numbers = ({"files": _FILES, "quantity": quantity, "names": names} for quantity, names in out)
+    return tuple(Note(Code.NO_PLACE_FOR_POSES, None, one) for one in numbers)
 
 
 def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:

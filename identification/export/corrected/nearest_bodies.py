@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from identification.estimators.consistent.consistent_bodies import pseudo_inertia, standard_of
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
@@ -29,8 +30,8 @@ _LEAST = 1e-6
 """Least eigenvalue, as a share of the largest: files and MuJoCo take no body that is only just possible."""
 
 
-def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with possible bodies in the place of those that cannot be, and a sentence on each.
+def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, ...]]:
+    """The robot with possible bodies in the place of those that cannot be, and a note on each.
 
     Bodies that are as they were given stay, possible or not.
 
@@ -56,10 +57,8 @@ def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[str, .
         reference = pseudo_inertia(given.model.inertias[body].toDynamicParameters())
         found, distance = nearest_possible(standard, _length(reference, pseudo_inertia(standard)))
         model.inertias[body] = pin.Inertia.FromDynamicParameters(found)
-        told.append(
-            f"No body can have the inertia that was found for {name}: the corrected files have the nearest possible "
-            f"one, {100 * distance:.2g} % away (mass {found[0]:.4g} kg for {mass:.4g} kg)."
-        )
+        numbers = {"body": name, "distance": distance, "mass": float(found[0]), "found": float(mass)}
+        told.append(Note(Code.NEAREST_BODY, None, numbers))
     return (replace(robot, model=model), tuple(told)) if told else (robot, ())
 
 

@@ -12,7 +12,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.special import stdtrit
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
@@ -233,6 +232,8 @@ def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"])
         squares: Squares and counts of the one.
         before: Of the other, on the same samples.
     """
+    from scipy.special import stdtrit  # where files are judged alone
+
     counts = squares[1]
     blocks = len(counts)
     total = np.maximum(counts.sum(axis=0), 1e-300)

@@ -14,6 +14,7 @@ import numpy as np
 from identification.csv_cells import text_cell
 from identification.diagnosis.input_names import base_of
 from identification.diagnosis.result import Diagnosis
+from identification.notes import Code, Note
 from identification.words.numbers_and_names import number, percent
 from phantom_dyn import __version__
 
@@ -141,13 +142,7 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
     return out
 
 
-def residual_note(model: ResidualModel) -> str:
-    """A sentence on the two files."""
-    what = "the law, and what its absence has bent" if model.lawful else "a sum of terms that is no law"
-    note = (
-        f"residual.py holds the torque on joint {model.joint} that the corrected model lacks ({what}): it foresees "
-        f"{percent(model.rest_closed)} of the squares of what is left there on held-out data."
-    )
-    if model.bands:
-        note += " It answers with memory; residual.csv leaves the memory out and holds what inputs that stay lead to."
-    return note
+def residual_note(model: ResidualModel) -> Note:
+    """A note on the two files."""
+    numbers = {"files": ("residual.py", "residual.csv"), "lawful": model.lawful, "memory": bool(model.bands)}
+    return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.rest_closed})

@@ -9,6 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
+from identification.export.all_files import YAML
+from identification.export.corrected.corrected_files import MJCF, URDF
+from identification.notes import Note, Said
 from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
 from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
 from identification.reporting.page.gap_figures import (
@@ -36,8 +39,9 @@ from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
+from identification.words.note_words import sentences
 from identification.words.numbers_and_names import percent
-from identification.words.verdict_words import headline, left_over, reservations
+from identification.words.verdict_words import headline, hidden_words, left_over, reservations
 from phantom_dyn.model.robot import Robot
 
 VERDICTS = {
@@ -138,8 +142,9 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         groups=groups_of(diagnosis),
         curve=Markup(share_curve(diagnosis)),
         cards=[_card(diagnosis, motions, index) for index in range(len(diagnosis.findings))],
-        notes=[note for note in diagnosis.notes if not note.startswith("corrected.")],
-        file_notes=[note for note in diagnosis.notes if note.startswith("corrected.")],
+        warnings=sentences(diagnosis.data_warnings),
+        notes=sentences(note for note in diagnosis.notes if not _on_model_files(note)),
+        file_notes=sentences(note for note in diagnosis.notes if _on_model_files(note)),
         proposal=(diagnosis.next_experiment or {}).get("say"),
         scene=None if robot is None or diagnosis.poses_alone else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
@@ -154,7 +159,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
                 a.quantity,
                 f"{100 * a.change:+.2g} %",
                 f"±{100 * a.tolerance:.2g} %",
-                f"at its limit: {a.hides}" * a.at_limit,
+                f"at its limit: {hidden_words(a)}" * a.at_limit,
             )
             for a in diagnosis.adjusted
         ],
@@ -168,6 +173,11 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         residual="position less reference" if diagnosis.at_rest else "measured less modelled torque",
         seconds=f"{diagnosis.seconds:.1f}",
     )
+
+
+def _on_model_files(said: Said) -> bool:
+    """True of notes on the corrected model's own files, which have a section of their own."""
+    return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
 
 
 def _closed(gap: Gap) -> str:

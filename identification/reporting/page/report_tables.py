@@ -16,6 +16,7 @@ from identification.words.effect_words import (
     words_of,
 )
 from identification.words.numbers_and_names import NO_BREAK, number, percent, with_unit
+from identification.words.verdict_words import hidden_words
 
 Row = tuple[str, ...]
 
@@ -68,7 +69,12 @@ def gap_row(joint: JointGap) -> Row:
 def adjusted_row(adjusted: Adjusted) -> Row:
     """Quantity, change, tolerance, and what could hide behind a move that ends at its limit."""
     change, tolerance = f"{100 * adjusted.change:+.2g} %", f"±{100 * adjusted.tolerance:.2g} %"
-    return (adjusted.quantity, change, tolerance, f"at its limit: {adjusted.hides}" if adjusted.at_limit else "")
+    return (
+        adjusted.quantity,
+        change,
+        tolerance,
+        f"at its limit: {hidden_words(adjusted)}" if adjusted.at_limit else "",
+    )
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:

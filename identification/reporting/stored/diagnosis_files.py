@@ -40,6 +40,7 @@ from identification.files import (
     temporary_beside,
 )
 from identification.words.diagnosis_words import finding_name
+from identification.words.note_words import sentences
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import looks_like_robot
@@ -75,7 +76,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "unexplained": _unexplained(diagnosis.unexplained),
         "bounds": [_plain(_without_words(bound)) for bound in diagnosis.bounds],
         "not_testable": [_plain(_without_words(entry)) for entry in diagnosis.not_testable],
-        "data_warnings": _plain(diagnosis.data_warnings),
+        "data_warnings": list(sentences(diagnosis.data_warnings)),
         "next_experiment": _plain(diagnosis.next_experiment),
         "rollout": _plain(diagnosis.rollout),
         "ledger": [_claim(claim) for claim in diagnosis.ledger],
@@ -260,8 +261,8 @@ def write_outputs(
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         if tell is not None:
-            for sentence in not_held(diagnosis.notes[before:]):
-                tell(sentence)
+            for said in sentences(not_held(diagnosis.notes[before:])):
+                tell(said)
         texts = {REPORT: _report(diagnosis, robot), **models}
         if diagnosis.next_motion is not None:
             from identification.next_experiment.proposal_words import reference_text  # with all that plans motions

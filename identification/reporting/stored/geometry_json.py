@@ -23,6 +23,7 @@ from identification.geometry.result import (
     Unseen,
 )
 from identification.geometry.terms import ELASTIC
+from identification.words.note_words import sentences
 
 _BESIDE = ("frames", "findings", "evidence", "warnings")
 
@@ -59,7 +60,14 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
     """All that does not stand beside what torques say."""
     rest = {name: value for name, value in vars(found).items() if name not in _BESIDE}
     lists = ("bounds", "not_testable", "fitted", "delays")
-    return rest | {name: [asdict(one) for one in rest[name]] for name in lists} | {"minor": findings_json(found.minor)}
+    return (
+        rest
+        | {name: [asdict(one) for one in rest[name]] for name in lists}
+        | {
+            "minor": findings_json(found.minor),
+            "notes": list(sentences(found.notes)),
+        }
+    )
 
 
 def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:

@@ -24,6 +24,7 @@ from identification.diagnosis.result import (
     Value,
 )
 from identification.engine import contract_levels
+from identification.notes import Code, Note
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
 from identification.scenarios.measured_poses import with_poses
@@ -78,7 +79,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], ways[row]))
     gaps = tuple(_gap(robot, row, every[row], ways.get(row)) for row in range(robot.nv))
     rest = _unexplained(robot, every, ways)
-    warnings = [sentence for row in rows for sentence in _told(robot, row, every[row], ways[row])]
+    warnings = [note for row in rows for note in _told(robot, row, every[row], ways[row])]
     found = Diagnosis(
         verdict=_verdict(ways, findings, rest),
         robot=robot.name,
@@ -93,7 +94,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         data_warnings=(
             *fault_warnings(recordings),
             *robot.warnings,
-            *(warning for recording in recordings for warning in recording.warnings),
+            *(said for recording in recordings for said in recording.said),
             *warnings,
         ),
         next_experiment=None,
@@ -162,23 +163,22 @@ def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
     return {"stiffness": Value(1.0 / value, std / value**2, unit)}
 
 
-def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]:
+def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Note]:
     """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
     load = np.abs(stills.middles(stills.load))
-    steps = f" ({found.shift / stills.quantum:.1f} steps of its reading)" if stills.quantum > 0 else ""
-    told = (
-        f"{joint} rests {found.shift:.3g} {unit}{steps} apart under loads of opposite sign of {load.min():.2g} to "
-        f"{load.max():.2g} {robot.torque_units[row]}, by {len(load)} rests; loads below {100 * LOADED:.0f} % of the "
-        "largest are not counted."
-    )
-    if not found.ways:
-        return [told]
-    return [
-        told,
-        f"What the controller of {joint} gives way under load is part of it: state its gain kp in robot.yaml to "
-        "separate the two.",
-    ]
+    numbers = {
+        "shift": found.shift,
+        "unit": unit,
+        "steps": found.shift / stills.quantum if stills.quantum > 0 else None,
+        "least": float(load.min()),
+        "most": float(load.max()),
+        "load_unit": robot.torque_units[row],
+        "rests": len(load),
+        "counted": LOADED,
+    }
+    apart = Note(Code.RESTS_APART, joint, numbers)
+    return [apart, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.ways else [apart]
 
 
 def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:

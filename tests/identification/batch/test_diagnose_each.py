@@ -24,6 +24,7 @@ from identification.data.reading import ReadOptions, read_recording
 from identification.export.all_files import NAMES as MODELS
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT, to_json
+from identification.words.stage_words import in_words
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError
 
@@ -128,7 +129,7 @@ def test_a_recording_whose_process_is_lost_is_a_row_as_well(pendulum, logs, monk
 
 def test_progress_counts_the_recordings(pendulum, logs):
     told: list[str] = []
-    diagnose_each(pendulum, logs[1::2], jobs=1, progress=told.append)
+    diagnose_each(pendulum, logs[1::2], jobs=1, progress=in_words(told.append))
     begun = "diagnosed 0 of 2 recordings"
     assert told == [begun, "diagnosed 1 of 2, last text.csv", "diagnosed 2 of 2, last other.csv"]
 

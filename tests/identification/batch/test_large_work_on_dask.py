@@ -20,6 +20,7 @@ from joblib import parallel_config
 from identification.batch.diagnose_each import diagnose_each
 from identification.export.all_files import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
+from identification.stages import Announcement
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.maps import operational_map as streaming
@@ -186,9 +187,9 @@ def test_a_worker_writes_the_files_into_the_folder_that_the_caller_named(cluster
 
 
 def test_recordings_survive_the_loss_of_a_worker(killing, recordings, alone):
-    def progress(words: str) -> None:
-        if words.startswith("diagnosed"):
-            killing(words)
+    def progress(now: Announcement) -> None:
+        if now.of:
+            killing(now)
 
     found = diagnose_each(load_robot(PENDULUM), recordings, progress=progress)
     assert without_its_run(found) == without_its_run(alone)

@@ -71,7 +71,7 @@ def test_linear_algebra_has_one_thread_whatever_was_set(work, logs):
     robot = load_robot(ROBOT)
     threads = set()
 
-    def progress(_: str) -> None:
+    def progress(_: object) -> None:
         threads.update(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
 
     with threadpool_limits(limits=2, user_api="blas"):

@@ -18,10 +18,11 @@ from numba.extending import overload
 
 from identification import file_sets
 from identification.cli.main import main
-from identification.cli.terminal.percentage import Stage
+from identification.cli.terminal.percentage import Share
 from identification.cli.terminal.progress import Progress
 from identification.export.all_files import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
+from identification.stages import Announcement, Stage
 from phantom_dyn._kernels.jit import compiles
 
 pytestmark = pytest.mark.whole
@@ -108,10 +109,10 @@ def test_an_interrupt_is_130_and_leaves_nothing(arm, tmp_path, made_columns, wri
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]
 
 
-@pytest.mark.parametrize("stage", ["reading log.csv", "filtering", "comparing rivals", "writing"])
+@pytest.mark.parametrize("stage", [Stage.READING, Stage.FILTERING, Stage.RIVALS_COMPARED, Stage.WRITING])
 def test_an_interrupt_at_any_stage_leaves_nothing(pendulum, log, monkeypatch, capsys, stage):
-    def interrupted(_, words):
-        if words == stage:
+    def interrupted(_, announced):
+        if announced.stage is stage:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Progress, "show", interrupted)
@@ -139,9 +140,9 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
 def test_without_a_terminal_a_line_with_the_stage_is_written_in_equal_times():
     # Oracle: two words shown for ten periods each.
     stream = io.StringIO()
-    with Progress("reading", stream, every=0.02) as progress:
+    with Progress(Stage.READING, stream, every=0.02) as progress:
         time.sleep(0.2)
-        progress.show("filtering")
+        progress.show(Announcement(Stage.FILTERING))
         time.sleep(0.2)
     lines = stream.getvalue().splitlines()
     assert {line.partition(": ")[2] for line in lines} == {"reading", "filtering"}
@@ -153,8 +154,9 @@ def test_without_a_terminal_a_line_with_the_stage_is_written_in_equal_times():
 def test_the_percentage_stands_before_the_stage_and_the_last_line_says_a_hundred():
     # Oracle: the shares of the stages that are given.
     stream = io.StringIO()
-    with Progress("reading", stream, stages=(Stage("reading", 40.0), Stage("writing", 60.0)), every=0.02) as progress:
-        progress.show("writing")
+    shares = (Share(Stage.READING, 40.0), Share(Stage.WRITING, 60.0))
+    with Progress(Stage.READING, stream, stages=shares, every=0.02) as progress:
+        progress.show(Announcement(Stage.WRITING))
         time.sleep(0.1)
     shown = [line.partition(": ")[2] for line in stream.getvalue().splitlines()]
     assert all(re.fullmatch(r"[4-9]\d % writing", line) for line in shown[:-1])
@@ -165,7 +167,7 @@ def test_a_run_that_fails_is_never_told_as_done():
     stream = io.StringIO()
 
     def fails():
-        with Progress("a", stream, stages=(Stage("a", 100.0),), every=0.01):
+        with Progress(Stage.READING, stream, stages=(Share(Stage.READING, 100.0),), every=0.01):
             time.sleep(0.05)
             raise ValueError("broken")
 
@@ -179,7 +181,7 @@ def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
     # Oracle: numba's own compilation of a function that no cache holds; its generated body asks what is said.
     said = []
 
-    with Progress("filtering", io.StringIO()) as progress:
+    with Progress(Stage.FILTERING, io.StringIO()) as progress:
 
         @overload(_asked)
         def compiled():
@@ -194,17 +196,17 @@ def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
 
 def test_a_short_run_without_a_terminal_writes_nothing():
     stream = io.StringIO()
-    with Progress("reading", stream) as progress:
-        progress.show("filtering")
+    with Progress(Stage.READING, stream) as progress:
+        progress.show(Announcement(Stage.FILTERING))
     assert stream.getvalue() == ""
 
 
 def test_a_reader_of_the_progress_that_left_ends_the_telling_and_nothing_else():
     # Oracle: Python's own threads; a thread that died of an error has told pytest, which fails the test.
     stream, before = io.StringIO(), set(threading.enumerate())
-    with Progress("reading", stream, every=0.01) as progress:
+    with Progress(Stage.READING, stream, every=0.01) as progress:
         (telling,) = set(threading.enumerate()) - before
         stream.close()
         telling.join(timeout=10.0)
         assert not telling.is_alive()
-        progress.show("filtering")
+        progress.show(Announcement(Stage.FILTERING))

@@ -9,6 +9,7 @@ import pytest
 
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
+from identification.stages import Announcement, Stage
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
@@ -203,11 +204,12 @@ def test_a_recording_that_is_too_short_to_hold_data_back_is_refused(lab, planar2
         diagnose(planar2, (lab.recording(planar2, motion),))
 
 
-def test_progress_is_told_in_words(lab, planar2):
-    said: list[str] = []
-    diagnose(planar2, (lab.recording(planar2, lab.motion(2)),), progress=said.append)
-    assert said[0] == "filtering"
-    assert "estimating the noise" in said
+def test_progress_is_announced_by_stage(lab, planar2):
+    announced: list[Announcement] = []
+    diagnose(planar2, (lab.recording(planar2, lab.motion(2)),), progress=announced.append)
+    stages = [one.stage for one in announced]
+    assert stages[0] is Stage.FILTERING
+    assert Stage.NOISE in stages
 
 
 def test_warnings_of_robot_and_recording_are_passed_on(lab, planar2):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 from places import ROBOTS
 
@@ -32,4 +33,4 @@ def test_the_missing_hand_is_a_negative_payload_of_its_mass(found):
 
 
 def test_the_missing_hand_is_named(found):
-    assert any("The model carries hand (0.6 kg)" in note for note in found.notes)
+    assert any("The model carries hand (0.6 kg)" in note for note in sentences(found.notes))

@@ -215,3 +215,13 @@ def test_a_wrong_gain_is_refused(reference, kp, said):
 def test_a_table_that_is_no_reference_is_refused(log):
     with pytest.raises(LogError, match=r"log.csv has no column q_ref.pin"):
         dyn.simulate(PENDULUM, log)
+
+
+def test_progress_of_every_function_is_told_in_words(log):
+    # Oracle: the words of the first stage of each, by hand.
+    told: list[list[str]] = [[], [], []]
+    dyn.diagnose(PENDULUM, log, progress=told[0].append)
+    dyn.identify(PENDULUM, log, progress=told[1].append)
+    dyn.excite(PENDULUM, duration=2.0, progress=told[2].append)
+    assert [words[0] for words in told] == ["filtering", "filtering", "looking for postures within the limits"]
+    assert all(isinstance(word, str) for words in told for word in words)

@@ -9,6 +9,7 @@ import pytest
 
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.result import GeometryResult
+from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError
 
 
@@ -126,7 +127,7 @@ def test_a_few_poses_that_stray_are_left_out_and_told(ur10, tracked):
     p[7] += 0.05
     result = diagnose_poses(ur10, (replace(recording, positions={"tool0": p}),))
     assert result is not None
-    (warning,) = result.warnings
+    (warning,) = sentences(result.warnings)
     assert warning == "poses.csv: 1 measured pose lies more than six noises from all others and were left out."
     assert found_of(result)["encoder_offset", "elbow_joint", "offset"] == pytest.approx(0.002, abs=2e-4)
 

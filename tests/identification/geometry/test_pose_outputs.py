@@ -21,7 +21,8 @@ from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.reporting.stored.diagnosis_files import json_text, to_json
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
-from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_words
+from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_notes
+from identification.words.note_words import sentences
 from phantom_dyn.errors import ParameterError
 from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint
 
@@ -201,6 +202,6 @@ def test_a_zero_that_torques_show_as_well_is_compared(ur10, tracked, by_torque, 
     offset = {"offset": Value(by_torque, 2e-4, "rad")}
     finding = Finding("encoder_offset", "shoulder_lift_joint", "posture", offset, 1.0, (1.0, 1.0), 1.0, (), "supported")
     assert poses is not None
-    (sentence,) = zero_words((finding,), poses)
+    (sentence,) = sentences(zero_notes((finding,), poses))
     assert sentence.startswith("The zero of shoulder_lift_joint is off by ")
     assert sentence.endswith(f"{end}.")

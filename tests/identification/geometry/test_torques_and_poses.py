@@ -16,6 +16,7 @@ from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.reporting.stored.diagnosis_files import to_json
 from identification.words.geometry_words import all_findings
+from identification.words.note_words import sentences
 from places import ROBOTS
 from tests.common.measured_poses import TrueRobot, measured, pose, quaternions
 
@@ -46,7 +47,7 @@ def test_the_zero_is_found_in_poses_beside_what_torques_show(found):
 def test_a_zero_that_both_show_is_told_to_be_the_same(found):
     assert _zeros(found.findings) == [pytest.approx(OFFSET, rel=0.1)]
     assert found.geometry is not None
-    (sentence,) = found.geometry.notes
+    (sentence,) = sentences(found.geometry.notes)
     assert sentence.startswith("The zero of tilt is off by")
     assert sentence.endswith("they agree.")
 
@@ -76,4 +77,7 @@ def test_a_law_for_control_says_what_only_poses_showed(found, arm, tmp_path, by_
     # Without its findings the model leaves more than is claimed, so nothing is run.
     one = found if by_torque else replace(found, findings=(), replay=None)
     _, noted = export_texts(one, arm, folder=tmp_path)
-    assert any("feedforward.py has no place for what poses showed: it has tilt" in note for note in noted.notes) == told
+    assert (
+        any("feedforward.py has no place for what poses showed: it has tilt" in note for note in sentences(noted.notes))
+        == told
+    )

@@ -56,7 +56,9 @@ class Recorded:
         pair = given, corrected
         shoot = under_control if controlled else open_loop
         horizons = tuple(h for h in (2.0, 1.0, *HORIZONS) if h <= seconds)
-        return compared(self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, "the torque", settle)
+        return compared(
+            self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, settle, controlled=controlled
+        )
 
 
 @pytest.fixture(scope="session")

@@ -11,11 +11,12 @@ from identification.diagnosis.model.terms import Term
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque
-from identification.rollout.joint_limits import Engaged, Simulated, limit_warnings, limits_engaged, recorded_past
+from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged, recorded_past
 from identification.rollout.rollout import _everywhere
 from identification.rollout.rollout_starts import States, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
+from identification.words.note_words import sentence, sentences
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
@@ -146,7 +147,7 @@ def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pen
         "corrected", "pin", "a.csv", 3.0, 1, 2,
     )  # fmt: skip
     assert one.t == pytest.approx(1.04)
-    (said,) = limit_warnings(pendulum, (one,))
+    (said,) = sentences(limit_notes(pendulum, (one,)))
     assert said.startswith(
         "a.csv: in 1 of 2 simulated windows pin runs past the limit of 3 rad of the corrected model, first at t = 1.04"
     )
@@ -155,8 +156,8 @@ def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pen
 def test_the_given_model_is_warned_of_only_where_the_corrected_one_keeps_the_limit(pendulum):
     both = limits_engaged(pendulum, (window("a.csv", 0.0, -3.0, -3.5, -3.5),))
     assert [one.model for one in both] == ["given", "corrected"]
-    assert len(limit_warnings(pendulum, both)) == 1
-    assert "of the given model" in limit_warnings(pendulum, both[:1])[0]
+    assert len(limit_notes(pendulum, both)) == 1
+    assert "of the given model" in sentence(limit_notes(pendulum, both[:1])[0])
 
 
 @pytest.mark.parametrize(("read", "near"), [(2.96, False), (2.98, True), (3.02, True), (3.04, False)])
@@ -169,7 +170,7 @@ def test_a_recording_past_the_limits_of_its_model_is_told(pendulum, record):
     made = record(pendulum)
     q = np.array(made.log.raw_q)
     q[500:510, 0] = 3.1
-    (said,) = recorded_past(pendulum, (replace(made.log, raw_q=q),))
+    (said,) = sentences(recorded_past(pendulum, (replace(made.log, raw_q=q),)))
     assert said.startswith("sim.csv: pin goes up to 0.1 rad past the model's limits of -3 to 3 rad, first at t = 2 s")
     assert recorded_past(pendulum, (made.log,)) == ()
 
@@ -231,7 +232,7 @@ def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
         Engaged("corrected", joint, "a.csv", 1.0, limit, windows, 20)
         for joint, limit, windows in (("shoulder", 2.0, 4), ("elbow", -1.5, 16))
     ]
-    (said,) = limit_warnings(planar2, tuple(past))
+    (said,) = sentences(limit_notes(planar2, tuple(past)))
     assert said.startswith(
         "a.csv: in 20 simulated windows joints run past limits of the corrected model that the recording comes up "
         "to and keeps "

@@ -9,7 +9,9 @@ import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.recording import Recording
+from identification.notes import Code
 from identification.pipeline import diagnose
+from identification.words.note_words import sentence
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Controller
 from phantom_dyn.simulation.control import position_control
@@ -51,7 +53,7 @@ def test_the_error_of_all_is_the_mean_square_of_that_of_each(two_loads):
 
 
 def test_each_recording_is_simulated_under_its_own_controller(two_loads):
-    (said,) = (note for note in two_loads.notes if note.startswith("Under the stated controllers"))
+    (said,) = (sentence(note) for note in two_loads.notes if note.code is Code.CLOSED_LOOP)
     before, after = (float(said.split(" by ")[k].split()[0]) for k in (1, 2))
     assert after < 0.2 * before
 
@@ -85,4 +87,4 @@ def test_a_recording_that_runs_into_a_stop_of_the_model_says_where_and_when(pend
     assert (one["joint"], one["recording"], one["limit"]) == ("pin", "stop.csv", 0.5)
     pressed = t[moved.q[:, 0] > 0.4999]
     assert np.abs(pressed - one["t"]).min() < 0.5
-    assert "pin runs past the limit of 0.5 rad" in found.warnings[0]
+    assert "pin runs past the limit of 0.5 rad" in sentence(found.warnings[0])

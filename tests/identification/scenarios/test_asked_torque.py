@@ -8,6 +8,7 @@ import pytest
 from identification.data.changes import Change, robot_in
 from identification.data.recording import Recording
 from identification.scenarios.motion_only import states_controllers, with_asked_torque
+from identification.words.note_words import sentence
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller
 
@@ -31,7 +32,7 @@ def test_the_torque_is_what_the_controllers_asked_for(held, without_torque):
     assert found.tau is not None
     wanted = 40.0 * (np.sin(t + 0.1) - np.sin(t)) - 2.0 * np.cos(t)
     np.testing.assert_allclose(found.tau[1:-1, 0], wanted[1:-1], atol=1e-4)
-    assert "the torque is what its controllers asked for" in found.warnings[-1]
+    assert "the torque is what its controllers asked for" in sentence(found.notes[-1])
     assert found.controlled
 
 

@@ -10,11 +10,13 @@ import pytest
 from benchmarks.motion_only import SAME, case, in_set
 from identification.data.recording import Recording
 from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement, Value
+from identification.notes import Code, Note
 from identification.pipeline import diagnose_controlled
 from identification.rollout.compare import Rollout
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.motion_only import commanded_torque, motion_robot
+from identification.words.note_words import sentence
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 
 KP = 40.0
@@ -30,10 +32,8 @@ def driven(pendulum) -> Robot:
 def estimated(driven) -> Recording:
     t = np.arange(200) / 100.0
     q = 0.5 * np.sin(t)[:, None]
-    warnings = ("No gains of pin are stated: kp = 40.", "other")
-    return Recording(
-        "log.csv", ("pin",), t, q, None, q_ref=q + 0.01, gains_estimated=("pin",), controlled=True, warnings=warnings
-    )
+    log = Recording("log.csv", ("pin",), t, q, None, q_ref=q + 0.01, gains_estimated=("pin",), controlled=True)
+    return replace(log, warnings=("other",), notes=(Note(Code.GAINS_ESTIMATED, "pin"),))
 
 
 def friction(made_up, effect: str, parameter: str, value: float) -> Finding:
@@ -73,8 +73,9 @@ def test_the_torque_of_a_higher_gain_is_as_many_times_larger(driven, estimated):
 
 def test_the_warning_names_both_gains_in_place_of_the_old_one(driven, estimated):
     _, (recording,) = with_scaled_gains(driven, (estimated,), {"pin": 1.5})
-    other, words = recording.warnings
-    assert other == "other"
+    other, note = recording.said
+    assert (other, note.code) == ("other", Code.GAIN_BY_FRICTION)
+    words = sentence(note)
     assert "kp is 40 N m/rad, and the joint would rub less than the model states. With kp = 60 N m/rad" in words
 
 

@@ -12,6 +12,7 @@ from identification.data.recording import Recording
 from identification.pipeline import diagnose
 from identification.scenarios.gains import Gains, estimated_gains, unstated, with_estimated_gains
 from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -123,7 +124,7 @@ def test_a_stated_gain_is_kept(planar):
 
 def test_the_warning_says_what_was_estimated_and_what_it_rests_on(pendulum, swung):
     _, (recording,) = with_estimated_gains(pendulum, (swung,))
-    (words,) = recording.warnings
+    (words,) = sentences(recording.notes)
     assert words.startswith("No gains of pin are stated: kp = 60")
     assert "as right as the gravity and the inertia of the model" in words
     assert "positions alone tell kd/kp = 0.1" in words
@@ -174,5 +175,5 @@ def test_what_is_true_of_all_recordings_is_told_once(pendulum, swung):
     stated = replace(pendulum, actuators=(Actuator(controller=Controller("pd", 60.0, 6.0)),))
     other = replace(swung, file="other.csv")
     _, (first, second) = moved_by_controllers(stated, (swung, other))
-    assert first.warnings[-1].startswith("moved.csv and 1 more: positions and references only: ")
-    assert second.warnings == other.warnings
+    assert sentence(first.notes[-1]).startswith("moved.csv and 1 more: positions and references only: ")
+    assert second.notes == other.notes

@@ -17,6 +17,7 @@ from identification.rollout.compare import Rollout
 from identification.scenarios.gains import suggested_gains
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.motion_only import commanded_torque, motion_robot, with_commanded_torque
+from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
@@ -179,7 +180,7 @@ def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
     recording = with_commanded_torque(moved(pendulum)[0], pendulum)
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
-    (note,) = limited_to_motion(still, (recording,), rollout, pendulum).notes
+    (note,) = sentences(limited_to_motion(still, (recording,), rollout, pendulum).notes)
     assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
     assert limited_to_motion(still, (recording,), near, pendulum).notes == ()

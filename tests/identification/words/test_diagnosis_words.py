@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from identification.diagnosis.result import Adjusted, Bound, EffectAt, JointGap, Rival, Unexplained, Value
+from identification.diagnosis.result import Adjusted, Bound, EffectAt, Hidden, JointGap, Rival, Unexplained, Value
 from identification.words import diagnosis_words as words
 from identification.words import verdict_words
 from identification.words.effect_words import REGIMES, effect_words, regime_sentence, regime_words, report_order
@@ -242,8 +242,8 @@ def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
 FLOORS = JointGap("j1", "N m", 1.0, 0.3, 0.03, 100, 2.0, 0.9, (0.028, 0.032), "predictors", None)
 NO_STRUCTURE = Unexplained(0.0, False, "j1", None)
 WIDE = Bound("coulomb_friction", "j1", "torque", 0.3, "N m", 0.4)
-LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
-OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more than 10 %")
+LIMIT = Adjusted("hand mass", -0.1, 0.05, True, Hidden("payload", 0.12))
+OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, Hidden("change", 0.1))
 
 
 @pytest.mark.parametrize(

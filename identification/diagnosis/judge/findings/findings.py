@@ -8,7 +8,9 @@ import numpy as np
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.gates.least_size import large_enough
-from identification.diagnosis.judge.findings.missing_parts import missing_part_words
+from identification.diagnosis.judge.findings.missing_parts import (
+    missing_part_notes,
+)
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
@@ -17,44 +19,33 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.special_cases import implausible
+from identification.notes import Code, Note, Said
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.effects.effect import Effect
 
 Array = np.ndarray
 
 
-def remarks(shown: Shown) -> tuple[str, ...]:
-    """Sentences on what the sizes of findings say of the robot, and on each size that no sound robot has."""
-    robot, out = shown.problem.session.robot, []
+def remarks(shown: Shown) -> tuple[Said, ...]:
+    """Notes on what the sizes of findings say of the robot, and on each size that no sound robot has."""
+    robot, out = shown.problem.session.robot, list[Said]()
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
         assert isinstance(effect, Effect)
         if effect.inertial == "free":
-            out += missing_part_words(shown.problem, term, own)
+            out += missing_part_notes(shown.problem, term, own)
             continue
         remark = effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape))
         out += [remark] if remark else []
         fault = implausible(robot, term, own)
         if fault is not None:
             parameter, value = fault
-            where = effect.name.replace("_", " ") + ("" if term.joint is None else f" on {term.joint}")
-            out.append(
-                f"The {parameter.name.replace('_', ' ')} of {where} comes out as {_sized(value, parameter)}, which is "
-                f"not plausible ({_range(parameter)}): {parameter.plausible_because}."
-            )
+            low, high = parameter.plausible or (-np.inf, np.inf)
+            numbers = {"effect": effect.name, "parameter": parameter.name, "value": float(value)}
+            numbers |= {"unit": parameter.unit, "because": parameter.plausible_because}
+            limits = {"least": low if np.isfinite(low) else None, "most": high if np.isfinite(high) else None}
+            out.append(Note(Code.IMPLAUSIBLE_SIZE, term.joint, {**numbers, **limits}))
     return tuple(out)
-
-
-def _sized(value: float, parameter: Parameter) -> str:
-    return f"{value:.3g}" if parameter.unit == "1" else f"{value:.3g} {parameter.unit}"
-
-
-def _range(parameter: Parameter) -> str:
-    """What is plausible, in words."""
-    low, high = parameter.plausible or (-np.inf, np.inf)
-    if np.isfinite(low) and np.isfinite(high):
-        return f"{low:.3g} to {_sized(high, parameter)} is"
-    return f"at least {_sized(low, parameter)} is" if np.isfinite(low) else f"at most {_sized(high, parameter)} is"
 
 
 @dataclass(frozen=True)

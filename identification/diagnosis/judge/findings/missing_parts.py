@@ -14,6 +14,7 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.rival_sets import Place
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
@@ -79,14 +80,11 @@ def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> flo
     return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 
 
-def missing_part_words(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[str]:
-    """A sentence where the absence of a part explains most of what inertial parameters explain."""
+def missing_part_notes(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[Note]:
+    """A note where the absence of a part explains most of what inertial parameters explain."""
     found = share_without(problem, term, own)
     if found is None or found[0] < special_case.PART_SHARE:
         return []
     share, _, part = found
-    return [
-        f"Of what the wrong inertial parameters explain, {100.0 * share:.0f} % is what the robot would lack without "
-        f"{' and '.join(part.names)} ({part.mass:.3g} kg), which the model carries on a fixed or locked joint: look "
-        "whether it is mounted."
-    ]
+    numbers = {"share": share, "parts": tuple(part.names), "mass": part.mass}
+    return [Note(Code.MISSING_PART, term.joint, numbers)]

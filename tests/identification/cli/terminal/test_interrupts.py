@@ -13,6 +13,7 @@ import pytest
 
 from identification.cli.terminal.interrupts import Interrupted, end_if_asked, interruptible
 from identification.cli.terminal.progress import Progress
+from identification.stages import Announcement, Stage
 
 # Python remembers a plain KeyboardInterrupt that leaves a string given to exec, and kills the process at its end.
 WITHIN_EXEC = """
@@ -54,11 +55,11 @@ def test_an_interrupt_that_was_swallowed_ends_the_command_at_its_next_stage():
         except BaseException:
             return
 
-    with interruptible(), Progress("reading", io.StringIO()) as progress:
-        progress.show("nothing yet")
+    with interruptible(), Progress(Stage.READING, io.StringIO()) as progress:
+        progress.show(Announcement(Stage.READING))
         swallowing()
         with pytest.raises(Interrupted):
-            progress.show("filtering")
+            progress.show(Announcement(Stage.FILTERING))
 
 
 @pytest.mark.usefixtures("usual_handling")

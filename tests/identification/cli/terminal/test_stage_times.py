@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import pytest
 
-from identification.cli.terminal.percentage import Stage
 from identification.cli.terminal.stage_times import StageTimes, peak_megabytes
+from identification.stages import Announcement, Stage
 
 
 def watched(*times: tuple[float, float]) -> StageTimes:
     """With clock and processor time of each moment."""
     moments = iter(times)
-    return StageTimes((Stage("reading", 50.0), Stage("fitting", 50.0)), lambda: next(moments))
+    return StageTimes(lambda: next(moments))
 
 
 def test_a_stage_that_is_announced_again_has_one_row():
     # By hand: reading from 0 to 1 and from 3 to 4, something else from 1 to 3; twice as much on two threads.
     times = watched((0.0, 5.0), (1.0, 6.0), (3.0, 10.0), (4.0, 11.0))
-    for words in ("reading a.csv", "comparing, 3 found", "reading b.csv"):
-        times.enter(words)
-    assert times.rows() == {"reading": (2.0, 2.0), "comparing": (2.0, 4.0)}
+    for stage in (Stage.READING, Stage.RIVALS_COMPARED, Stage.READING):
+        times.enter(Announcement(stage))
+    assert times.rows() == {"reading": (2.0, 2.0), "comparing rivals": (2.0, 4.0)}
 
 
 def test_the_table_counts_what_the_process_did_before_its_command():
     times = watched((0.0, 5.0), (1.5, 8.0))
-    times.enter("fitting")
+    times.enter(Announcement(Stage.FILTERING))
     lines = times.table().splitlines()
     assert lines[1].split()[-1] == "5.00"
-    assert lines[2].split() == ["fitting", "1.50", "3.00"]
+    assert lines[2].split() == ["filtering", "1.50", "3.00"]
     assert lines[3].split() == ["all", "1.50", "8.00"]
 
 

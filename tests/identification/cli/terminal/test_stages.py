@@ -22,9 +22,9 @@ def test_every_announcement_is_of_a_stage_and_every_stage_is_announced(
 ):
     stages, words = COMMANDS[command]
     announced = []
-    monkeypatch.setattr(Percentage, "enter", lambda self, words: announced.append(words))
+    monkeypatch.setattr(Percentage, "enter", lambda self, now: announced.append(now.stage))
     given = {"pendulum": pendulum, "arm": arm, "log": log, "out": tmp_path / "out"}
     assert main([word.format(**given) for word in words]) == 0
-    places = [next(k for k, stage in enumerate(stages) if said.startswith(stage.words)) for said in announced]
+    places = [[share.stage for share in stages].index(stage) for stage in announced]
     assert places == sorted(places)
     assert set(places) == set(range(len(stages)))

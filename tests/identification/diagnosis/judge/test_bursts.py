@@ -11,11 +11,12 @@ from scipy.signal import lfilter
 
 from identification.data.joint_torque import external_torque
 from identification.diagnosis.explanation import explained
-from identification.diagnosis.judge.bursts import burst_warnings, bursts_in, from_quiet
+from identification.diagnosis.judge.bursts import burst_notes, bursts_in, from_quiet
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.model.session import session_of
 from identification.diagnosis.result import Burst, JointGap
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 
 T = np.arange(0, 30, 0.02)
 EXPECTED = np.full((len(T), 2), 0.05)
@@ -95,7 +96,7 @@ def test_few_samples_have_no_event():
 
 def test_a_burst_is_told_with_what_to_leave_out():
     burst = Burst("a.csv", "elbow", 3.0, 3.5, -1.25, 12.0)
-    (sentence,) = burst_warnings((burst,), (JointGap("elbow", "N m", 1.0, 1.0, 0.1, 100),))
+    (sentence,) = sentences(burst_notes((burst,), (JointGap("elbow", "N m", 1.0, 1.0, 0.1, 100),)))
     assert sentence.startswith(
         "a.csv: from 3.00 to 3.50 s something acts on joint elbow that neither the model nor a finding makes, "
         "with up to -1.25 N m:"
@@ -114,7 +115,7 @@ def pushed(lab, planar2):
 
 
 def test_a_push_that_nobody_measured_is_told_with_what_to_leave_out(planar2, pushed):
-    warnings = diagnose(planar2, (pushed[0],)).data_warnings
+    warnings = sentences(diagnose(planar2, (pushed[0],)).data_warnings)
     told = [w for w in warnings if "something acts on joint shoulder that neither the model nor a finding makes" in w]
     assert len(told) == 1
     start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", told[0])[0])

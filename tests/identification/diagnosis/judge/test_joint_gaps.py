@@ -60,12 +60,13 @@ def test_a_mass_at_its_limit_could_hide_a_payload_and_others_hide_nothing(quiet)
     moves = {move.quantity: move for move in adjusted(problem, replace(sure, theta=theta))}
     assert set(moves) == {names[mass], names[inside]}
     assert moves[names[mass]].at_limit
-    assert moves[names[mass]].hides.startswith("a payload of up to ")
+    assert moves[names[mass]].hides.kind == "payload"
     assert not moves[names[inside]].at_limit
-    assert moves[names[inside]].hides == ""
+    assert moves[names[inside]].hides is None
 
 
 def test_what_hides_behind_a_mass_is_its_tolerance_of_it(quiet, planar2):
     move = next(move for move in quiet.columns.nuisances if move.name == "lower mass")
     kilograms = move.bound * planar2.model.inertias[2].mass
-    assert hidden_by(planar2, move) == f"a payload of up to {kilograms:.2g} kg"
+    hidden = hidden_by(planar2, move)
+    assert (hidden.kind, hidden.size) == ("payload", pytest.approx(kilograms))

@@ -9,8 +9,6 @@ import pytest
 
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.findings import (
-    _range,
-    _sized,
     findings_without,
     remarks,
 )
@@ -19,7 +17,8 @@ from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.engine import contract_levels
-from phantom_dyn.effects.effect import Parameter
+from identification.words.note_words import sentences
+from identification.words.notes_on_findings import _range, _sized
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +116,7 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
     weak = tuple(replace(one, torque_limit=0.1) for one in session.robot.actuators)
     session = replace(session, robot=replace(session.robot, actuators=weak))
     plain = replace(shown.plain, problem=replace(shown.problem, session=session))
-    doubts = remarks(replace(shown, plain=plain))
+    doubts = sentences(remarks(replace(shown, plain=plain)))
     told = next(doubt for doubt in doubts if "coulomb friction" in doubt)
     assert told.startswith("The torque of coulomb friction on elbow comes out as 0.")
     assert "is not plausible (" in told
@@ -129,14 +128,14 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
     [
         ((0.0, 5.0), "N m", "0 to 5 N m is"),
         ((0.5, 2.0), "1", "0.5 to 2 is"),
-        ((0.0, np.inf), "N m", "at least 0 N m is"),
-        ((-np.inf, 5.0), "N m", "at most 5 N m is"),
+        ((0.0, None), "N m", "at least 0 N m is"),
+        ((None, 5.0), "N m", "at most 5 N m is"),
     ],
 )
 def test_a_range_is_told_by_its_ends(plausible, unit, words):
-    assert _range(Parameter("size", unit, plausible=plausible)) == words
+    assert _range(*plausible, unit) == words
 
 
 def test_a_size_is_told_with_its_unit_to_three_digits():
-    assert _sized(1.23456, Parameter("size", "kg")) == "1.23 kg"
-    assert _sized(1.23456, Parameter("ratio", "1")) == "1.23"
+    assert _sized(1.23456, "kg") == "1.23 kg"
+    assert _sized(1.23456, "1") == "1.23"

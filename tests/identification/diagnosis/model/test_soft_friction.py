@@ -7,7 +7,8 @@ import pytest
 
 import phantom_dyn as dyn
 from identification.diagnosis.model.nuisances import moves_of
-from identification.diagnosis.model.soft_friction import SOFT, softness
+from identification.diagnosis.model.soft_friction import softness
+from identification.notes import Code, Note
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -90,7 +91,7 @@ def test_mujoco_fits_its_own_model(tmp_path, seed):
     robot, text = arm(tmp_path)
     found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 0))
     assert (found.verdict, found.findings) == ("no_gap", ())
-    assert SOFT in found.result.notes
+    assert Note(Code.SOFT_FRICTION) in found.result.notes
 
 
 @pytest.mark.parametrize("seed", [1, 2, 8])
@@ -112,7 +113,7 @@ def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):
     )
     found = dyn.diagnose(robot, log(tmp_path, (t, q, v, a, torque, none), 0))
     assert found.findings == ()
-    assert SOFT not in found.result.notes
+    assert Note(Code.SOFT_FRICTION) not in found.result.notes
 
 
 def test_a_urdf_is_never_said_to_rub_softly(tmp_path):
@@ -126,4 +127,4 @@ def test_a_urdf_is_never_said_to_rub_softly(tmp_path):
     path = tmp_path / "log.csv"
     np.savetxt(path, np.hstack([t[:, None], q, torque]), delimiter=",", header=f"t,{names}", comments="")
     assert robot.soft_friction == ()
-    assert SOFT not in dyn.diagnose(robot, str(path)).result.notes
+    assert Note(Code.SOFT_FRICTION) not in dyn.diagnose(robot, str(path)).result.notes

@@ -20,6 +20,7 @@ from identification.diagnosis.search.search import (
 )
 from identification.diagnosis.search.stepwise import explain, forward
 from identification.diagnosis.search.swaps import alternatives, replaced
+from identification.stages import Announcement, Stage
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.motion import Motion
@@ -186,10 +187,10 @@ def test_a_gain_is_compared_with_chance_before_its_price_is_paid(lab, planar2, m
 
 
 def test_the_search_tells_what_it_does(quiet):
-    said: list[str] = []
+    said: list[Announcement] = []
     explain(quiet.search, said.append)
-    assert said[0] == "trying rivals, 0 found"
-    assert "weighing alternatives" in said
+    assert said[0] == Announcement(Stage.RIVALS_TRIED, detail={"found": 0})
+    assert Announcement(Stage.ALTERNATIVES) in said
 
 
 def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):

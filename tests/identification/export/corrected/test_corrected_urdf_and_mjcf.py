@@ -19,6 +19,7 @@ from identification.export.corrected.corrected_urdf import corrected_urdf, robot
 from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import urdf_difference
+from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -148,10 +149,12 @@ def test_a_limit_is_the_effort_of_the_urdf(corrected, tmp_path):
 
 def test_both_files_and_their_notes_are_made(corrected, some_motion, tmp_path):
     urdf, mjcf = model_files(corrected("cogging", "backlash", "load_dependent_friction"), some_motion, folder=tmp_path)
-    assert "corrected.urdf: it has no place for cogging (largest amplitude): elbow 0.8." in urdf.notes
-    assert "corrected.urdf: it has no place for play (gap [rad or m]): elbow 0.05." in urdf.notes
-    assert "corrected.xml: it has no place for friction that grows with load (ratio): elbow 0.2." in mjcf.notes
-    assert re.search(r"corrected\.xml: loaded again with MuJoCo .*, it needs the same torques", mjcf.notes[0])
+    assert "corrected.urdf: it has no place for cogging (largest amplitude): elbow 0.8." in sentences(urdf.notes)
+    assert "corrected.urdf: it has no place for play (gap [rad or m]): elbow 0.05." in sentences(urdf.notes)
+    assert "corrected.xml: it has no place for friction that grows with load (ratio): elbow 0.2." in sentences(
+        mjcf.notes
+    )
+    assert re.search(r"corrected\.xml: loaded again with MuJoCo .*, it needs the same torques", sentence(mjcf.notes[0]))
 
 
 @pytest.mark.parametrize("index", [0, 1], ids=["urdf", "mjcf"])
@@ -165,14 +168,14 @@ def test_what_a_file_cannot_say_is_a_comment_in_it(index, corrected, some_motion
 def test_the_rollout_is_told_in_a_sentence(corrected, recorded):
     corrected, seen = corrected("rotor_inertia"), recorded("rotor_inertia")
     motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
-    (note,) = rollout_note(corrected, corrected_mjcf(corrected), motion, seen.tau)
+    (note,) = sentences(rollout_note(corrected, corrected_mjcf(corrected), motion, seen.tau))
     assert re.search(r"rolled out in MuJoCo for 0\.2 s .*elbow 0\.\d+ rad before and 0\.00\d+ after", note)
 
 
 def test_a_rotor_that_nobody_knows_is_told(some_motion, tmp_path):
     robot = load_robot(FILE)
     corrected = corrected_model(robot, (KnownEffect("backlash", "elbow", (0.02,)),))
-    notes = model_files(corrected, some_motion, folder=tmp_path)[1].notes
+    notes = sentences(model_files(corrected, some_motion, folder=tmp_path)[1].notes)
     assert any("the rotor inertia of elbow is not known" in note for note in notes)
 
 

@@ -19,6 +19,7 @@ from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.found_effects import same_torque_bodies, within_tolerance
 from identification.export.uses.feedforward import loaded
+from identification.words.note_words import sentences
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.motion import Motion
@@ -50,7 +51,7 @@ def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, a
     model = planar.model.copy()
     model.inertias[2] = pin.Inertia(heavier, model.inertias[2].lever, model.inertias[2].inertia)
     np.testing.assert_allclose(own, gravity_torque(replace(planar, model=model), q)[0], atol=1e-9)
-    assert "The quantity that moved within tolerance is in the corrected files." in noted.notes
+    assert "The quantity that moved within tolerance is in the corrected files." in sentences(noted.notes)
 
 
 def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjusted, tmp_path):
@@ -66,14 +67,14 @@ def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjuste
     np.testing.assert_allclose(
         inverse_dynamics(found, motion), inverse_dynamics(plain, motion), atol=1e-3 * np.abs(e.tau_measured).max()
     )
-    assert "The 2 quantities that moved within tolerance are in the corrected files." in noted.notes
+    assert "The 2 quantities that moved within tolerance are in the corrected files." in sentences(noted.notes)
 
 
 def test_moves_that_no_body_can_make_are_told(planar, adjusted, tmp_path):
     # A first moment that would take more moment about the joint than there is; planar motion sees both.
     texts, noted = export_texts(adjusted(lower_center_x=5.0, lower_mass=0.1), planar, folder=tmp_path)
     assert "corrected.xml" in texts
-    assert any("No body can have the inertia that was found for lower" in n for n in noted.notes)
+    assert any("No body can have the inertia that was found for lower" in n for n in sentences(noted.notes))
 
 
 def test_a_body_that_cannot_be_has_one_of_the_same_torques(planar, lab):

@@ -15,6 +15,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion
 
@@ -102,7 +103,7 @@ def written(file: Path, *found: KnownEffect) -> tuple[mujoco.MjModel, tuple[str,
     notes = model_files(corrected_model(robot, found), Motion(np.arange(40.0), *samples), folder=out)[1]
     assert notes.text, notes.notes
     (out / "corrected.xml").write_text(notes.text)
-    return mujoco.MjModel.from_xml_path(str(out / "corrected.xml")), notes.notes
+    return mujoco.MjModel.from_xml_path(str(out / "corrected.xml")), sentences(notes.notes)
 
 
 def test_what_no_finding_touches_is_that_of_the_given_file(cell):
@@ -210,7 +211,7 @@ def test_a_file_whose_meshes_are_missing_is_written_unchecked(cell):
     motion = Motion(np.arange(5.0), *np.zeros((3, 5, robot.nv)))
     file = model_files(corrected_model(robot, FOUND), motion, folder=cell.parent)[1]
     assert "cover.stl" in file.text
-    assert any("not loaded again, as MuJoCo refuses the given file as well" in note for note in file.notes)
+    assert any("not loaded again, as MuJoCo refuses the given file as well" in note for note in sentences(file.notes))
 
 
 def test_loops_of_the_phantom_are_equalities_that_hold():
@@ -246,7 +247,7 @@ def test_a_joint_that_mimics_another_follows_it_in_both_files(tmp_path):
     assert model.neq == 1
     np.testing.assert_allclose(model.eq_data[0, :2], [0.1, -0.5])
     assert model.dof_damping[model.joint("turn").dofadr[0]] == pytest.approx(0.3)
-    assert any("loaded again with MuJoCo" in note for note in mjcf.notes)
+    assert any("loaded again with MuJoCo" in note for note in sentences(mjcf.notes))
 
 
 MIMIC = """<robot name="hand">
@@ -280,7 +281,7 @@ def test_with_an_old_mujoco_both_files_are_written(cell, monkeypatch):
     urdf, mjcf = model_files(corrected_model(robot, FOUND), motion, folder=cell.parent)
     assert urdf.text
     assert mjcf.text
-    assert "corrected.xml: not loaded again, as MuJoCo 3.1.6 is older than 3.2" in mjcf.notes[0]
+    assert "corrected.xml: not loaded again, as MuJoCo 3.1.6 is older than 3.2" in sentence(mjcf.notes[0])
 
 
 def test_a_mujoco_that_cannot_be_imported_counts_as_absent(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import pytest
 from identification.export.all_files import not_written
 from identification.export.corrected.corrected_files import mjcf_left_out, urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
+from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot_files import find_robot
 from places import ROBOTS
@@ -20,7 +21,7 @@ def test_the_urdf_of_an_mjcf_tells_all_rotors(tmp_path):
     file.write_text(ARM)
     assert any(
         "rotor inertias" in s and s.endswith("j 0.02.")
-        for s in urdf_left_out(corrected_model(load_robot(file), ()), file)
+        for s in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
     )
 
 
@@ -28,15 +29,14 @@ def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
     (tmp_path / "arm.urdf").write_text((ROBOTS / "planar2.urdf").read_text())
     (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
     file = tmp_path / "arm.urdf"
-    told = urdf_left_out(corrected_model(load_robot(file), ()), file)
+    told = sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
     assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in told
 
 
 def test_another_gravity_is_told():
     file = find_robot("emps")
-    assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in urdf_left_out(
-        corrected_model(load_robot("emps"), ()), file
-    )
+    told = sentences(urdf_left_out(corrected_model(load_robot("emps"), ()), file))
+    assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in told
 
 
 @pytest.mark.parametrize(
@@ -47,15 +47,15 @@ def test_another_gravity_is_told():
 )
 def test_loops_of_an_mjcf_are_not_said_to_be_in_a_configuration(name, wanted):
     file = ROBOTS / name
-    assert any(wanted in sentence for sentence in urdf_left_out(corrected_model(load_robot(file), ()), file))
+    assert any(wanted in told for told in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file)))
 
 
 def test_what_the_mjcf_drops_depends_on_the_given_file(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM)
-    assert "actuators of the given file" in mjcf_left_out(corrected_model(load_robot(file), ()), file)[-1]
+    assert "actuators of the given file" in sentence(mjcf_left_out(corrected_model(load_robot(file), ()), file)[-1])
     urdf = ROBOTS / "planar2.urdf"
-    assert "limits of torque and speed" in mjcf_left_out(corrected_model(load_robot(urdf), ()), urdf)[-1]
+    assert "limits of torque and speed" in sentence(mjcf_left_out(corrected_model(load_robot(urdf), ()), urdf)[-1])
 
 
 def test_files_that_could_not_be_written_are_named(tmp_path):

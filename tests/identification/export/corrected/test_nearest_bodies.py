@@ -11,6 +11,7 @@ import pytest
 from identification.diagnosis.result import Finding, Value
 from identification.export.all_files import export_texts, not_held
 from identification.export.corrected.nearest_bodies import nearest_possible, with_nearest_bodies
+from identification.words.note_words import sentence, sentences
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_parameters, breaks_triangle, central_parameters, impossible_because
@@ -52,7 +53,7 @@ def test_what_no_body_can_have_becomes_possible_and_is_told(planar):
     assert impossible_because(mass, inertia) is None
     assert not breaks_triangle(inertia)
     assert len(told) == 1
-    assert told[0].startswith("No body can have the inertia that was found for lower")
+    assert sentence(told[0]).startswith("No body can have the inertia that was found for lower")
 
 
 def test_a_link_without_weight_is_refused(planar):
@@ -72,4 +73,4 @@ def test_a_finding_that_no_body_can_have_is_written_as_a_possible_one(planar, ma
     texts, noted = export_texts(replace(diagnosis, findings=(finding,), adjusted=()), planar, folder=tmp_path)
     assert "corrected.xml" in texts
     assert "corrected.urdf" in texts
-    assert any("No body can have" in sentence for sentence in not_held(noted.notes))
+    assert any("No body can have" in text for text in sentences(not_held(noted.notes)))

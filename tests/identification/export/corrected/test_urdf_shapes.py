@@ -16,6 +16,7 @@ from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.urdf_shapes import with_urdf_shapes
 from identification.export.model_files.mjcf_file import mjcf_text
+from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion
 
@@ -170,5 +171,5 @@ def test_the_corrected_file_has_the_shapes_and_is_loaded_from_its_folder(file, t
     (folder / "corrected.xml").write_text(made.text)
     model = mujoco.MjModel.from_xml_path(str(folder / "corrected.xml"))
     assert (model.ngeom, model.nmesh) == (7, 1)
-    assert "it needs the same torques" in made.notes[0]
-    assert any("without lower.dae of the URDF" in note for note in made.notes)
+    assert "it needs the same torques" in sentence(made.notes[0])
+    assert any("without lower.dae of the URDF" in note for note in sentences(made.notes))

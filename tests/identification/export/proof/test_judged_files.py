@@ -19,6 +19,7 @@ from identification.export.all_files import NAMES, export_texts
 from identification.export.headers import with_comment
 from identification.export.proof.judged_files import leaves_more, rms
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 
 pytestmark = pytest.mark.whole
@@ -113,7 +114,7 @@ def test_files_that_leave_more_than_is_claimed_are_not_written(arm, diagnosis, t
     texts, found = export_texts(with_torque(diagnosis, 0.5 * TORQUE), arm[0], folder=tmp_path)
     assert texts == {}
     assert all("N m is claimed of what it holds" in file.refused for file in found.files if file.rms_left)
-    assert any("corrected.urdf was not written: on elbow it would leave" in note for note in found.notes)
+    assert any("corrected.urdf was not written: on elbow it would leave" in note for note in sentences(found.notes))
 
 
 def test_the_middle_of_the_ranges_is_run(arm, diagnosis, exported):

@@ -19,6 +19,7 @@ from identification.diagnosis.law.terms import library
 from identification.diagnosis.rest_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained
 from identification.export.uses.residual_model import loaded, residual_code, residual_note, residual_table
+from identification.words.note_words import sentence
 from phantom_dyn.signals.recursive import lagging
 from rests import made_up_rest
 
@@ -97,8 +98,8 @@ def test_the_table_says_that_it_has_no_memory(made_up):
     diagnosis = replace(made_up(), unexplained=Unexplained(0.4, True, "j1", None, dependence=found))
     for row in csv.DictReader(io.StringIO(residual_table(model, diagnosis))):
         assert float(row["torque"]) == pytest.approx(-2.0 * float(row["v.j1"]))
-    assert "residual.csv leaves the memory out" in residual_note(model)
-    assert "memory" not in residual_note(SPRING)
+    assert "residual.csv leaves the memory out" in sentence(residual_note(model))
+    assert "memory" not in sentence(residual_note(SPRING))
 
 
 def test_the_law_is_in_the_model_to_use():

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from identification.diagnosis.result import Diagnosis, Evidence, NotTestable, Unexplained
+from identification.notes import Code, Note
 from identification.reporting.page.diagnosis_report import report_html
 from phantom_dyn.model.robot import Robot
 
@@ -172,12 +173,13 @@ def test_bounds_are_folded_away(shown):
 
 
 def test_notes_on_corrected_files_are_folded_away_and_others_are_not(made_up):
+    lacking = Note(Code.NO_PLACE, None, {"files": ("corrected.urdf",), "quantity": "lag", "values": {"j1": 0.1}})
     diagnosis = dataclasses.replace(
-        made_up(("j1",), findings=0, samples=400), notes=("Mind the gap.", "corrected.urdf: it has no place.")
+        made_up(("j1",), findings=0, samples=400), notes=("corrected: mind the gap.", lacking)
     )
     before, _, folded = report_html(diagnosis).partition("What the corrected files hold, and what they cannot say (1)")
-    assert "Mind the gap." in before
-    assert "corrected.urdf: it has no place." in folded
+    assert "corrected: mind the gap." in before
+    assert "corrected.urdf: it has no place for lags [s]: j1 0.1." in folded
     assert "corrected.urdf: it has no place." not in before
 
 

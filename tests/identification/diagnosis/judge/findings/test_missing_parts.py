@@ -10,12 +10,13 @@ import pytest
 
 from identification.diagnosis.gates.special_case import more_than_a_missing_part
 from identification.diagnosis.judge.findings.missing_parts import (
-    missing_part_words,
+    missing_part_notes,
     missing_shares,
     named_as_part,
     payload_of,
     share_without,
 )
+from identification.words.note_words import sentences
 from phantom_dyn.model.attached import Attached
 
 PLACE = "identification.diagnosis.judge.findings.missing_parts."
@@ -66,13 +67,13 @@ def test_a_robot_without_such_parts_lacks_none(handed):
     problem, term = handed
     problem.session.robot.attached = ((), (), ())
     assert share_without(problem, term, np.ones(20)) is None
-    assert missing_part_words(problem, term, np.ones(20)) == []
+    assert missing_part_notes(problem, term, np.ones(20)) == []
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.74, False), (0.75, True), (0.994, True)])
 def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share, told):
     monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, 2, HAND))
-    words = missing_part_words(SimpleNamespace(), SimpleNamespace(), np.zeros(20))
+    words = sentences(missing_part_notes(SimpleNamespace(), SimpleNamespace(joint=None), np.zeros(20)))
     assert len(words) == told
     if told:
         assert words[0].startswith(f"Of what the wrong inertial parameters explain, {round(100 * share)} % is what the")

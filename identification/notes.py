@@ -1,0 +1,128 @@
+"""What a stage has to say beside its result: a code, a joint and numbers, of which words are made elsewhere.
+
+No stage reads the sentence of another: who sorts, counts, changes or leaves out notes goes by their codes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+from typing import Any
+
+
+class Code(Enum):
+    """What a note is about."""
+
+    # Recordings without torque, and their controllers.
+    TORQUE_ASKED = auto()
+    MOTION_ONLY = auto()
+    GAINS_ESTIMATED = auto()
+    GAIN_BY_FRICTION = auto()
+    GAIN_OR_CONSTANT = auto()
+    STRAYS_UNDER_CONTROL = auto()
+    # Recordings at rest, events, measured poses, a simulator's own friction.
+    RESTS_APART = auto()
+    CONTROLLER_GIVES_WAY = auto()
+    EVENT = auto()
+    POSES_LEFT_OUT = auto()
+    SOFT_FRICTION = auto()
+    # Simulated motion.
+    RECORDED_PAST_LIMITS = auto()
+    RUNS_PAST_LIMIT = auto()
+    RUNS_PAST_LIMITS = auto()
+    SHORTER_HORIZON = auto()
+    CLOSED_LOOP = auto()
+    RUNS_AWAY = auto()
+    NOT_SIMULATED = auto()
+    # Findings, and the next experiment.
+    IMPLAUSIBLE_SIZE = auto()
+    MISSING_PART = auto()
+    ZEROS_COMPARED = auto()
+    NO_EXPERIMENT = auto()
+    NOT_SEPARATED = auto()
+    # Files: why one is not there, what it lacks, how it was checked.
+    NOT_WRITTEN = auto()
+    NOT_ALONE = auto()
+    WRITTEN_WRONG = auto()
+    REFUSED = auto()
+    NO_PLACE = auto()
+    NO_PLACE_FOR_EFFECT = auto()
+    NO_PLACE_FOR_DRIVE = auto()
+    NO_PLACE_FOR_LOOPS = auto()
+    NO_PLACE_FOR_GRAVITY = auto()
+    NO_PLACE_FOR_LINKS = auto()
+    NO_PLACE_FOR_POSES = auto()
+    PLACES_NOT_IN_IT = auto()
+    LOOPS_STAY_OPEN = auto()
+    LOOPS_AS_DRAWN = auto()
+    AS_IT_WAS_GIVEN = auto()
+    GIVEN_FILE_NOT_IN_IT = auto()
+    NEAREST_BODY = auto()
+    SAME_TORQUES = auto()
+    LOCKED_CAN_MOVE = auto()
+    NO_SHAPES = auto()
+    ONLY_MOTORS = auto()
+    REDUCED_LAW = auto()
+    ROTOR_UNKNOWN = auto()
+    NEEDS_NEWER_MUJOCO = auto()
+    DELAYS_CUT = auto()
+    FILE_REMARK = auto()
+    CHECKED = auto()
+    ROLLED_OUT = auto()
+    RESIDUAL_HELD = auto()
+    WITHIN_TOLERANCE = auto()
+    OTHER_NUMBERS = auto()
+    ONE_RECORDING_ONLY = auto()
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something that a user should know.
+
+    Attributes:
+        code: What it is about.
+        joint: Of which joint, None of no single one.
+        numbers: What its sentence states, by name: numbers, names of files and joints.
+    """
+
+    code: Code
+    joint: str | None = None
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Files that are written and that the note is about."""
+        return self.numbers.get("files", ())
+
+    def with_numbers(self, **numbers: Any) -> Note:
+        """The note with more numbers, or others."""
+        return replace(self, numbers={**self.numbers, **numbers})
+
+
+Said = Note | str
+"""A note, or the sentence of a reader, of a check of a file or of an effect, which no stage takes apart."""
+
+NOT_HELD = frozenset(
+    {
+        Code.NOT_WRITTEN,
+        Code.NOT_ALONE,
+        Code.WRITTEN_WRONG,
+        Code.REFUSED,
+        Code.NO_PLACE,
+        Code.NO_PLACE_FOR_EFFECT,
+        Code.NO_PLACE_FOR_DRIVE,
+        Code.NO_PLACE_FOR_LOOPS,
+        Code.NO_PLACE_FOR_GRAVITY,
+        Code.NO_PLACE_FOR_LINKS,
+        Code.NO_PLACE_FOR_POSES,
+        Code.PLACES_NOT_IN_IT,
+        Code.LOOPS_STAY_OPEN,
+        Code.LOOPS_AS_DRAWN,
+        Code.AS_IT_WAS_GIVEN,
+        Code.GIVEN_FILE_NOT_IN_IT,
+        Code.NEAREST_BODY,
+        Code.SAME_TORQUES,
+    }
+)
+"""Notes on files that are not there, and on findings that a file does not hold."""

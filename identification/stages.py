@@ -1,0 +1,64 @@
+"""Stages of a run, and the announcements of them that a ``progress`` callback takes: data, of which words are made.
+
+Percentages and stage times go by the stage; `identification.words.stage_words` has the sentence that a user reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, auto
+
+
+class Stage(Enum):
+    """Part of a run that takes time."""
+
+    LOADING = auto()
+    READING = auto()
+    FILTERING = auto()
+    FITTING_POSES = auto()
+    REGRESSORS = auto()
+    NOISE = auto()
+    CHANCE = auto()
+    RIVALS_TRIED = auto()
+    ALTERNATIVES = auto()
+    NAMELESS = auto()
+    RIVALS_COMPARED = auto()
+    BOUNDS = auto()
+    LAW = auto()
+    SIMULATION = auto()
+    NEXT_EXPERIMENT = auto()
+    IDENTIFIABILITY = auto()
+    ESTIMATION = auto()
+    HELD_OUT = auto()
+    POSSIBLE_INERTIAS = auto()
+    MODEL_FILES = auto()
+    POSTURES = auto()
+    RANDOM_MOTIONS = auto()
+    DESCENT = auto()
+    MAP = auto()
+    LINKS = auto()
+    BATCH = auto()
+    WRITING = auto()
+    DRAWING = auto()
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """What is being done now.
+
+    Attributes:
+        stage: Of the run.
+        done: Parts of the stage that are done.
+        of: How many parts the stage has; 0 where nobody counts.
+        detail: What else there is to say, by name: a file, an estimator, a cost.
+    """
+
+    stage: Stage
+    done: int = 0
+    of: int = 0
+    detail: Mapping[str, float | str] = field(default_factory=dict)
+
+
+Progress = Callable[[Announcement], None]
+"""Takes the announcements of a run."""

@@ -1,0 +1,23 @@
+"""The sentence of every note that a stage leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from identification.notes import Code, Note, Said
+from identification.words.notes_on_files import FILE_WORDS
+from identification.words.notes_on_findings import FINDING_WORDS
+from identification.words.notes_on_motion import MOTION_WORDS
+
+WORDS: Mapping[Code, Callable[[Note], str]] = {**MOTION_WORDS, **FINDING_WORDS, **FILE_WORDS}
+"""By code, what makes the sentence."""
+
+
+def sentence(said: Said) -> str:
+    """The sentence of a note; a sentence as it is."""
+    return said if isinstance(said, str) else WORDS[said.code](said)
+
+
+def sentences(every: Iterable[Said]) -> tuple[str, ...]:
+    """The sentences of notes, one each."""
+    return tuple(sentence(one) for one in every)

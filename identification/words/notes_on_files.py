@@ -1,0 +1,284 @@
+"""Sentences of notes on files: why one was not written, what it lacks, and how it was checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from identification.notes import Code, Note
+from identification.words.numbers_and_names import percent
+
+_LACKED = {
+    "rotor_inertia": "rotor inertias: put them into {config} (rotor_inertia [kg m^2 or kg])",
+    "stiffness": "springs (stiffness)",
+    "offset": "constant torques [N m or N]",
+    "torque_constant": "torque constants (true over logged torque)",
+    "delay": "delays [s]",
+    "lag": "lags [s]",
+    "play": "play (gap [rad or m])",
+    "transmission": "springs of transmissions (stiffness)",
+    "cogging": "cogging (largest amplitude)",
+    "coupling": "couplings (ratio)",
+    "spring_behind_play": "a spring behind a play (stiffness)",
+    "zeros_in_chain": "the zeros of encoders in a closed chain [rad or m]",
+}
+"""Quantities of a corrected model that a file may have no place for."""
+
+
+def _begun(text: str) -> str:
+    return f"{text[:1].lower()}{text[1:]}"
+
+
+def _of_file(make: Callable[[Note], str]) -> Callable[[Note], str]:
+    """A sentence on "it", with the name of the file before it where the note has one."""
+    return lambda note: f"{note.files[0]}: {_begun(make(note))}" if note.files else make(note)
+
+
+def _values(note: Note) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in note.numbers["values"].items())
+
+
+def _names(files: tuple[str, ...]) -> str:
+    return " and ".join(files) if len(files) < 3 else ", ".join(files)
+
+
+def _not_written(note: Note) -> str:
+    return f"{_names(note.files)} {'was' if len(note.files) == 1 else 'were'} not written: {note.numbers['problem']}"
+
+
+def _not_alone(note: Note) -> str:
+    return f"{note.files[0]} was not written: it goes with {note.numbers['other']}."
+
+
+def _written_wrong(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{note.files[0]} was not written: loaded again with {n['loaded_with']}, it needs torques that differ by "
+        f"{n['difference']:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
+    )
+
+
+def _refused(note: Note) -> str:
+    return f"{note.files[0]} was not written: {note.numbers['problem']}."
+
+
+def _no_place(note: Note) -> str:
+    what = _LACKED[note.numbers["quantity"]].format(config=note.numbers.get("config", ""))
+    return f"It has no place for {what}: {_values(note)}."
+
+
+def _no_place_for_effect(note: Note) -> str:
+    words = note.numbers["words"]
+    size = note.numbers["parameter"].replace("_", " ")
+    return f"It has no place for {words.lost or words.name} ({size}): {_values(note)}."
+
+
+def _no_place_for_drive(note: Note) -> str:
+    n = note.numbers
+    why = (
+        f"the file has {'no actuator' if n['actuators'] == 0 else 'several actuators'} there."
+        if n["actuators"] != 1
+        else f"its actuator is <{n['kind']}>, whose feedback would change too. A <motor> has one."
+    )
+    return f"It has no place for what was found of the drive of {note.joint} ({_values(note)}): {why}"
+
+
+def _no_place_for_loops(note: Note) -> str:
+    config = note.numbers["config"]
+    what = f"keep {config} beside it" if note.numbers["kept"] else f"state them under loops in a {config}"
+    return f"It has no place for closed loops: {what}."
+
+
+def _no_place_for_gravity(note: Note) -> str:
+    numbers = ", ".join(f"{x:g}" for x in note.numbers["gravity"])
+    return f"It has no place for gravity: state gravity: [{numbers}] in a {note.numbers['config']} beside it."
+
+
+def _no_place_for_links(note: Note) -> str:
+    return (
+        f"{_names(note.files)} have no place for where {', '.join(note.numbers['names'])} sits: with links of other "
+        "lengths passive joints follow no formula, as they do in them; corrected.yaml has it, for --with."
+    )
+
+
+def _no_place_for_poses(note: Note) -> str:
+    where = ", ".join(note.numbers.get("names", ()))
+    what = {
+        "elasticity": f"the elasticity under load of {where}",
+        "base": "base_pose, where the base stands in its cell",
+        "tool": f"tool_pose, where the target sits on {where}",
+    }[note.numbers["quantity"]]
+    return f"{_names(note.files)} have no place for {what}."
+
+
+def _places_not_in_it(note: Note) -> str:
+    names = ", ".join(note.numbers["names"])
+    if note.numbers["given"]:
+        return f"{note.files[0]}: what was found of the place of {names} in the given file is not in it."
+    return f"{note.files[0]} has no place for what was found of the place of {names}."
+
+
+def _loops_stay_open(note: Note) -> str:
+    return f"{note.files[0]} has no place for what poses showed: with its joints moved, {note.numbers['problem']}"
+
+
+def _loops_as_drawn(note: Note) -> str:
+    return f"{note.files[0]} has no place for what poses showed: where its loops close is taken from how it is drawn."
+
+
+def _as_it_was_given(note: Note) -> str:
+    names = ", ".join(note.numbers["names"])
+    return f"{note.files[0]} has no place for what poses showed: it has {names} where it was given."
+
+
+def _given_file_not_in_it(note: Note) -> str:
+    return (
+        "The given file is not in it, so it has no shapes, sensors and actuators of that one: "
+        f"{note.numbers['problem']}"
+    )
+
+
+def _same_torques(note: Note) -> str:
+    del note
+    return "No body can have all inertias that were found: the files have bodies of the same torques."
+
+
+def _nearest_body(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"No body can have the inertia that was found for {n['body']}: the corrected files have the nearest possible "
+        f"one, {100 * n['distance']:.2g} % away (mass {n['mass']:.4g} kg for {n['found']:.4g} kg)."
+    )
+
+
+def _locked_can_move(note: Note) -> str:
+    n = note.numbers
+    return f"{', '.join(n['names'])} can move in it: name what is fixed under lock in a {n['config']} beside it."
+
+
+def _no_shapes(note: Note) -> str:
+    del note
+    return "The given file is no URDF, so this one has bodies, joints and frames, and no shapes."
+
+
+def _only_motors(note: Note) -> str:
+    drives, but = "actuators", ""
+    if note.numbers["of_urdf"]:
+        drives, but = "limits of torque and speed", f", but for limits that {note.numbers['config']} states"
+    return f"It lacks shapes, sensors and {drives} of the given file{but}; a motor drives each joint."
+
+
+def _reduced_law(note: Note) -> str:
+    return f"It has, {note.numbers['words'].kept}: {note.joint}."
+
+
+def _rotor_unknown(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"The rotor inertia of {', '.join(n['names'])} is not known, so it is a hundredth of what the joint moves: "
+        f"state rotor_inertia in {n['config']}."
+    )
+
+
+def _needs_newer_mujoco(note: Note) -> str:
+    del note
+    return "Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0."
+
+
+def _delays_cut(note: Note) -> str:
+    shortest = note.numbers["shortest"]
+    return f"Its delays are cut short where the timestep is below {shortest:g} s: raise nsample there."
+
+
+def _file_remark(note: Note) -> str:
+    return note.numbers["sentence"]
+
+
+def _checked(note: Note) -> str:
+    n = note.numbers
+    out = f"loaded again with {n['loaded_with']}, it needs the same torques"
+    if n["difference"] is None:
+        out = f"not loaded again, as {n['unchecked']}"
+    elif n["difference"] > 0:
+        out += f": they differ by at most {n['difference']:.1g} of the largest"
+    return f"{note.files[0]}: {out}."
+
+
+def _rolled_out(note: Note) -> str:
+    n = note.numbers
+    changes = ", ".join(f"{joint} {one:.3g} {unit} before and {two:.3g} after" for joint, one, two, unit in n["places"])
+    return (
+        f"{note.files[0]}: rolled out in MuJoCo for {n['seconds']:g} s under the logged torque, it is this far from "
+        f"the recorded motion (root mean square): {changes}."
+    )
+
+
+def _residual_held(note: Note) -> str:
+    n = note.numbers
+    what = "the law, and what its absence has bent" if n["lawful"] else "a sum of terms that is no law"
+    out = (
+        f"residual.py holds the torque on joint {note.joint} that the corrected model lacks ({what}): it foresees "
+        f"{percent(n['closed'])} of the squares of what is left there on held-out data."
+    )
+    if n["memory"]:
+        out += " It answers with memory; residual.csv leaves the memory out and holds what inputs that stay lead to."
+    return out
+
+
+def _within_tolerance(note: Note) -> str:
+    count = note.numbers["count"]
+    moved = (
+        f"The {count} quantities that moved within tolerance are"
+        if count > 1
+        else "The quantity that moved within tolerance is"
+    )
+    if note.numbers["held"]:
+        return f"{moved} in the corrected files."
+    return f"{moved} not in the corrected files: no body can be so."
+
+
+def _other_numbers(note: Note) -> str:
+    del note
+    return (
+        "The corrected files have sizes and changes within tolerance that were fitted together; those that are stated, "
+        "without changes that are not certain, would leave more."
+    )
+
+
+def _one_recording_only(note: Note) -> str:
+    return f"The corrected model lacks what acts in one recording only: {', '.join(note.numbers['effects'])}."
+
+
+FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
+    Code.NOT_WRITTEN: _not_written,
+    Code.NOT_ALONE: _not_alone,
+    Code.WRITTEN_WRONG: _written_wrong,
+    Code.REFUSED: _refused,
+    Code.NO_PLACE: _of_file(_no_place),
+    Code.NO_PLACE_FOR_EFFECT: _of_file(_no_place_for_effect),
+    Code.NO_PLACE_FOR_DRIVE: _of_file(_no_place_for_drive),
+    Code.NO_PLACE_FOR_LOOPS: _of_file(_no_place_for_loops),
+    Code.NO_PLACE_FOR_GRAVITY: _of_file(_no_place_for_gravity),
+    Code.NO_PLACE_FOR_LINKS: _no_place_for_links,
+    Code.NO_PLACE_FOR_POSES: _no_place_for_poses,
+    Code.PLACES_NOT_IN_IT: _places_not_in_it,
+    Code.LOOPS_STAY_OPEN: _loops_stay_open,
+    Code.LOOPS_AS_DRAWN: _loops_as_drawn,
+    Code.AS_IT_WAS_GIVEN: _as_it_was_given,
+    Code.GIVEN_FILE_NOT_IN_IT: _of_file(_given_file_not_in_it),
+    Code.NEAREST_BODY: _nearest_body,
+    Code.SAME_TORQUES: _same_torques,
+    Code.LOCKED_CAN_MOVE: _of_file(_locked_can_move),
+    Code.NO_SHAPES: _of_file(_no_shapes),
+    Code.ONLY_MOTORS: _of_file(_only_motors),
+    Code.REDUCED_LAW: _of_file(_reduced_law),
+    Code.ROTOR_UNKNOWN: _of_file(_rotor_unknown),
+    Code.NEEDS_NEWER_MUJOCO: _of_file(_needs_newer_mujoco),
+    Code.DELAYS_CUT: _of_file(_delays_cut),
+    Code.FILE_REMARK: _of_file(_file_remark),
+    Code.CHECKED: _checked,
+    Code.ROLLED_OUT: _rolled_out,
+    Code.RESIDUAL_HELD: _residual_held,
+    Code.WITHIN_TOLERANCE: _within_tolerance,
+    Code.OTHER_NUMBERS: _other_numbers,
+    Code.ONE_RECORDING_ONLY: _one_recording_only,
+}

@@ -1,0 +1,107 @@
+"""Sentences of notes on findings, and on the experiment that would separate rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from identification.diagnosis.result import EffectAt
+from identification.notes import Code, Note
+from identification.words.diagnosis_words import joined, on_place
+from identification.words.effect_words import words_of
+
+Rivalry = tuple[Sequence[EffectAt], Sequence[EffectAt]]
+"""Two hypotheses, each by its effects."""
+
+CHANGES = {
+    "weighing": "weigh a link or the load, or calibrate the torque",
+    "data sheet": "take the rotor inertia from the drive's data sheet",
+    "link encoder": "put an encoder on the link",
+    "level": "put a level on the base, or mount the robot another way up",
+    "timing": "measure the torque, or record with another controller gain",
+}
+"""What to do beside recording motion that separates effects from their twins where no motion does."""
+_MOST_PAIRS = 3
+"""Causes that a sentence separates from others at most; of more it names the first, `diagnosis.json` has all pairs."""
+
+
+def pairs_words(pairs: Sequence[Rivalry]) -> str:
+    """Pairs as ``a from b and c``, the hypothesis of most pairs first."""
+    left = list(dict.fromkeys((_hypothesis_words(one), _hypothesis_words(other)) for one, other in pairs))
+    said = []
+    while left:
+        names = [name for pair in left for name in pair]
+        most = max(dict.fromkeys(names), key=names.count)
+        others = [other for pair in left for other in pair if most in pair and other != most]
+        said.append(f"{most} from {joined(others)}")
+        left = [pair for pair in left if most not in pair]
+    if len(said) <= _MOST_PAIRS:
+        return joined(said, ", and ")
+    return f"{said[0]}, and {len(said) - 1} more causes from others"
+
+
+def _hypothesis_words(effects: Sequence[EffectAt]) -> str:
+    return joined([f"{words_of(at).name} {on_place(at.effect, at.joint)}" for at in effects], " with ")
+
+
+def _not_separated(note: Note) -> str:
+    pairs: Sequence[Rivalry] = note.numbers["pairs"]
+    by = {words_of(at).separated_by for pair in pairs for effects in pair for at in effects}
+    changes = [words for change, words in CHANGES.items() if change in by]
+    advice = (
+        f": to tell them apart, {joined(changes, ', or ')}"
+        if changes
+        else ": take either of them, as both predict the same there, or record faster motions, if they are safe"
+    )
+    return f"No safe motion that was tried separates {pairs_words(pairs)}{advice}."
+
+
+def _no_experiment(note: Note) -> str:
+    problem = note.numbers.get("problem", "the fits of the rivals cannot be compared; take a longer recording.")
+    return f"No further experiment is proposed: {problem}"
+
+
+def _implausible_size(note: Note) -> str:
+    n = note.numbers
+    where = n["effect"].replace("_", " ") + ("" if note.joint is None else f" on {note.joint}")
+    return (
+        f"The {n['parameter'].replace('_', ' ')} of {where} comes out as {_sized(n['value'], n['unit'])}, which is "
+        f"not plausible ({_range(n['least'], n['most'], n['unit'])}): {n['because']}."
+    )
+
+
+def _sized(value: float, unit: str) -> str:
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+
+
+def _range(low: float | None, high: float | None, unit: str) -> str:
+    """What is plausible, in words."""
+    if low is not None and high is not None:
+        return f"{low:.3g} to {_sized(high, unit)} is"
+    if low is not None:
+        return f"at least {_sized(low, unit)} is"
+    return f"at most {_sized(float('inf') if high is None else high, unit)} is"
+
+
+def _missing_part(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"Of what the wrong inertial parameters explain, {100.0 * n['share']:.0f} % is what the robot would lack "
+        f"without {' and '.join(n['parts'])} ({n['mass']:.3g} kg), which the model carries on a fixed or locked joint: "
+        "look whether it is mounted."
+    )
+
+
+def _zeros_compared(note: Note) -> str:
+    n = note.numbers
+    sizes = f"{n['by_torque']:.3g} {n['unit']} by the torques and {n['by_pose']:.3g} {n['unit']} by the poses"
+    end = "they agree" if n["agree"] else "they differ, so that one of the two has another cause"
+    return f"The zero of {note.joint} is off by {sizes}: {end}."
+
+
+FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
+    Code.IMPLAUSIBLE_SIZE: _implausible_size,
+    Code.MISSING_PART: _missing_part,
+    Code.ZEROS_COMPARED: _zeros_compared,
+    Code.NO_EXPERIMENT: _no_experiment,
+    Code.NOT_SEPARATED: _not_separated,
+}

@@ -1,0 +1,188 @@
+"""Sentences of notes on recordings, controllers, recordings at rest, events, and simulated motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from identification.data.times import time_text
+from identification.notes import Code, Note
+
+_STATE_IT = "State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in robot.yaml if you know them"
+
+
+def _torque_asked(note: Note) -> str:
+    return f"{note.numbers['file']}: without torque columns, the torque is what its controllers asked for."
+
+
+def _motion_only(note: Note) -> str:
+    n = note.numbers
+    files = n["file"] + (f" and {n['more']} more" if n.get("more") else "")
+    unused = " The torque of the log is not used." if n["has_torque"] else ""
+    return (
+        f"{files}: positions and references only: the torque is what the controllers ask for at the recorded motion, "
+        f"so that findings are as good as their gains.{unused}"
+    )
+
+
+def _gains_estimated(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"No gains of {note.joint} are stated: kp = {n['kp']:.3g} ± {n['kp_std']:.2g} {n['kp_unit']} and "
+        f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its "
+        f"motion. They are as right as the {' and the '.join(n['rests_on'])} of the model, and kd holds viscous "
+        f"friction that the model lacks; positions alone tell kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
+        f"{_STATE_IT.format(joint=note.joint)}."
+    )
+
+
+def _gain_by_friction(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"No gains of {note.joint} are stated: with the masses of the model kp is {n['kp']:.3g} {n['unit']}, and the "
+        f"joint would rub less than the model states. With kp = {n['scale'] * n['kp']:.3g} {n['unit']} its friction is "
+        f"that of the model, and the robot is heavier: this is judged here. {_STATE_IT.format(joint=note.joint)}, as "
+        "positions alone do not separate a gain from a load."
+    )
+
+
+def _gain_or_constant(note: Note) -> str:
+    return (
+        f"The torque constant of {note.joint} and the gain of its controller cannot be separated by positions: the "
+        f"ratio of {note.numbers['ratio']:.3g} is that of their product."
+    )
+
+
+def _strays_under_control(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"The torque that is asked for shows no gap, yet under its controller {note.joint} strays by {n['error']:.3g} "
+        f"from the recorded motion, {n['error'] / n['noise']:.0f} times what its readings scatter: a disturbance, "
+        "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
+    )
+
+
+def _rests_apart(note: Note) -> str:
+    n = note.numbers
+    steps = f" ({n['steps']:.1f} steps of its reading)" if n["steps"] is not None else ""
+    return (
+        f"{note.joint} rests {n['shift']:.3g} {n['unit']}{steps} apart under loads of opposite sign of "
+        f"{n['least']:.2g} to {n['most']:.2g} {n['load_unit']}, by {n['rests']} rests; loads below "
+        f"{100 * n['counted']:.0f} % of the largest are not counted."
+    )
+
+
+def _controller_gives_way(note: Note) -> str:
+    return (
+        f"What the controller of {note.joint} gives way under load is part of it: state its gain kp in robot.yaml to "
+        "separate the two."
+    )
+
+
+def _event(note: Note) -> str:
+    n = note.numbers
+    out = ":".join(f"{edge:.2f}" for edge in n["exclude"])
+    return (
+        f"{n['file']}: from {n['start']:.2f} to {n['stop']:.2f} s something acts on joint {note.joint} that "
+        f"neither the model nor a finding makes, with up to {n['torque']:.3g} {n['unit']}: if it was a push or a "
+        f"contact, leave it out with --exclude {out}, or record its force in columns f.<frame>.x, .y and .z."
+    )
+
+
+def _poses_left_out(note: Note) -> str:
+    count = note.numbers["count"]
+    what = "pose lies" if count == 1 else "poses lie"
+    files = ", ".join(note.numbers["recordings"])
+    return f"{files}: {count} measured {what} more than six noises from all others and were left out."
+
+
+def _soft_friction(note: Note) -> str:
+    del note
+    return (
+        "Friction turns over as softly as MuJoCo's does with this file: the recording looks simulated by it, and that "
+        "softness is not counted as a gap."
+    )
+
+
+def _recorded_past_limits(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{n['file']}: {note.joint} goes up to {n['past']:.3g} {n['unit']} past the model's limits of "
+        f"{n['lower']:.4g} to {n['upper']:.4g} {n['unit']}, first at t = {time_text(n['t'])} s: a simulator that keeps "
+        "limits would stop it there. Correct the limits in the robot file."
+    )
+
+
+def _runs_past_limit(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{n['file']}: in {n['windows']} of {n['of']} simulated windows {note.joint} runs past the limit of "
+        f"{n['limit']:.4g} {n['unit']} of the {n['model']} model, first at t = {time_text(n['t'])} s, where the "
+        "recording comes up to it and stays: a stop may have held it there, and the simulation has none."
+    )
+
+
+def _runs_past_limits(note: Note) -> str:
+    n = note.numbers
+    places = [f"{joint} past {limit:.4g} {unit} in {windows}" for joint, limit, unit, windows in n["places"]]
+    return (
+        f"{n['file']}: in {n['of']} simulated windows joints run past limits of the {n['model']} model that "
+        f"the recording comes up to and keeps ({', '.join(places)}): stops may have held them there, and the "
+        "simulation has none."
+    )
+
+
+def _drive(note: Note) -> str:
+    return "the stated controllers" if note.numbers["controlled"] else "the recorded torque"
+
+
+def _shorter_horizon(note: Note) -> str:
+    return (
+        f"Simulated motion under {_drive(note)} is compared over {note.numbers['seconds']:g} s: over longer "
+        "times the noise of the start would grow into a large part of the error."
+    )
+
+
+def _closed_loop(note: Note) -> str:
+    n = note.numbers
+    before, after = (float(np.sqrt(sum(x**2 for x in n[name].values()))) for name in ("before", "after"))
+    return (
+        f"Under the stated controllers and the recorded references simulated positions stray by {before:.3g} from the "
+        f"recorded ones within {n['seconds']:g} s (root mean square over windows, summed over joints) with the given "
+        f"model and by {after:.3g} with the corrected one."
+    )
+
+
+def _runs_away(note: Note) -> str:
+    return (
+        f"No motion was simulated under {_drive(note)}: the simulated robot runs away within "
+        f"{note.numbers['t']:.2g} s of a recorded state, with the given or the corrected model."
+    )
+
+
+def _not_simulated(note: Note) -> str:
+    problem = str(note.numbers["problem"])
+    return f"No motion was simulated under {_drive(note)}: {problem[:1].lower()}{problem[1:]}"
+
+
+MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
+    Code.TORQUE_ASKED: _torque_asked,
+    Code.MOTION_ONLY: _motion_only,
+    Code.GAINS_ESTIMATED: _gains_estimated,
+    Code.GAIN_BY_FRICTION: _gain_by_friction,
+    Code.GAIN_OR_CONSTANT: _gain_or_constant,
+    Code.STRAYS_UNDER_CONTROL: _strays_under_control,
+    Code.RESTS_APART: _rests_apart,
+    Code.CONTROLLER_GIVES_WAY: _controller_gives_way,
+    Code.EVENT: _event,
+    Code.POSES_LEFT_OUT: _poses_left_out,
+    Code.SOFT_FRICTION: _soft_friction,
+    Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
+    Code.RUNS_PAST_LIMIT: _runs_past_limit,
+    Code.RUNS_PAST_LIMITS: _runs_past_limits,
+    Code.SHORTER_HORIZON: _shorter_horizon,
+    Code.CLOSED_LOOP: _closed_loop,
+    Code.RUNS_AWAY: _runs_away,
+    Code.NOT_SIMULATED: _not_simulated,
+}
