@@ -157,7 +157,10 @@ def _written(
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
     except PhantomDynError as error:
-        return _Written(texts, (), (_not_written(NAMES[1:], error),), NAMES[1:])
+        # The laws of corrected.yaml need no possible bodies, and are tried all the same.
+        texts, files, refused = proved(texts, proof_of(corrected_model(robot, known_torques)))
+        lacking = tuple(name for name in NAMES if name not in texts)
+        return _Written(texts, files, (_not_written(NAMES[1:], error), *refused), lacking)
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
         notes.append(Note(Code.ONE_RECORDING_ONLY, None, {"effects": tuple(own)}))
