@@ -17,6 +17,7 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_
 from phantom_dyn.effects.support.rows import driven_rows
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -191,6 +192,31 @@ def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]
     if not np.isfinite(theta).all():
         raise ParameterError(f"{effect.effect} has a parameter that is not finite: give finite numbers.")
     return theta
+
+
+def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
+    """Torque [N m or N] that springs, constant torques, cogging and couplings ask of the drives.
+
+    Args:
+        corrected: The corrected model.
+        motion: N samples of the active joints.
+    """
+    at = {joint: row for row, joint in enumerate(corrected.robot.joint_names)}
+    out = np.zeros_like(motion.v)
+    for joint, (stiffness, relaxed) in corrected.springs.items():
+        out[:, at[joint]] += stiffness * (motion.q[:, at[joint]] - relaxed)
+    for joint, offset in corrected.offsets.items():
+        out[:, at[joint]] -= offset
+    for joint, waves in corrected.cogging.items():
+        orders, amplitudes, phases = np.array(waves).T
+        out[:, at[joint]] -= np.sin(motion.q[:, at[joint], None] * orders + phases) @ amplitudes
+    for c in corrected.couplings:
+        first, second = at[c.first], at[c.second]
+        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (motion.v, motion.a))
+        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
+        out[:, first] += shared
+        out[:, second] += c.ratio * shared
+    return out
 
 
 def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:

@@ -15,7 +15,7 @@ from identification.export.corrected.corrected_mjcf import (
     rotor_of,
     zeros_in_file,
 )
-from identification.export.corrected.corrected_model import CorrectedModel, with_zeros_moved
+from identification.export.corrected.corrected_model import CorrectedModel, torque_beside, with_zeros_moved
 from identification.export.model_files.mujoco_library import mujoco_problem, unheard_warnings
 from identification.export.model_files.reload import (
     load_mujoco,
@@ -48,20 +48,7 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
     robot = _with_rotors(corrected)
     tree = tree_motion(robot, motion)
     out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else robot, tree)
-    at = dict(zip(robot.joint_names, robot.tree_rows, strict=True))
-    for joint, (stiffness, relaxed) in corrected.springs.items():
-        out[:, at[joint]] += stiffness * (tree.q[:, at[joint]] - relaxed)
-    for joint, offset in corrected.offsets.items():
-        out[:, at[joint]] -= offset
-    for joint, waves in corrected.cogging.items():
-        orders, amplitudes, phases = np.array(waves).T
-        out[:, at[joint]] -= np.sin(tree.q[:, at[joint], None] * orders + phases) @ amplitudes
-    for c in corrected.couplings:
-        first, second = at[c.first], at[c.second]
-        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (tree.v, tree.a))
-        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
-        out[:, first] += shared
-        out[:, second] += c.ratio * shared
+    out[:, list(robot.tree_rows)] += torque_beside(corrected, motion)
     return out
 
 

@@ -18,7 +18,12 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
 from identification.export.corrected.corrected_mjcf import zeros_in_file
-from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect, with_zeros_moved
+from identification.export.corrected.corrected_model import (
+    CorrectedModel,
+    numbers_of_effect,
+    torque_beside,
+    with_zeros_moved,
+)
 from identification.export.corrected.corrected_urdf import robot_of_urdf
 from identification.export.corrected.corrected_yaml import known_effects, read_corrected
 from identification.export.corrected.found_effects import moved_by
@@ -107,31 +112,6 @@ def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tu
         effects: Of which.
     """
     return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & OF_DRIVES)
-
-
-def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
-    """Torque [N m or N] that springs, constant torques, cogging and couplings ask of the drives.
-
-    Args:
-        corrected: The corrected model.
-        motion: N samples of the active joints.
-    """
-    at = {joint: row for row, joint in enumerate(corrected.robot.joint_names)}
-    out = np.zeros_like(motion.v)
-    for joint, (stiffness, relaxed) in corrected.springs.items():
-        out[:, at[joint]] += stiffness * (motion.q[:, at[joint]] - relaxed)
-    for joint, offset in corrected.offsets.items():
-        out[:, at[joint]] -= offset
-    for joint, waves in corrected.cogging.items():
-        orders, amplitudes, phases = np.array(waves).T
-        out[:, at[joint]] -= np.sin(motion.q[:, at[joint], None] * orders + phases) @ amplitudes
-    for c in corrected.couplings:
-        first, second = at[c.first], at[c.second]
-        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (motion.v, motion.a))
-        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
-        out[:, first] += shared
-        out[:, second] += c.ratio * shared
-    return out
 
 
 def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:

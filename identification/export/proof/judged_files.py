@@ -16,11 +16,10 @@ import numpy as np
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, WrittenFile
-from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
 from identification.export.corrected.found_effects import within_tolerance
 from identification.export.proof.file_torques import (
     Asked,
-    torque_beside,
     torque_of_actuators,
     torque_of_feedforward,
     torque_of_mjcf,
