@@ -33,7 +33,7 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "phanto
 TIMEOUT = 1200.0  # seconds
 LIMITS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 NOT_KEPT = ("run", "seconds", "version")
-NOT_COMPARED = ("schema", "ledger", "data_warnings", "say", "why")  # how it is told, not what
+NOT_COMPARED = ("schema", "robot", "ledger", "files", "data_warnings", "say", "why")  # how it is put, not what it is
 NAMES = ("quantity", "effect", "joint", "parameter", "recording")  # what tells the entries of a list apart
 SHOWN = 4  # differences a line
 RTOL = 1e-9
@@ -153,7 +153,7 @@ def leaves(value: object, at: str) -> Iterator[tuple[str, Leaf]]:
 
 
 def compared_keys(answer: Mapping) -> set[str]:
-    """Keys of an answer without those that say how it is told."""
+    """Keys of an answer without those that say how it is put."""
     return set(answer).difference(NOT_COMPARED)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.notes import Said
 from phantom_dyn.array_types import Float
@@ -241,28 +242,6 @@ class Unexplained:
     times: tuple[tuple[float, float], ...] = ()
     law: Law | None = None
     dependence: Dependence | None = None
-
-
-@dataclass(frozen=True)
-class WrittenFile:
-    """What a model or a law that was written leaves of the recorded torque, or why it was not written.
-
-    Attributes:
-        file: Its name.
-        rms_left: Residual by joint [N m or N] with the file, loaded back and run over the recordings; empty where no
-            torque was judged.
-        rms_given: The same with the given model.
-        holds: What was found and the file holds, as ``coulomb_friction j2``.
-        lacks: What was found and the file has no place for.
-        refused: Why it was not written, a clause; empty if it was.
-    """
-
-    file: str
-    rms_left: dict[str, float]
-    rms_given: dict[str, float]
-    holds: tuple[str, ...] = ()
-    lacks: tuple[str, ...] = ()
-    refused: str = ""
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,9 @@ import numpy as np
 
 from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, FittedNumbers, WrittenFile
+from identification.diagnosis.result import Diagnosis, FittedNumbers
+from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_files import (
-    MJCF,
-    URDF,
     ModelFile,
     model_files,
     problem_of_loops,
@@ -41,28 +40,32 @@ from identification.export.corrected.moved_joints import (
     not_in_files,
 )
 from identification.export.corrected.nearest_bodies import with_nearest_bodies
-from identification.export.headers import with_header
+from identification.export.file_names import (
+    FEEDFORWARD,
+    ISAAC,
+    MJCF,
+    NAMES,
+    RANDOMISATION,
+    RESIDUAL,
+    RESIDUAL_TABLE,
+    SIMULATORS,
+    TABLE,
+    URDF,
+    YAML,
+)
 from identification.export.proof.judged_files import Proof
+from identification.export.proof.proved_files import proved
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
-from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
+from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
 from identification.notes import NOT_HELD, Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
-YAML = "corrected.yaml"
-NAMES = (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
-"""Files that a diagnosis has as a rule."""
-
-RESIDUAL, RESIDUAL_TABLE = "residual.py", "residual.csv"
-OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
-"""Files that only some diagnoses have."""
 
 _POSTURES = 3  # on which a model without findings is compared with its file
 _COMPLETE = 2  # model files: URDF and MJCF
@@ -191,48 +194,6 @@ def _written(
     if moved and FEEDFORWARD in texts:
         notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
     return _Written(texts, files, tuple(notes), tuple(name for name in NAMES if name not in texts))
-
-
-_GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
-"""Files that hold what another one holds, and are written only beside it."""
-
-
-def proved(
-    texts: dict[str, str], proof: Proof | None
-) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
-    """Files that may be handed out, each with what it leaves in its header; what each leaves; and why some may not.
-
-    Args:
-        texts: By name.
-        proof: What they are compared with; None where no torque was judged.
-    """
-    if proof is None:
-        return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in _GOES_WITH), ()
-    checks: dict[str, Callable[[str], WrittenFile]] = {
-        YAML: proof.of_yaml,
-        URDF: proof.of_urdf,
-        MJCF: lambda _: proof.of_mjcf(),
-        RANDOMISATION: proof.of_randomisation,
-        FEEDFORWARD: proof.of_feedforward,
-        ISAAC: proof.of_actuators,
-        RESIDUAL: proof.of_residual,
-    }
-    kept, records, refused = dict(texts), [], []
-    for name, check in checks.items():
-        if name not in texts:
-            continue
-        record = check(texts[name])
-        records.append(record)
-        if record.refused:
-            del kept[name]
-            refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
-        else:
-            kept[name] = with_header(texts[name], record, proof.diagnosis, late=proof.timing)
-    for name, other in _GOES_WITH.items():
-        if name in kept and other not in kept:
-            del kept[name]
-            refused.append(Note(Code.NOT_ALONE, None, {"files": (name,), "other": other}))
-    return kept, tuple(records), tuple(refused)
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:

@@ -7,10 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from identification.diagnosis.result import Diagnosis, WrittenFile
+from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.written import WrittenFile
+from identification.export.file_names import FEEDFORWARD, YAML
 from identification.words.numbers_and_names import number
 
-_OF_DRIVES, _WITH = "feedforward.py", "corrected.yaml"
 _LATE = 0.05  # of a sample: less is hardly seen in the figures
 
 
@@ -28,7 +29,7 @@ def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, *, late: f
     lines = _table(record, diagnosis)
     if abs(late) > _LATE:
         lines.append(f"The recorded torque is {late:.2f} samples late, which is part of these figures and of no file.")
-    if record.file == _WITH:
+    if record.file == YAML:
         lines.append("The changes under adjusted are part of it: --with leaves them to the next diagnosis.")
     kind = Path(record.file).suffix
     if kind == ".yaml":
@@ -67,7 +68,7 @@ def _table(record: WrittenFile, diagnosis: Diagnosis) -> list[str]:
         ("given model", record.rms_given),
         ("this file", record.rms_left),
     ]
-    if record.file == _OF_DRIVES:
+    if record.file == FEEDFORWARD:
         columns.insert(0, ("no feedforward", {joint.joint: joint.rms_torque for joint in diagnosis.joints}))
     names = [joint.joint for joint in diagnosis.joints]
     width = max(20, *(len(name) for name in names))

@@ -6,12 +6,15 @@ another one: a size that was found beside a move of a mass is wrong without that
 
 from __future__ import annotations
 
+from identification.data.changes import Change
+from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.model.nuisances import TIMING, moves_of
 from identification.diagnosis.model.terms import ordered
+from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted, FittedNumbers
 
 
@@ -49,3 +52,22 @@ def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
     """
     pairs = ((problem.columns.nuisances[k], float(fitted.x[k])) for k in problem.moves)
     return tuple(Adjusted(move.name, change, move.sigma) for move, change in pairs if move.relative and change)
+
+
+def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
+    """Recordings and judged samples of a diagnosis; residuals over them are measured as the gap of each joint is.
+
+    Args:
+        problem: Robot, recordings and blocks.
+        changes: What is known to be different in each recording; empty if nothing is.
+    """
+    session = problem.session
+    blocks = [problem.blocks[k] for k in judged_blocks(problem)]
+    return Replay(
+        session.robot,
+        session.logs,
+        changes,
+        session.cutoff_hz,
+        tuple((block.log, block.core, block.stop) for block in blocks),
+        tuple(sample_weights(problem, k, slice(None)) for k in range(len(session.logs))),
+    )

@@ -18,6 +18,7 @@ from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
 from identification.export.corrected.made_mjcf import made_mjcf
 from identification.export.corrected.reload_in_mujoco import rollout_errors
+from identification.export.file_names import MJCF, URDF
 from identification.export.headers import with_comment
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.mujoco_library import mujoco_problem
@@ -36,7 +37,6 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-URDF, MJCF = "corrected.urdf", "corrected.xml"
 _HORIZON = 0.2  # length of a rollout [s]
 
 _GRAVITY = (0.0, 0.0, -9.81)

@@ -15,9 +15,11 @@ import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.replay import Replay
-from identification.diagnosis.result import Diagnosis, WrittenFile
+from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
 from identification.export.corrected.found_effects import within_tolerance
+from identification.export.file_names import FEEDFORWARD, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
 from identification.export.proof.file_torques import (
     Asked,
     torque_of_actuators,
@@ -97,37 +99,37 @@ class Proof:
     def of_urdf(self, text: str) -> WrittenFile:
         """The record of a ``corrected.urdf``."""
         asked = torque_of_urdf(self.replay, text, self.corrected, self.config, self._held(URDF_FORMAT))
-        return self._record("corrected.urdf", asked, URDF_FORMAT, self._given_as(URDF_FORMAT))
+        return self._record(URDF, asked, URDF_FORMAT, self._given_as(URDF_FORMAT))
 
     def of_mjcf(self) -> WrittenFile:
         """The record of a ``corrected.xml`` whose model MuJoCo has loaded and compared."""
         asked = torque_of_mjcf(self.replay, self.corrected, self._held(MJCF_FORMAT))
-        return self._record("corrected.xml", asked, MJCF_FORMAT, self._given_as(MJCF_FORMAT))
+        return self._record(MJCF, asked, MJCF_FORMAT, self._given_as(MJCF_FORMAT))
 
     def of_yaml(self, text: str) -> WrittenFile:
         """The record of a ``corrected.yaml``."""
-        return self._record("corrected.yaml", torque_of_yaml(self.replay, text, self.corrected.given, self.known), LAWS)
+        return self._record(YAML, torque_of_yaml(self.replay, text, self.corrected.given, self.known), LAWS)
 
     def of_randomisation(self, text: str) -> WrittenFile:
         """The record of a ``randomisation.yaml``."""
         asked = torque_of_randomisation(self.replay, text, self.corrected.given, self.known)
-        return self._record("randomisation.yaml", asked, LAWS)
+        return self._record(RANDOMISATION, asked, LAWS)
 
     def of_feedforward(self, code: str) -> WrittenFile:
         """The record of a ``feedforward.py``."""
         asked = torque_of_feedforward(self.replay, code, self.corrected.given)
-        return self._record("feedforward.py", asked, FEEDFORWARD_FORMAT, self._given_as(FEEDFORWARD_FORMAT))
+        return self._record(FEEDFORWARD, asked, FEEDFORWARD_FORMAT, self._given_as(FEEDFORWARD_FORMAT))
 
     def of_actuators(self, code: str) -> WrittenFile:
         """The record of an ``isaac_lab.py``, with the links of the corrected model."""
         asked = torque_of_actuators(self.replay, code, self.corrected, self._held(ISAAC_FORMAT))
-        return self._record("isaac_lab.py", asked, ISAAC_FORMAT, self._given_as(ISAAC_FORMAT))
+        return self._record(ISAAC, asked, ISAAC_FORMAT, self._given_as(ISAAC_FORMAT))
 
     def of_residual(self, code: str) -> WrittenFile:
         """The record of a ``residual.py``, on top of the corrected model."""
         model = torque_of_model(self.replay, self.corrected.base, self.effects)
         asked = torque_of_residual(self.replay, code, model, self.estimate)
-        return self._record("residual.py", asked, LAWS)
+        return self._record(RESIDUAL, asked, LAWS)
 
     def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
         """Squares that a torque leaves as late as it was recorded, and their counts.

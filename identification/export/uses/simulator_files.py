@@ -23,8 +23,6 @@ from identification.export.uses.simulator_numbers import (
     fields_of,
 )
 
-ISAAC, SIMULATORS = "isaac_lab.py", "simulators.yaml"
-
 _CODE = '''
 
 JOINTS = {joints}

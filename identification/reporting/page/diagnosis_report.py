@@ -9,8 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
-from identification.export.all_files import YAML
-from identification.export.corrected.corrected_files import MJCF, URDF
+from identification.export.file_names import MJCF, URDF, YAML
 from identification.notes import Note, Said
 from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
 from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve

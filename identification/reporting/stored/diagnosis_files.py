@@ -26,11 +26,12 @@ from identification.diagnosis.result import (
     NotTestable,
     Rival,
     Unexplained,
-    WrittenFile,
 )
+from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
-from identification.export.all_files import NAMES as ALWAYS
-from identification.export.all_files import OPTIONAL, export_texts, not_held
+from identification.export.all_files import export_texts, not_held
+from identification.export.file_names import NAMES as ALWAYS
+from identification.export.file_names import OPTIONAL
 from identification.file_sets import with_run, write_together
 from identification.files import (
     looks_like_log,

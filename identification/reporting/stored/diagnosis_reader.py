@@ -24,8 +24,8 @@ from identification.diagnosis.result import (
     Rival,
     Unexplained,
     Value,
-    WrittenFile,
 )
+from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim, GateResult
 from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
 from identification.reporting.stored.diagnosis_schema import require_document

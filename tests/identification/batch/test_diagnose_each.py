@@ -21,7 +21,7 @@ from identification.batch.diagnose_each import (
     logs_in,
 )
 from identification.data.reading import ReadOptions, read_recording
-from identification.export.all_files import NAMES as MODELS
+from identification.export.file_names import NAMES as MODELS
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT, to_json
 from identification.words.stage_words import in_words

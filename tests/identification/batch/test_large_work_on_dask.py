@@ -18,7 +18,7 @@ from distributed import Client
 from joblib import parallel_config
 
 from identification.batch.diagnose_each import diagnose_each
-from identification.export.all_files import NAMES as MODELS
+from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from identification.stages import Announcement
 from phantom_dyn import load_robot

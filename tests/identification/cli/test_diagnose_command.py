@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from identification.cli.main import main
-from identification.export.all_files import NAMES as MODELS
+from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 
 pytestmark = pytest.mark.whole

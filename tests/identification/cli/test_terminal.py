@@ -20,7 +20,7 @@ from identification import file_sets
 from identification.cli.main import main
 from identification.cli.terminal.percentage import Share
 from identification.cli.terminal.progress import Progress
-from identification.export.all_files import NAMES as MODELS
+from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from identification.stages import Announcement, Stage
 from phantom_dyn._kernels.jit import compiles

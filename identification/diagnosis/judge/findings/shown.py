@@ -92,7 +92,8 @@ class State:
         barred: Effects and joints that are no rivals.
         nothing: Effects that have turned out to be no more than nothing.
         searched_again: Whether others were looked for in the place of these.
-        outdone: Effects and joints that had to give way to a rival, and do not come back.
+        outdone: Effects and joints that had to give way to a rival, and do not come back while it is there.
+        exchanged: What gave way to rivals, and these.
         looked_at: Sets whose rivals were compared.
         done: Whether the last of these is what is shown.
     """
@@ -103,6 +104,7 @@ class State:
     nothing: frozenset[Term] = frozenset()
     searched_again: bool = False
     outdone: frozenset[Place] = frozenset()
+    exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
     looked_at: tuple[Shown, ...] = ()
     done: bool = False
 
@@ -179,8 +181,9 @@ def in_band(bench: Bench, state: State) -> State:
 def shown_effects(bench: Bench, state: State) -> Shown:
     """Effects that pass every gate of the judge, or that nothing likelier could lead in the place of.
 
-    What was outdone once does not come back: where each of several sets says that another one should lead, that one is
-    shown whose findings are outdone least, and a finding and the rival that outdoes it share what both have.
+    What was outdone once does not come back while what outdid it is there: where each of several sets says that another
+    one should lead, that one is shown whose findings are outdone least, and a finding and the rival that outdoes it
+    share what both have.
     """
     steps = (_gap, _motion, _visible, _noise, _simpler, _part, _searched_again, _rivals)
     return _until_all_pass(bench, state, steps).looked_at[-1]
@@ -188,9 +191,34 @@ def shown_effects(bench: Bench, state: State) -> Shown:
 
 def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, State], State], ...]) -> State:
     def asked(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
-        return lambda now: now if now.done else step(bench, now)
+        return lambda now: now if now.done else _without_exchanges(bench, now, step(bench, now))
 
     return until_nothing_changes(state, [asked(step) for step in steps])
+
+
+def _without_exchanges(bench: Bench, before: State, after: State) -> State:
+    """The state in which what gave way to a set of rivals is back, where one of these has turned out not to be there.
+
+    The set explained more as a whole: what is left of it need not.
+    """
+    fallen = before.shown - after.shown
+    if not fallen or after.shown - before.shown:
+        return after
+    for gone, rivals in after.exchanged:
+        if not rivals & fallen:
+            continue
+        found = after.found - rivals
+        for term in ordered(gone):
+            found = with_term(found, term) if possible(found, term) else found
+        for term in ordered(rivals & fallen):
+            bench.record.lost(rivals - fallen, *bench.record.met(term.place)[-1:], instead=gone)
+        return replace(
+            after.with_others(found),
+            barred=after.barred | {term.place for term in rivals & fallen},
+            outdone=after.outdone - {term.place for term in gone},
+            exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
+        )
+    return after
 
 
 def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
@@ -338,7 +366,8 @@ def _rivals(bench: Bench, state: State) -> State:
     if over:
         return replace(state, shown=looked_at[-1].chosen, looked_at=looked_at, done=True)
     outdone = state.outdone | {term.place for term in state.found - found}
-    return replace(state.with_others(found), outdone=outdone, looked_at=looked_at)
+    exchanged = (*state.exchanged, (state.found - found, found - state.found))
+    return replace(state.with_others(found), outdone=outdone, exchanged=exchanged, looked_at=looked_at)
 
 
 def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:

@@ -15,7 +15,8 @@ import yaml
 from scipy import stats
 
 from identification.diagnosis.result import Value
-from identification.export.all_files import NAMES, export_texts
+from identification.export.all_files import export_texts
+from identification.export.file_names import NAMES
 from identification.export.headers import with_comment
 from identification.export.proof.judged_files import leaves_more, rms
 from identification.pipeline import diagnose

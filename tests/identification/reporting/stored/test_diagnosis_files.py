@@ -7,8 +7,8 @@ import math
 import pytest
 
 from identification.diagnosis.result import Diagnosis, Value
-from identification.export.all_files import NAMES as MODELS
 from identification.export.corrected.corrected_yaml import read_corrected
+from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import write_outputs
 from phantom_dyn.errors import ParameterError, UsageError
 from phantom_dyn.model.loading import load_robot

@@ -1,0 +1,16 @@
+"""Names of the files that a diagnosis writes beside its report."""
+
+from __future__ import annotations
+
+YAML, URDF, MJCF = "corrected.yaml", "corrected.urdf", "corrected.xml"
+RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
+ISAAC, SIMULATORS = "isaac_lab.py", "simulators.yaml"
+NAMES = (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
+"""Files that a diagnosis has as a rule."""
+
+RESIDUAL, RESIDUAL_TABLE = "residual.py", "residual.csv"
+OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
+"""Files that only some diagnoses have."""
+
+GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
+"""Files that hold what another one holds, and are written only beside it."""

@@ -1,0 +1,48 @@
+"""What gave way to a set of rivals is asked again where one of these falls. Oracle: the sets, written by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from identification.diagnosis.judge.findings.shown import State, _without_exchanges
+
+
+@pytest.fixture
+def place(quiet):
+    """A term of the planar arm by effect and joint."""
+    return lambda effect, joint: next(
+        term for term in quiet.search.terms if (term.effect.name, term.joint) == (effect, joint)
+    )
+
+
+@pytest.fixture
+def exchanged(place, quiet):
+    """Viscous friction gave way to a coupling and a spring together."""
+    gone = frozenset([place("viscous_friction", "elbow")])
+    rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
+    state = State(rivals, rivals, outdone=frozenset(term.place for term in gone), exchanged=((gone, rivals),))
+    return SimpleNamespace(record=quiet.search.record.forked()), state, gone, rivals
+
+
+def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
+    bench, before, gone, rivals = exchanged
+    fallen = min(rivals, key=lambda term: term.effect.name)
+    after = _without_exchanges(bench, before, replace(before, shown=rivals - {fallen}))
+    assert (after.found, after.shown) == (gone, gone)
+    assert after.barred == {fallen.place}
+    assert after.outdone == frozenset()
+
+
+def test_it_stays_away_while_all_of_them_are_there(exchanged):
+    bench, before, _, _ = exchanged
+    assert _without_exchanges(bench, before, before) is before
+
+
+def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place):
+    bench, before, _, rivals = exchanged
+    simpler = frozenset([place("torque_offset", "elbow")])
+    after = replace(before, shown=(rivals - {place("parasitic_spring", "elbow")}) | simpler)
+    assert _without_exchanges(bench, before, after) is after
