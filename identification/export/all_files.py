@@ -171,11 +171,12 @@ def _written(
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
+    made = texts.get(MJCF)
     texts, told = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
     proof = proof_of(corrected)
-    texts, files, refused = proved(texts, proof)
+    texts, files, refused = proved(texts, proof, moved_mjcf=texts.get(MJCF) != made)
     notes += refused
     others = dict[str, str]()
     for name, make in _others(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():

@@ -39,7 +39,7 @@ class Judge:
 
 
 def growth_without(left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term]) -> dict[Term, float]:
-    """By how much the squared residual of the joint that needs it most grows without each of some effects.
+    """Growth of the squared residual without each of some effects, on the joint that needs it most.
 
     An effect can be significant only above the judged band, where it is of no use and the model of the noise is least
     known: there it grows by nothing. One that costs the other joints more than it helps counts as minus one.

@@ -37,7 +37,7 @@ _BEST = 10
 _MOST_FINDINGS = 12
 # Effects whose figures are computed in the judged band.
 _MOST_MEASURED = 40
-# Share of what an effect gains from which on another one is something that it stands in the place of.
+# Share of the gain of an effect from which on another effect counts as displaced by it.
 _STANDS_FOR = 0.2
 # Gates of the search come before this one.
 _FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]

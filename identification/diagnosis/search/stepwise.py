@@ -188,7 +188,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
 
 
 def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:
-    """By how much a set with a structure without a name has to score better, if it makes so many effects needless."""
+    """Least gain in score of a set with a nameless structure that makes a number of effects unnecessary."""
     margin = exchange.NAMELESS_MARGIN[min(gone, len(exchange.NAMELESS_MARGIN) - 1)]
     return margin * search.threshold.overall + (accuracy if gone == 1 else 0.0)
 

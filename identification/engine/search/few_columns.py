@@ -161,7 +161,7 @@ def until_settled(
 
     Args:
         state: Where the columns are taken first.
-        search: The state with what it needs for a search, and the set found; it is told how many came before.
+        search: The state with what it needs for a search, and the set found, from the number of earlier rounds.
         anew: The state where columns are taken at the fit of a set.
     """
     chosen: Chosen = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from identification.diagnosis.written import WrittenFile
 from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
@@ -12,13 +13,14 @@ from identification.notes import Code, Note
 
 
 def proved(
-    texts: dict[str, str], proof: Proof | None
+    texts: dict[str, str], proof: Proof | None, *, moved_mjcf: bool = False
 ) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
     """Files that may be handed out, each with what it leaves in its header; what each leaves; and why some may not.
 
     Args:
         texts: By name.
         proof: What they are compared with; None where no torque was judged.
+        moved_mjcf: True if poses have moved joints of the MJCF: what it leaves then is not known.
     """
     if proof is None:
         return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()
@@ -36,6 +38,8 @@ def proved(
         if name not in texts:
             continue
         record = check(texts[name])
+        if name == MJCF and moved_mjcf:
+            record = replace(record, rms_left={}, rms_given={})
         records.append(record)
         if record.refused:
             del kept[name]

@@ -55,8 +55,8 @@ class Shown:
         plain: The search with plain fits in the judged band.
         chosen: The effects, structures without a name among them.
         joint_fit: Fit of all their numbers at once.
-        standings: Of each named one, beside all that the search has found, what nobody would see included: a rival must
-            not win by making up for that.
+        standings: Of each named one, compared beside all that the search has found. Effects that are too small to be
+            shown are included, so that no rival wins by explaining those.
         beside: All that the search has found, with what took its place.
     """
 
@@ -88,7 +88,7 @@ class State:
 
     Attributes:
         found: What the search has found, as far as nothing has taken its place: rivals are compared beside all of it.
-        shown: What of it has passed so far.
+        shown: Effects among these that have passed all gates so far.
         barred: Effects and joints that are no rivals.
         nothing: Effects that have turned out to be no more than nothing.
         searched_again: Whether others were looked for in the place of these.
@@ -235,7 +235,7 @@ def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], with
 
 
 def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """Without an effect that nobody would see; rivals are still compared beside it."""
+    """The state without an effect that is too small to be shown; rivals are still compared beside it."""
     return replace(state, shown=state.shown - {term}), ()
 
 
