@@ -199,13 +199,14 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 def _without_exchanges(bench: Bench, before: State, after: State) -> State:
     """The state in which what gave way to a set of rivals is back, where one of these has turned out not to be there.
 
-    The set explained more as a whole: what is left of it need not.
+    The set explained more as a whole: what is left of it need not. A single rival that falls was likelier by itself
+    than what gave way to it, which does not come back.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
         return after
     for gone, rivals in after.exchanged:
-        if not rivals & fallen:
+        if len(rivals) == 1 or not rivals & fallen:
             continue
         found = after.found - rivals
         for term in ordered(gone):

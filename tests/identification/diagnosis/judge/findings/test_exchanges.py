@@ -46,3 +46,11 @@ def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place)
     simpler = frozenset([place("torque_offset", "elbow")])
     after = replace(before, shown=(rivals - {place("parasitic_spring", "elbow")}) | simpler)
     assert _without_exchanges(bench, before, after) is after
+
+
+def test_it_stays_away_where_the_only_rival_falls(exchanged, place):
+    bench, before, gone, _ = exchanged
+    rival = frozenset([place("parasitic_spring", "elbow")])
+    before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),))
+    after = replace(before, shown=frozenset())
+    assert _without_exchanges(bench, before, after) is after
