@@ -13,10 +13,10 @@ import pytest
 from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.data.recording import Recording
 from identification.data.signals import process_all
+from identification.diagnosis.columns.residual_columns import Columns, build_columns
+from identification.diagnosis.columns.session import Session, session_of_logs
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.model.columns import Columns, build_columns
-from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened
 from identification.engine.products.grams import Weights, all_row_grams, summed

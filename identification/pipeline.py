@@ -14,14 +14,14 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.known_geometry import as_known, of_torques, places_of_loops, with_known_places
+from identification.diagnosis.columns.session import Session, session_of
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
-from identification.diagnosis.model.known_geometry import as_known, of_torques, places_of_loops, with_known_places
-from identification.diagnosis.model.session import Session, session_of
-from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces

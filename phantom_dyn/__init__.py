@@ -1,6 +1,6 @@
 """phantom_dyn: says where, why and how far a robot differs from its model, from recordings.
 
-``import phantom_dyn as dyn`` is the one door for users of Python::
+``import phantom_dyn as dyn`` is the one entrance for users of Python::
 
     diagnosis = dyn.diagnose("arm.urdf", "log.csv")
     print(diagnosis)
@@ -24,24 +24,24 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identification.door.diagnosis import Diagnosis as Diagnosis
-    from identification.door.functions import check as check
-    from identification.door.functions import compare as compare
-    from identification.door.functions import diagnose as diagnose
-    from identification.door.functions import excite as excite
-    from identification.door.functions import identify as identify
-    from identification.door.functions import map_workspace as map_workspace
-    from identification.door.functions import read_recording as read_recording
-    from identification.door.functions import simulate as simulate
+    from identification.api.diagnosis import Diagnosis as Diagnosis
+    from identification.api.functions import check as check
+    from identification.api.functions import compare as compare
+    from identification.api.functions import diagnose as diagnose
+    from identification.api.functions import excite as excite
+    from identification.api.functions import identify as identify
+    from identification.api.functions import map_workspace as map_workspace
+    from identification.api.functions import read_recording as read_recording
+    from identification.api.functions import simulate as simulate
     from phantom_dyn.errors import PhantomDynError as PhantomDynError
     from phantom_dyn.model.loading import load_robot as load_robot
 
 __version__ = "0.1.0"
 
-_FUNCTIONS = "identification.door.functions"
+_FUNCTIONS = "identification.api.functions"
 # Where each name lives. This module alone knows both packages; the rest of phantom_dyn knows nothing of recordings.
 _PLACES = {
-    "Diagnosis": "identification.door.diagnosis",
+    "Diagnosis": "identification.api.diagnosis",
     "PhantomDynError": "phantom_dyn.errors",
     "check": _FUNCTIONS,
     "compare": _FUNCTIONS,
@@ -79,5 +79,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """The names of the door, for tab completion."""
+    """The names that are offered, for tab completion."""
     return sorted(__all__)

@@ -25,7 +25,7 @@ install_import_hook(
         "identification.degrade",
         "identification.diagnosis.fit.joint_fit",
         "identification.diagnosis.fit.whole_model",
-        "identification.diagnosis.model.operations",
+        "identification.diagnosis.columns.operations",
         "identification.diagnosis.result",
         "identification.estimators",
         "identification.excitation",

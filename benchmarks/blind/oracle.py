@@ -16,7 +16,7 @@ from pathlib import Path
 
 from identification.data.reading import read_recording
 from identification.diagnosis import explanation as pieces
-from identification.diagnosis.model.terms import Term
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.search.search import Search
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import write_outputs

@@ -22,13 +22,13 @@ import numpy as np
 from benchmarks.blind.proportions import Proportion
 from benchmarks.laws.cases import RATE, Case, make
 from identification.data.reading import read_recording
+from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.law.formula_search import columns_of, settled, without_law
 from identification.diagnosis.law.rest import Rest, rest_of
-from identification.diagnosis.model.session import session_of
 from identification.diagnosis.result import Judgement
 from identification.engine.products.block_products import Free, block_products
 from identification.regression.triangular import one_blas_thread

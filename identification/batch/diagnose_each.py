@@ -17,7 +17,7 @@ from pathlib import Path
 from identification.data.readers.presets import usable_columns
 from identification.data.reading import ReadOptions, read_recording
 from identification.data.recording import Recording
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose_logs

@@ -30,7 +30,7 @@ from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
     from identification.data.recording import Recording
-    from identification.diagnosis.model.terms import KnownEffect
+    from identification.diagnosis.columns.terms import KnownEffect
     from identification.diagnosis.result import Diagnosis
     from phantom_dyn.model.robot import Robot
 

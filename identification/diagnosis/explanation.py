@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.fewer_columns import columns_for
+from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns, where_read
+from identification.diagnosis.columns.resonances import resonances
+from identification.diagnosis.columns.session import Series, Session
+from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.gates import above_chance
-from identification.diagnosis.model.columns import Columns, FitPoint, build_columns, where_read
-from identification.diagnosis.model.fewer_columns import columns_for
-from identification.diagnosis.model.resonances import resonances
-from identification.diagnosis.model.session import Series, Session
-from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.chance import null_threshold
 from identification.diagnosis.noise.encoder_noise import (
     Coarse,

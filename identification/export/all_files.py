@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.model.known_geometry import of_torques
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import of_torques
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_files import (

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What measured poses of frames say of a robot's geometry: the one door of this room.
+"""What measured poses of frames say of a robot's geometry: the one entrance of this folder.
 
 Only positions of joints and poses of frames are used; torques are of no account, and their part does not see poses.
 """

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.model.blocks import split_blocks
+from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.replay import Replay
 from identification.export.proof.judged_files import leaves_more, rms
 from identification.identify.identification import Export

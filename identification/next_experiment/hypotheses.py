@@ -7,8 +7,8 @@ from itertools import islice, product
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Finding
 from identification.diagnosis.search.search import Search, contains, with_term
 from identification.diagnosis.search.swaps import replaced

@@ -8,11 +8,11 @@ import numpy as np
 
 from identification.data.log import Band, Log
 from identification.data.signals import low_pass
+from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.residual_columns import Columns, columns_like
+from identification.diagnosis.columns.session import Series, session_of_logs
+from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.columns import Columns, columns_like
-from identification.diagnosis.model.own_effects import Differences
-from identification.diagnosis.model.session import Series, session_of_logs
-from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filter
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.session import Session
-from identification.diagnosis.model.terms import Term, ordered
 from identification.notes import Code, Note
 from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
 from identification.rollout.driven import SHORTEST, STEP, acting_torque

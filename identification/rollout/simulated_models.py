@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.model.nuisances import moves_of
-from identification.diagnosis.model.operations import moved_robot
-from identification.diagnosis.model.own_effects import OwnEffect
-from identification.diagnosis.model.terms import KnownEffect, Term
+from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.own_effects import OwnEffect
+from identification.diagnosis.columns.terms import KnownEffect, Term
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.model.own_effects import OwnEffect
-from identification.diagnosis.model.session import Session
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.own_effects import OwnEffect
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import EffectAt, Finding, Judgement, Value
 from identification.diagnosis.result import Rival as RivalSet
 from phantom_dyn.effects.catalogue import known_effect

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.export.corrected.corrected_yaml import CorrectedEffect, known_effect, read_corrected
 from identification.export.corrected.found_effects import lasting_findings

@@ -9,9 +9,9 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
 from identification.data.signals import process_all
+from identification.diagnosis.columns.known_geometry import of_torques, with_known_places
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.judge.user_words import user_words
-from identification.diagnosis.model.known_geometry import of_torques, with_known_places
-from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import EffectAt
 from identification.export.corrected.found_effects import moved_by
 from identification.rollout.compare import HORIZONS

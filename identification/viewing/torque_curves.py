@@ -8,9 +8,9 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import within_limits
-from identification.diagnosis.model.operations import operate
-from identification.diagnosis.model.session import session_of_logs
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.session import session_of_logs
+from identification.diagnosis.columns.terms import KnownEffect
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tracking_gain import ARM, controller, drawn_causes, error_ratio, mean_ratio, sines, tracking_error
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_model import corrected_model
 from phantom_dyn import load_robot
 

@@ -9,10 +9,10 @@ import numpy as np
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
+from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns
+from identification.diagnosis.columns.session import Session, session_of_logs
+from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
-from identification.diagnosis.model.session import Session, session_of_logs
-from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import Whitening, whitened, whitening_of
 from identification.diagnosis.search.row_gaps import RowGaps

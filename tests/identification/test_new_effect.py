@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_files import urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
 from identification.pipeline import diagnose

@@ -9,8 +9,8 @@ import numpy as np
 
 from identification.data.reading import read_recording
 from identification.data.signals import process_all
-from identification.diagnosis.model.columns import Columns, build_columns
-from identification.diagnosis.model.session import session_of_logs
+from identification.diagnosis.columns.residual_columns import Columns, build_columns
+from identification.diagnosis.columns.session import session_of_logs
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot

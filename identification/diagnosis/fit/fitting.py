@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.columns.residual_columns import Columns
 from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.random_streams import random_stream

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import Term, ordered
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.repeated_error import equations, repeated_variance
@@ -25,7 +26,6 @@ from identification.diagnosis.fit.whole_model import (
     lay_out,
     linearised,
 )
-from identification.diagnosis.model.terms import Term
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.effects.effect import OtherLaw

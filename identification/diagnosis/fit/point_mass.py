@@ -8,8 +8,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term
 from identification.engine.fits.bilinear import Products
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Session
-from identification.diagnosis.model.terms import Term
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.columns.terms import Term
 from identification.engine.products.blocks import Block
 from identification.engine.products.grams import Grams, RowGrams, Weights, all_row_grams, summed
 from identification.engine.products.triangles import diagonal

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.operations import moved_operation, moved_robot
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.point_mass import load_map
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.operations import moved_operation, moved_robot
-from identification.diagnosis.model.terms import Term
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, OtherLaw, Shape
 from phantom_dyn.effects.operation import Operation

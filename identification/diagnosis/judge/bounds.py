@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, untestable_places
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.gates import above_chance, in_band, over_blocks
-from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.search import (

@@ -9,11 +9,11 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.standstill import counted_step, near_reversals
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
 from identification.diagnosis.judge.floors import answers_above, sensors_of
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.standstill import counted_step, near_reversals
 from identification.diagnosis.result import Burst, JointGap
 from identification.engine import contract_levels
 from identification.notes import Code, Note

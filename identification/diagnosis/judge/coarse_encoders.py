@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.gates.coarse_reading import rounding_matters
-from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
 from identification.engine.claims import GateResult

@@ -7,13 +7,13 @@ another one: a size that was found beside a move of a mass is wrong without that
 from __future__ import annotations
 
 from identification.data.changes import Change
+from identification.diagnosis.columns.nuisances import TIMING, moves_of
+from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.findings.shown import Shown
-from identification.diagnosis.model.nuisances import TIMING, moves_of
-from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted, FittedNumbers
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.gates import fair_part
-from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise

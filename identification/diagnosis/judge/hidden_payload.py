@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.model.terms import Term
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.result import Adjusted, Hidden
 from identification.diagnosis.search.search import Search
 

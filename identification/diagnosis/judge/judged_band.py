@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.residual_columns import Columns, where_read
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.columns import Columns, where_read
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
 from identification.diagnosis.search.search import Search, set_up_search
 from phantom_dyn.array_types import Float

@@ -7,6 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from identification.diagnosis.columns.operations import friction_with
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.standstill import open_friction
+from identification.diagnosis.columns.terms import Term, merged
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
@@ -25,10 +29,6 @@ from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
-from identification.diagnosis.model.operations import friction_with
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.standstill import open_friction
-from identification.diagnosis.model.terms import Term, merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search

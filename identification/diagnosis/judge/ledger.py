@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.gates import ORDER, gate_name
 from identification.diagnosis.gates.coarse_reading import coarser_than_stated
@@ -20,7 +21,6 @@ from identification.diagnosis.judge.coarse_encoders import Rounded
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import gap_of
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, asked, possible, price, with_term

@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.fewer_columns import columns_for
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.gates import moved_joints
 from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
-from identification.diagnosis.model.fewer_columns import columns_for
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.row_gaps import row_gaps
 from identification.diagnosis.search.search import Search, asked
 from identification.engine.claims import GateResult

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.standstill import near_reversals
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.standstill import near_reversals
 from phantom_dyn.array_types import Bool
 
 Array = np.ndarray

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left

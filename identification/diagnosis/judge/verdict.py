@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.nuisances import Nuisance
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
@@ -12,9 +15,6 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
-from identification.diagnosis.model.nuisances import Nuisance
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
 from identification.engine import contract_levels

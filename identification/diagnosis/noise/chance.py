@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.gates import above_chance
-from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.whitening import Whitening
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 from identification.engine.chance import exceeded_by_chance

@@ -14,14 +14,14 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
+from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.residual_columns import Columns, columns_by_log
+from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.gates import above_chance
 from identification.diagnosis.gates.coarse_reading import coarser_than_stated
-from identification.diagnosis.model.columns import Columns, columns_by_log
-from identification.diagnosis.model.operations import operate
-from identification.diagnosis.model.own_effects import Differences
-from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search

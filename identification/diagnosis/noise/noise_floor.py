@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.session import Series, Session
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Series, Session
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import whitened_noise
 from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time

@@ -8,8 +8,8 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.model.own_effects import ALIKE
-from identification.diagnosis.model.session import Series, Session
+from identification.diagnosis.columns.own_effects import ALIKE
+from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.signals.spectra import fast_length

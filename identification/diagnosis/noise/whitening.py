@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Series
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.session import Series
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.diagnosis.model.terms import Term
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
 from phantom_dyn.array_types import Float

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term, ordered
 from identification.engine.fits.bilinear import products_of
 from identification.engine.fits.near_fits import NearFits
 from identification.engine.fits.projection import gains_beside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from identification.diagnosis.model.terms import Term
+from identification.diagnosis.columns.terms import Term
 from identification.engine.claims import GateResult
 
 # An effect and its joint.

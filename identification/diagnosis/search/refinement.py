@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.terms import FoundEffect, Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.model.terms import FoundEffect, Term, ordered
 from identification.diagnosis.search.search import Search, with_term
 
 # How many of them are taken in the place of one finding.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.gates import fair_part, rivalry
 from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits

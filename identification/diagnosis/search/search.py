@@ -12,6 +12,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
@@ -20,7 +21,6 @@ from identification.diagnosis.gates.above_chance import more_than_chance
 from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
 from identification.diagnosis.gates.over_blocks import in_enough_blocks
 from identification.diagnosis.gates.possible import possible_size
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.row_gaps import RowGaps

@@ -8,9 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
 from phantom_dyn.array_types import Bool, Float, Int
 

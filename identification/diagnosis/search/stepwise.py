@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.gates import above_chance, exchange
 from identification.diagnosis.gates.exchange import explains_more_than_others
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import (
     Search,
     asked,

@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.gates import above_chance, fair_part
 from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import (
     Search,
     claimed,

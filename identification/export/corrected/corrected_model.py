@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.excitation.limits import stated_torque_limits
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from identification.diagnosis.model.known_geometry import OF_POSES
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import OF_POSES
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from identification.geometry.pins import loops_of
 from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO

@@ -11,9 +11,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from identification.diagnosis.model.nuisances import moves_of
-from identification.diagnosis.model.operations import moved_robot
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import Program, solve_program

@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from identification.diagnosis.model.known_geometry import known_twists, moved_on
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import known_twists, moved_on
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.pins import around, loops_of

@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 
 from identification.data.log import Log
-from identification.diagnosis.model.known_geometry import of_torques
-from identification.diagnosis.model.operations import motion_of, operate, with_known
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import of_torques
+from identification.diagnosis.columns.operations import motion_of, operate, with_known
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
 from identification.export.corrected.corrected_mjcf import zeros_in_file

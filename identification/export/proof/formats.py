@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect
 from identification.export.uses.feedforward import OWN_LAWS

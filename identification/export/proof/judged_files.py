@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.written import WrittenFile

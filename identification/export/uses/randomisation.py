@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
 from phantom_dyn.array_types import Float

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Bound, Finding
 from identification.export.corrected.corrected_mjcf import corrected_elements
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, with_effects

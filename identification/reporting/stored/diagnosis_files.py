@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.diagnosis.model.structure import STRUCTURES
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.structure import STRUCTURES
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import (
     Adjusted,
     Bound,

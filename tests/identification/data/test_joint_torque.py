@@ -12,7 +12,7 @@ from identification.data.joint_torque import external_torque
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process
-from identification.diagnosis.model.operations import operate
+from identification.diagnosis.columns.operations import operate
 from identification.identify.identify import identify
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

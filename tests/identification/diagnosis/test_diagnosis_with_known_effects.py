@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.pipeline import diagnose

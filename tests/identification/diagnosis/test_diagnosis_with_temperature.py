@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
 from identification.reporting.page.diagnosis_report import report_html

@@ -14,8 +14,8 @@ import pytest
 
 from identification.cli.main import main
 from identification.data.recording import Recording
-from identification.diagnosis.model.known_geometry import as_known, places_of_loops
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import as_known, places_of_loops
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.result import GeometryResult

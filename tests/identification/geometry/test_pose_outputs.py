@@ -12,8 +12,8 @@ import pytest
 
 from identification.cli.main import main
 from identification.data.recording import Recording
-from identification.diagnosis.model.known_geometry import with_known_places
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import with_known_places
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Finding, Value
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.cli.main import main
-from identification.diagnosis.model.known_geometry import as_known, with_known_places
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.known_geometry import as_known, with_known_places
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.measured import measured_poses

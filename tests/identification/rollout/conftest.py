@@ -11,7 +11,7 @@ import pytest
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.model.blocks import split_blocks
+from identification.diagnosis.columns.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compared
 from identification.rollout.driven import given_torque
 from identification.rollout.hidden_states import hides

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
-from identification.diagnosis.model.own_effects import ALIKE, differences_of
+from identification.diagnosis.columns.own_effects import ALIKE, differences_of
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation

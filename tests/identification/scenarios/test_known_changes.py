@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
-from identification.diagnosis.model.own_effects import differences_of
+from identification.diagnosis.columns.own_effects import differences_of
 from identification.diagnosis.result import EffectAt
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.pipeline import diagnose

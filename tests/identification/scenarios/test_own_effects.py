@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.model.own_effects import OwnEffect, changed_effects
+from identification.diagnosis.columns.own_effects import OwnEffect, changed_effects
 from identification.diagnosis.result import Value
 from identification.scenarios.known_changes import growth
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named

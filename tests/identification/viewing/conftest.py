@@ -10,7 +10,7 @@ import pytest
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.rollout.rollout_starts import States, states_of
 from identification.viewing.corrections import Correction
 from identification.viewing.replay import Replay, replay_of

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.viewing.corrections import read_correction

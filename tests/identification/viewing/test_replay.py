@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.recording import Fault
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.viewing.corrections import Correction
 from identification.viewing.replay import MOST_FRAMES, frame_rows, replay_of
 from identification.viewing.status import legend, now_table, summary

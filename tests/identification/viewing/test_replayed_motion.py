@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.rollout.simulated_models import known_causes, model_of
 from identification.viewing.replayed_motion import replayed_motion, stretches
 from phantom_dyn.model.robot import Controller

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.gates.least_size import large_enough
 from identification.diagnosis.judge.findings.missing_parts import (
@@ -15,8 +17,6 @@ from identification.diagnosis.judge.findings.parameters import finding_loadings,
 from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.special_cases import implausible
 from identification.notes import Code, Note, Said

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.joint_fit import JointFit
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import Value
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix

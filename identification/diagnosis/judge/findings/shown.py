@@ -14,6 +14,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
@@ -30,8 +32,6 @@ from identification.diagnosis.judge.moved_by_noise import (
     noise_may_make,
     noise_results,
 )
-from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.record import Place, Record
 from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing, stand, with_wide_tolerances
 from identification.diagnosis.search.search import Search, possible, with_term

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
+from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.operations import moved_robot
+from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import covariance, free_numbers, joint_fit, within_tolerances
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.judged_band import narrow_search
-from identification.diagnosis.model.nuisances import moves_of
-from identification.diagnosis.model.operations import moved_robot
-from identification.diagnosis.model.terms import FoundEffect
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.presliding_friction import dahl

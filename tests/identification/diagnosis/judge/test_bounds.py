@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import merged, untestable_places
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.bounds import (
     _beyond_sound_devices,
@@ -17,7 +18,6 @@ from identification.diagnosis.judge.bounds import (
     _seen,
     smallest_seen,
 )
-from identification.diagnosis.model.terms import merged, untestable_places
 from identification.engine.products.blocks import held_out_share
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named

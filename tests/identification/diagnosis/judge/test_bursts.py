@@ -10,10 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.joint_torque import external_torque
+from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_notes, bursts_in, from_quiet
 from identification.diagnosis.judge.judgement import judged
-from identification.diagnosis.model.session import session_of
 from identification.diagnosis.result import Burst, JointGap
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.judge.findings import shown as shown_module
 from identification.diagnosis.judge.findings.shown import Bench, State, in_band
-from identification.diagnosis.model.terms import Term
 
 
 @pytest.fixture

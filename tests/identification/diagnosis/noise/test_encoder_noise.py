@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process
+from identification.diagnosis.columns.residual_columns import columns_like
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.model.columns import columns_like
 from identification.diagnosis.noise.encoder_noise import (
     _null_problem,
     at_least_encoder_noise,

@@ -9,8 +9,8 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import low_pass
-from identification.diagnosis.model.own_effects import Differences
-from identification.diagnosis.model.session import Session, session_of_logs
+from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.session import Session, session_of_logs
 from identification.diagnosis.noise.repetitions import repeated_noise, repetitions
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.judge.judged_band import narrow_search
-from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.fits import Fits
 from phantom_dyn.effects.catalogue import effect_named

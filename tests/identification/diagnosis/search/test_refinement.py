@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
+from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.gates import above_chance
-from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.search import search as search_module
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.record import Record

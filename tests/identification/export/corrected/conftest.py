@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion

@@ -11,8 +11,8 @@ import yaml
 
 from identification.data.log import Log
 from identification.data.signals import process_all
-from identification.diagnosis.model.operations import operate
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Finding, Value
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.geometry.result import GeometryResult, Number, PoseFinding

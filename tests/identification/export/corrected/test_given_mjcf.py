@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.model_files.mujoco_library import mujoco_problem

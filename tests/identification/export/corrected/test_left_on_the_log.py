@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process_all
-from identification.diagnosis.model.operations import operate
+from identification.diagnosis.columns.operations import operate
 from identification.export.corrected.found_effects import effect_of, lasting_findings
 from identification.pipeline import diagnose
 from phantom_dyn.dynamics.dynamics import standard_parameters

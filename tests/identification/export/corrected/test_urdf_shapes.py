@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.urdf_shapes import with_urdf_shapes

@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 import yaml
 
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.gates.rivalry import likelier_than_rivals
 from identification.diagnosis.judge.findings import shown as shown_module
 from identification.diagnosis.judge.findings.shown import (
@@ -16,7 +17,6 @@ from identification.diagnosis.judge.findings.shown import (
     together,
 )
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
 from identification.pipeline import diagnose

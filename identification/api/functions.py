@@ -1,0 +1,398 @@
+"""The functions of ``import phantom_dyn as dyn``: what the commands do, for paths or objects, one or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from identification.api.diagnosed import diagnosis_of_changes, diagnosis_of_recordings, paths_of
+from identification.api.diagnosis import Diagnosis
+from identification.api.inputs import (
+    COLUMNS,
+    RecordingsLike,
+    RobotLike,
+    described,
+    listed,
+    recordings_of,
+    robot_of,
+)
+from identification.api.results import (
+    Identification,
+    Reference,
+    SimulatedRecording,
+)
+from identification.api.simulated import causes_of, reference_of, tracking, with_named_effects
+from identification.data import reading
+from identification.data.checked_file import CheckedRecording, checked_file, checked_recording
+from identification.data.recording import Recording
+from identification.excitation.excite import PlannedRecording
+from identification.excitation.excite import excite as designed
+from identification.excitation.limits import limits_of
+from identification.excitation.motion_shapes import FourierSeries
+from identification.export.corrected.corrected_yaml import known_effects
+from identification.identify.identified_model import JointTerms, friction_terms
+from identification.identify.identify import identify as identified
+from identification.identify.identify import usable_estimator
+from identification.reporting import comparison
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from identification.words.stage_words import in_words
+from phantom_dyn.arguments import (
+    FLAG,
+    NAMES,
+    NUMBER,
+    NUMBERS,
+    SEED,
+    STRETCHES,
+    TEXT,
+    TOLD,
+    WHOLE,
+    or_none,
+    path_of,
+    takes,
+)
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
+from phantom_dyn.errors import UsageError
+from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.operational_map import dataset, operational_map
+from phantom_dyn.model.robot_files import looks_like_robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation import simulate as simulation
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = np.ndarray
+Paths = str | Path | Iterable[str | Path]
+EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float | Sequence[float]]]
+"""Effect of the catalogue or your own, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",
+{"torque": 0.3})``."""
+
+
+@takes(
+    columns=or_none(COLUMNS),
+    topic=or_none(TEXT),
+    ref_topic=or_none(TEXT),
+    exclude=STRETCHES,
+    torque_needed=FLAG,
+    anyway=FLAG,
+)
+def read_recording(
+    path: str | Path,
+    robot: RobotLike,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    ref_topic: str | None = None,
+    exclude: Sequence[tuple[float, float]] = (),
+    torque_needed: bool = True,
+    anyway: bool = False,
+) -> Recording:
+    """A recording of a robot from a file, checked; its ``warnings`` say what may be wrong with it.
+
+    Args:
+        path: CSV, Parquet, NPZ, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset, as in
+            ``dataset/episode_000003``.
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        columns: Column map (YAML) or the name of one that is shipped, such as ``ur_rtde``, where the columns have other
+            names or units.
+        topic: Topic of a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
+        exclude: Stretches of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
+        torque_needed: False for work on motion alone.
+        anyway: Let it be judged although it is certainly wrong.
+
+    Raises:
+        LogError: If the file cannot be used; one sentence says which column and row, and what to do.
+    """
+    if not isinstance(path, str | Path):
+        raise UsageError(f"{described(path)} was given as a recording, wanted the path of a log, then the robot.")
+    if looks_like_robot(str(path)):
+        raise UsageError(f"{path} was given as a recording and is a robot: give the path of the log, then the robot.")
+    loaded = robot_of(robot)
+    return reading.read_recording(
+        path,
+        loaded,
+        columns=columns,
+        topic=topic,
+        ref_topic=ref_topic,
+        excluded=exclude,
+        torque_needed=torque_needed,
+        anyway=anyway,
+    )
+
+
+@takes(
+    changes=or_none(path_of("the path of a recordings.yaml")),
+    columns=or_none(COLUMNS),
+    motion_only=FLAG,
+    progress=TOLD,
+)
+def diagnose(
+    robot: RobotLike,
+    recordings: RecordingsLike,
+    *,
+    hold_out: RecordingsLike = (),
+    known: Paths = (),
+    changes: str | Path | None = None,
+    columns: str | Path | None = None,
+    effects: EffectsLike = (),
+    motion_only: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say what the model of a robot lacks, from recordings: which effects, where, how large, how sure.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        recordings: Path or recording, or several; they are judged on blocks that no fit has seen.
+        hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
+        known: ``corrected.yaml`` of earlier diagnoses, whose findings belong to the model already.
+        changes: ``recordings.yaml`` that says what was different between the recordings, which are then paths.
+        columns: Column map (YAML) of recordings that are paths.
+        effects: Effects of your own beside the catalogue: a Python file, classes or instances, see
+            `docs/how_to/own_effects.md`.
+        motion_only: True if a torque that was recorded is not to be used, but that which the controllers ask for;
+            where none was recorded it is so anyway.
+        progress: Told in words what is being done, as in ``progress=print``.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If a recording cannot be used, or is certainly wrong.
+        RobotError: If the robot cannot be loaded.
+        EffectError: If an effect of your own cannot be used.
+    """
+    loaded = with_user_effects(robot_of(robot, recordings), effects)
+    added = known_effects(tuple(Path(file) for file in paths_of(known, "known")), loaded)
+    if changes is not None:
+        return diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, in_words(progress))
+    return diagnosis_of_recordings(
+        loaded, recordings, hold_out, added, columns, in_words(progress), motion_only=motion_only
+    )
+
+
+@takes(estimator=TEXT, friction=NAMES, rotors=FLAG, columns=or_none(COLUMNS), progress=TOLD)
+def identify(
+    robot: RobotLike,
+    recordings: RecordingsLike,
+    *,
+    hold_out: RecordingsLike = (),
+    estimator: str = "wls",
+    friction: Sequence[str] = ("viscous", "coulomb", "offset"),
+    rotors: bool = False,
+    columns: str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Estimate base parameters, friction and drives of a robot, judged on data that no fit has seen.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        recordings: Path or recording, or several; of one its last fifth is held out, of several the last one.
+        hold_out: Recordings to judge on instead.
+        estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``,
+            ``cloe``.
+        friction: Terms of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
+        rotors: True if rotor inertias are unknowns, too.
+        columns: Column map (YAML) of recordings that are paths.
+        progress: Told in words what is being done.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If a recording cannot be used, or is certainly wrong.
+        IdentifiabilityError: If the recordings excite too little.
+    """
+    usable_estimator(estimator)
+    terms = JointTerms(friction_terms([friction] if isinstance(friction, str) else list(friction)), rotors)
+    loaded = robot_of(robot, recordings)
+    found = identified(
+        loaded,
+        recordings_of(recordings, loaded, columns=columns),
+        hold_out=recordings_of(hold_out, loaded, columns=columns) if listed(hold_out) else (),
+        estimator=estimator,
+        terms=terms,
+        config=loaded.config,
+        progress=in_words(progress),
+    )
+    return Identification(found, loaded)
+
+
+@takes(duration=NUMBER, rate=NUMBER, harmonics=WHOLE, share=NUMBER, seed=SEED, progress=TOLD)
+def excite(
+    robot: RobotLike,
+    *,
+    duration: float = 10.0,
+    rate: float = 100.0,
+    harmonics: int = 5,
+    share: float = 1.0,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Reference:
+    """A motion from rest to rest that makes the inertial parameters of a robot visible, within its limits.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        duration: Length [s].
+        rate: Rows per second.
+        harmonics: Of the Fourier series that it is made of.
+        share: Part of the velocity and torque limits to use.
+        seed: Of the random motions that it starts from.
+        progress: Told in words what is being done.
+
+    Raises:
+        ParameterError: If no motion keeps the limits; the sentence names the one that is broken most.
+    """
+    from identification.excitation.collisions import collisions_of
+
+    loaded = robot_of(robot)
+    limits = limits_of(loaded, share=share, collisions=collisions_of(loaded))
+    design = designed(
+        loaded,
+        FourierSeries(duration, harmonics),
+        limits=limits,
+        planned=PlannedRecording(rate),
+        seed=seed,
+        progress=in_words(progress),
+    )
+    return Reference(design, rate)
+
+
+@takes(columns=or_none(COLUMNS), topic=or_none(TEXT), ref_topic=or_none(TEXT))
+def check(
+    robot: RobotLike | Recording,
+    recording: str | Path | Recording | None = None,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    ref_topic: str | None = None,
+) -> CheckedRecording:
+    """Say what is wrong with a recording: what certainly is, and what may be; ``print`` shows it.
+
+    Args:
+        robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``: then less is checked.
+        recording: A path, or what `read_recording` returned.
+        columns: Column map (YAML) or the name of one that is shipped, where the columns have other names or units.
+        topic: Topic of a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If the file is no recording at all.
+    """
+    alone = recording is None
+    given = robot if alone else recording
+    if isinstance(given, Recording):
+        return checked_recording(given, with_robot=True)
+    if not isinstance(given, str | Path) or (looks_like_robot(str(given)) and alone):
+        raise UsageError(f"{described(given)} was given as a recording, wanted a path or a recording.")
+    loaded = None if alone or isinstance(robot, Recording) else robot_of(robot, given)
+    return checked_file(given, loaded, columns=columns, topic=topic, ref_topic=ref_topic)
+
+
+def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:
+    """Say what changed between two diagnoses or more: verdicts, findings, sizes with their 95 % intervals.
+
+    Args:
+        diagnoses: What `diagnose` returned, or paths of ``diagnosis.json`` or of its folder.
+
+    Raises:
+        UsageError: If one of them is no diagnosis.
+        ParameterError: If there are fewer than two, or they are of different joints.
+    """
+    found, paths = [], []
+    for k, given in enumerate(diagnoses, start=1):
+        if isinstance(given, Diagnosis):
+            found.append(given.result)
+            paths.append(f"diagnosis {k}")
+        elif isinstance(given, str | Path):
+            found.append(read_diagnosis(given))
+            paths.append(str(given))
+        else:
+            raise UsageError(
+                f"{described(given)} was given as a diagnosis, wanted what diagnose returned or a diagnosis.json."
+            )
+    return comparison.compare(found, comparison.distinct_names(paths))
+
+
+def simulate(
+    robot: RobotLike,
+    reference: str | Path | Motion | Reference,
+    *,
+    effects: str | Path | Diagnosis | Iterable[EffectLike] = (),
+    own_effects: EffectsLike = (),
+    kp: Float[Array, " nv"] | Sequence[float] | float | None = None,
+    kd: Float[Array, " nv"] | Sequence[float] | float | None = None,
+) -> SimulatedRecording:
+    """Move a robot that has effects which its model lacks along a reference, and record it.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        reference: What `excite` returned, a motion, or a table with ``t`` and ``q_ref.<joint>``.
+        effects: What the robot has beside its model: triples of effect, joint and parameters, a diagnosis, or its
+            ``corrected.yaml``.
+        own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A triple may hold
+            the class itself in the place of the name.
+        kp: Position gains [N m/rad or N/m]; None: those of ``robot.yaml``, else such that errors of the model's own
+            inertia die out at 5 Hz, critically damped, beside the torque that the model needs for the reference.
+        kd: Velocity gains; None: as ``kp``.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        ParameterError: If an effect or gain cannot be, or the motion leaves all bounds.
+        EffectError: If an effect of your own cannot be used.
+    """
+    named = effects if isinstance(effects, str | Path | Diagnosis) else listed(effects)
+    loaded = robot_of(robot, reference if isinstance(reference, str | Path) else ())
+    loaded = with_named_effects(with_user_effects(loaded, own_effects), named)
+    motion = reference_of(loaded, reference)
+    causes = causes_of(loaded, named)
+    law = tracking(loaded, motion, kp, kd)
+    made = simulation.simulate(loaded, causes, law, motion.t, motion.q[0], motion.v[0])
+    return SimulatedRecording(loaded, made)
+
+
+@takes(
+    grid=TEXT,
+    quantities=NAMES,
+    frame=or_none(TEXT),
+    q0=or_none(NUMBERS),
+    stiffness=or_none(NUMBERS),
+    jobs=or_none(WHOLE),
+)
+def map_workspace(
+    robot: RobotLike,
+    grid: str,
+    quantities: str | Sequence[str] = "manipulability",
+    *,
+    frame: str | None = None,
+    q0: Float[Array, " nv"] | Sequence[float] | None = None,
+    stiffness: Float[Array, " nv"] | Sequence[float] | None = None,
+    jobs: int | Literal[1] | None = None,
+) -> xarray.Dataset:
+    """What a hand feels at the tip of a robot over its workspace, as an xarray dataset with units.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        grid: Over the tip [m] as in ``x=0:0:1,y=-0.2:0.2:41,z=-0.1:0.3:41``, or over joints as in ``q.j1=-1:1:21``.
+        quantities: Names, such as ``apparent_mass``, ``stiffness``, ``gravity_force``.
+        frame: The tip; by default frame ``tip``, else the last one.
+        q0: Joint positions near which the branch of the inverse kinematics is taken.
+        stiffness: Of each joint [N m/rad], where nothing states it.
+        jobs: Processes at most.
+
+    Raises:
+        ParameterError: If grid, quantity or a value cannot be used.
+    """
+    loaded = robot_of(robot)
+    model = map_model(
+        loaded,
+        frame=frame,
+        stiffness=None if stiffness is None else np.array(stiffness, dtype=float),
+        posture=None if q0 is None else np.array(q0, dtype=float),
+    )
+    names = quantities.split(",") if isinstance(quantities, str) else list(quantities)
+    made = operational_map(model, read_grid(grid, loaded.joint_names), [name.strip() for name in names], jobs=jobs)
+    return dataset(made)

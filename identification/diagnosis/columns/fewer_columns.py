@@ -1,0 +1,42 @@
+"""The columns that fits of one set of effects need, of all columns: a small problem in the place of a large one."""
+
+from __future__ import annotations
+
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+
+import numpy as np
+
+from identification.diagnosis.columns.residual_columns import Columns
+from identification.diagnosis.columns.terms import Term
+
+
+def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, dict[Term, Term]]:
+    """The moves, the rigid bodies and the columns of some effects, and for each of these the same with its place there.
+
+    Args:
+        columns: Of all effects.
+        terms: Of these; other effects that need no more columns stay too.
+    """
+    first = min((block.first for block in columns.local), default=len(columns.names))
+    wanted = {column for term in terms for column in term.columns}
+    kept = [k for k in range(len(columns.names)) if k < first or k in wanted]
+    place = {column: at for at, column in enumerate(kept)}
+    moved = {
+        term: replace(term, columns=tuple(place[column] for column in term.columns))
+        for term in columns.terms
+        if place.keys() >= term.column_set
+    }
+    inside = [np.array([column in place for column in row], dtype=bool) for row in columns.rows]
+    few = replace(
+        columns,
+        names=tuple(columns.names[k] for k in kept),
+        terms=tuple(moved.values()),
+        rows=tuple(tuple(place[column] for column in row if column in place) for row in columns.rows),
+        values=tuple(
+            tuple(np.ascontiguousarray(part[:, own]) for part, own in zip(log, inside, strict=True))
+            for log in columns.values
+        ),
+        local=tuple(replace(b, first=place[b.first]) for b in columns.local if b.first in place),
+    )
+    return few, {term: moved[term] for term in terms}

@@ -1,0 +1,121 @@
+# pyright: reportAttributeAccessIssue=false
+"""Findings of measured poses that belong to the given model already: zeros, elasticity, and poses of what is where."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from identification.data.recording import Recording
+from identification.diagnosis.columns.terms import KnownEffect
+from identification.geometry.measured import load_of
+from identification.geometry.pins import KnownPlaces
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, placed
+from phantom_dyn.array_types import Float
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
+"""Effects of poses that no torque law knows; the zero of an encoder is one of both."""
+
+
+def of_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
+    """Those that a model of torques takes: all but what only poses show."""
+    return tuple(one for one in known if one.effect not in OF_POSES)
+
+
+def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]]:
+    """How joints are moved on their parents, by joint, in the joint's axes [m, rad]; several moves in their order."""
+    out: dict[str, Array] = {}
+    for one in known:
+        if one.effect == LINK and one.joint is not None:
+            out[one.joint] = moved_on(out.get(one.joint, np.zeros(6)), np.array(one.theta))
+    return out
+
+
+def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
+    """One twist for a move and another behind it, in the axes of what was moved."""
+    return np.array(pin.log6(pin.exp6(first) * pin.exp6(second)).vector)
+
+
+def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
+    """The robot with its joints and targets where earlier poses put them; the same robot without such a finding.
+
+    A closed chain stays as it is: its torques are those of loops that close as its files say, and what poses have shown
+    is taken into account where poses are judged (`places_of_loops`).
+    """
+    if robot.chain is not None:
+        return robot
+    twists, targets = known_twists(known), [one for one in known if one.effect == TOOL_POSE]
+    if not twists and not targets:
+        return robot
+    model = robot.model.copy()
+    for one in targets:
+        frame = model.frames[model.getFrameId(str(one.joint))]
+        frame.placement = frame.placement * placed(np.array(one.theta))
+    for joint, twist in twists.items():
+        index = model.getJointId(joint)
+        model.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
+    return replace(robot, model=model)
+
+
+def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces | None:
+    """Places of a closed chain that earlier poses have shown; None for an open chain, which has them already."""
+    if robot.chain is None:
+        return None
+    targets: dict[str, pin.SE3] = {}
+    for one in known:
+        if one.effect == TOOL_POSE:
+            frame = str(one.joint)
+            targets[frame] = targets.get(frame, pin.SE3.Identity()) * placed(np.array(one.theta))
+    return KnownPlaces(known_twists(known), targets)
+
+
+def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
+    """Recordings of poses with positions as the links have them: less known zeros and deflections under load.
+
+    Args:
+        robot: With its joints at their known places; gives the loads.
+        recordings: Those without poses stay.
+        known: Effects of earlier diagnoses.
+    """
+    recordings = _in_root(recordings, known)
+    told = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
+    if not told:
+        return recordings
+    zeros, compliance = np.zeros(robot.nv), np.zeros(robot.nv)
+    for one in told:
+        (zeros if one.effect == ZERO else compliance)[robot.joint_names.index(str(one.joint))] += one.theta[0]
+
+    def links(recording: Recording) -> Recording:
+        if not recording.positions:
+            return recording
+        read = replace(recording, q=recording.q - zeros)
+        return replace(read, q=read.q - compliance * load_of(robot, read)) if compliance.any() else read
+
+    return tuple(map(links, recordings))
+
+
+def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
+    """Recordings with their poses in the root frame, where earlier ones showed that the base stands elsewhere."""
+    if not any(one.effect == BASE_POSE for one in known):
+        return recordings
+    bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
+    for base in bases:
+        recordings = tuple(_seen_from(recording, base) for recording in recordings)
+    return recordings
+
+
+def _seen_from(recording: Recording, base: pin.SE3) -> Recording:
+    back, turn = base.inverse(), pin.Quaternion(base.inverse().rotation)
+    return replace(
+        recording,
+        positions={frame: p @ back.rotation.T + back.translation for frame, p in recording.positions.items()},
+        orientations={
+            frame: np.array([(turn * pin.Quaternion(one)).coeffs() for one in turns])
+            for frame, turns in recording.orientations.items()
+        },
+    )

@@ -1,0 +1,162 @@
+"""Moves of the model within its stated tolerances, as nuisance columns that are not part of the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.data.log import Band
+from identification.diagnosis.columns.soft_friction import softness
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import modelled_friction_of
+from phantom_dyn.model.inertia import tolerance_directions
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+TIMING = "timing"
+"""Kind of the move that shifts all torques in time."""
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A move of the model that its tolerance allows: relative change with one sigma, bounded at two.
+
+    Attributes:
+        name: What moves, for the report.
+        sigma: One sigma of the change.
+        bound: Largest change.
+        relative: True if the change is relative to the modelled value; a shift of all torques is in samples, softness
+            of friction in that of the simulator that the model is for.
+    """
+
+    name: str
+    sigma: float
+    bound: float
+    relative: bool = True
+
+
+@dataclass(frozen=True)
+class Move:
+    """A nuisance and the parameter of the model that it moves.
+
+    Attributes:
+        nuisance: Name and size.
+        kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, or
+            the timing of all.
+        place: Index of the body, or name of the joint; None for all.
+        direction: Of the move among the ten parameters of the body.
+    """
+
+    nuisance: Nuisance
+    kind: str
+    place: int | str | None
+    direction: Float[Array, " 10"] | None = None
+
+
+def bodies_on(robot: Robot, row: int) -> tuple[int, ...]:
+    """Bodies that the drive of a joint moves, in Pinocchio's order: those behind it, or in closed chains all."""
+    if robot.chain is not None:
+        return tuple(range(1, robot.model.njoints))
+    return tuple(sorted(robot.model.subtrees[robot.model.getJointId(robot.joint_names[row])]))
+
+
+def touching(robot: Robot, moves: tuple[Move, ...]) -> tuple[tuple[int, ...], ...]:
+    """Indices of the moves that may change the torque of each joint; those of a passive joint may change all.
+
+    The bodies behind a joint are read from Pinocchio once a row and not once a move: that takes most of the time.
+    """
+    # What has a place of its own: a body by its index, or an active joint by its name.
+    placed = [isinstance(move.place, int) or move.place in robot.joint_names for move in moves]
+    out = []
+    for row, own in enumerate(robot.joint_names):
+        here = {*bodies_on(robot, row), own}
+        out.append(tuple(k for k, move in enumerate(moves) if move.place in here or not placed[k]))
+    return tuple(out)
+
+
+def moves_of(robot: Robot) -> tuple[Move, ...]:
+    """All moves that the tolerances of a robot allow."""
+    out: list[Move] = []
+    tolerance = robot.tolerance
+    if tolerance.inertia > 0:
+        for body in range(1, robot.model.njoints):
+            directions, names = tolerance_directions(robot, body)
+            for k, name in enumerate(names):
+                if np.any(directions[:, k]):
+                    nuisance = Nuisance(name, tolerance.inertia, 2 * tolerance.inertia)
+                    out.append(Move(nuisance, "body", body, directions[:, k]))
+    for joint in (*robot.joint_names, *robot.passive_names):
+        viscous, coulomb = modelled_friction_of(robot, joint)
+        rotor = robot.rotor_inertia[robot.joint_names.index(joint)] if joint in robot.joint_names else 0.0
+        modelled = (
+            ("viscous", "viscous friction", viscous, tolerance.friction),
+            ("coulomb", "Coulomb friction", coulomb, tolerance.friction),
+            ("rotor", "rotor inertia", rotor, tolerance.rotor_inertia),
+        )
+        for kind, words, value, sigma in modelled:
+            if value > 0 and sigma > 0:
+                out.append(Move(Nuisance(f"{joint} {words}", sigma, 2 * sigma), kind, joint))
+    for joint, soft in zip(robot.joint_names, robot.soft_friction, strict=False):
+        # A recording of the simulator that the file is for rubs softly, a robot may do so less or not at all.
+        if soft is not None and modelled_friction_of(robot, joint)[1] > 0:
+            out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), "softness", joint))
+    # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
+    out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
+    return tuple(out)
+
+
+def move_columns(
+    robot: Robot,
+    operation: Operation,
+    moves: tuple[Move, ...],
+    body: Float[Array, "nv n p"],
+    band: Band,
+    narrow: Callable[[Array], Array],
+) -> list[list[Float[Array, " n"]]]:
+    """In-band columns of the moves that touch each row, in order.
+
+    Args:
+        robot: The given model.
+        operation: One recording at the full rate.
+        moves: Of `moves_of`.
+        body: Columns of the rigid-body regressor in the band, by row.
+        band: Filter of all columns.
+        narrow: Filter of columns made of accelerations.
+    """
+    drift = narrow(band(np.gradient(operation.tau, axis=0)))
+    rows: list[list[Array]] = [[] for _ in range(robot.nv)]
+    touched = touching(robot, moves)
+    for index, move in enumerate(moves):
+        if isinstance(move.place, int):
+            change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
+        elif move.place is None:
+            change = drift.T
+        elif move.kind == "softness":
+            change = band(softness(robot, operation, move.place)).T
+        else:
+            # The column of the effect that would add to what is modelled, times what is modelled.
+            value, effect = _modelled(robot, move.kind, move.place)
+            signature = effect.signature(robot, operation, move.place, ())
+            change = np.zeros_like(drift.T)
+            for k, row in enumerate(signature.rows):
+                column = band(signature.columns[:, k, 0])
+                change[row] = value * (narrow(column) if effect.uses_acceleration else column)
+        for j in range(robot.nv):
+            if index in touched[j]:
+                rows[j].append(change[j])
+    return rows
+
+
+def _modelled(robot: Robot, kind: str, joint: str) -> tuple[float, Effect]:
+    """What the model gives a joint of one kind, and the effect that is more of it."""
+    if kind == "rotor":
+        return float(robot.rotor_inertia[robot.joint_names.index(joint)]), effect_named("rotor_inertia")
+    viscous, coulomb = modelled_friction_of(robot, joint)
+    value = viscous if kind == "viscous" else coulomb
+    return value, effect_named(f"{kind}_friction")

@@ -1,0 +1,186 @@
+"""Motion and torque of each recording from which effects compute their columns: of the given or of the moved model.
+
+A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has. Computed
+from the given model their sizes would be wrong by as much as the model is, so the moves within the tolerances are made
+first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect, Rival
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
+from phantom_dyn.effects.support.rows import modelled_friction_of
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# Largest relative decrease of a parameter [1]: tolerances are meant to be small, but a file may state any.
+_LEAST = -0.9
+
+
+def operate(
+    robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0, band_hz: float = np.inf
+) -> Operation:
+    """Motion of a log with the torque of the given model.
+
+    Args:
+        robot: The given model.
+        log: Motion and measured torque.
+        known: Effects that belong to the model already.
+        recording: Index of the log among several.
+        band_hz: Edge of the band in which torques are judged [Hz].
+    """
+    motion = motion_of(log)
+    tau = inverse_dynamics(robot, motion)
+    # What pushes from outside, the drive need not give.
+    tau = tau if log.external is None else tau - log.external
+    state = (motion.t, motion.q, motion.v, motion.a)
+    plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, log.temperature)
+    return with_known(robot, plain, known) if known else plain
+
+
+def motion_of(log: Log) -> Motion:
+    """Motion of a log in which a joint that is held all the time has neither velocity nor acceleration.
+
+    Its noise has a sign, which friction would follow, and an acceleration, which couples.
+    """
+    moves = ~standing_still(log).all(axis=0)
+    return Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
+
+
+def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:
+    """The same operation with the torque of known effects.
+
+    Each is made of what it acts on, as in the fit that found it: friction under load of what the transmission passes, a
+    late drive of what it is asked for, and a torque constant of all that. A mass acts where the links truly are, and in
+    the gravity that they truly feel.
+
+    Args:
+        robot: The given model.
+        operation: Of this model alone.
+        known: The effects.
+    """
+    effects = [(effect_named(one.effect, robot), one) for one in known]
+    there, motion = robot, Motion(operation.t, operation.q, operation.v, operation.a)
+    for effect, one in effects:
+        there, motion = effect.true_motion(there, motion, one.joint, np.array(one.theta))
+    tau, found_load = operation.tau, np.zeros_like(operation.tau)
+    displacing = [pair for pair in effects if pair[0].displaces]
+    if len(displacing) > 1:
+        # Together they are another torque than the sum of what each does by itself.
+        tau = tau + inverse_dynamics(there, motion) - inverse_dynamics(robot, operation)
+        effects = [pair for pair in effects if not pair[0].displaces]
+    for stage in range(4):
+        here = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
+        for effect, one in effects:
+            if _stage_of(effect) == stage:
+                # The drive has to give what the model needs less what the effect gives.
+                if effect.inertial is not None and displacing:
+                    truly = replace(here, robot=there, q=motion.q, v=motion.v, a=motion.a)
+                    torque = effect.torque(there, truly, one.joint, np.array(one.theta))
+                else:
+                    torque = effect.torque(robot, here, one.joint, np.array(one.theta))
+                tau = tau - torque
+                found_load = found_load - torque if effect.on_link else found_load
+    return replace(operation, tau=tau, expected=tau, found_load=None)
+
+
+def _stage_of(effect: Rival) -> int:
+    """When an effect's torque can be computed: after all that it is made of."""
+    return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
+
+
+def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
+    """The same operation with the torque of the effects that the last fit found."""
+    plain = operation.again(operation.tau)
+    found_load = np.zeros_like(operation.tau)
+    for point in found:
+        if point.effect.on_link:
+            found_load += _torque_of(robot, plain, point)
+    plain, expected = plain.again(operation.tau, found_load=found_load), operation.tau
+    for point in found:
+        if not (point.effect.follows_torque or point.effect.scales_joint):
+            expected = expected + _torque_of(robot, plain, point)
+    return plain.again(expected)
+
+
+def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
+    """Drive torque of an effect that was found."""
+    signature = point.effect.signature(robot, operation, point.joint, point.shape)
+    out = np.zeros_like(operation.tau)
+    out[:, list(signature.rows)] = signature.columns @ point.coefficients
+    return out
+
+
+def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
+    """The robot in the gravity that it truly feels and the motion of its links, by effects that were found.
+
+    Args:
+        robot: The given model.
+        motion: As it was read.
+        found: Effects that displace links or turn gravity.
+    """
+    for point in found:
+        assert isinstance(point.effect, Effect)
+        theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
+        robot, motion = point.effect.true_motion(robot, motion, point.joint, theta)
+    return robot, motion
+
+
+def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
+    """Friction torque of the model and of the effects of friction that were found, as part of the drive torque."""
+    friction = operation.own_friction
+    for point in found:
+        if point.effect.rubs:
+            signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
+            friction = friction.copy()
+            friction[:, list(signature.rows)] += signature.columns @ point.coefficients
+    return friction
+
+
+def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
+    """The given model after moves within its tolerances.
+
+    Args:
+        robot: The given model, or the same with a load that is known.
+        moves: Relative changes, one for each of `moves_of`.
+        given: The model whose tolerances they are, if ``robot`` carries a load.
+    """
+    change = np.zeros_like(standard_parameters(robot))
+    out = robot
+    for move, value in zip(moves_of(robot if given is None else given), np.maximum(moves, _LEAST), strict=True):
+        place = move.place
+        if isinstance(place, int):
+            if move.direction is not None:
+                change[10 * (place - 1) : 10 * place] += value * move.direction
+        elif place is not None and move.kind == "rotor":
+            out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
+        elif place is not None and move.kind != "softness":
+            viscous, coulomb = modelled_friction_of(robot, place)
+            more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
+            out = with_friction(out, place, **more)
+    return with_parameters(out, change)
+
+
+def moved_operation(operation: Operation, robot: Robot) -> Operation:
+    """The same motion and record, with the torque of another model in place of that of the given one.
+
+    Args:
+        operation: Of the given model.
+        robot: The other model.
+    """
+    more = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)
+    return replace(operation, robot=robot, tau=operation.tau + more, expected=operation.expected + more)

@@ -1,0 +1,359 @@
+"""Regression columns of everything that may explain a residual: moves within the tolerances and every effect.
+
+The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
+times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from identification.data.log import Band
+from identification.diagnosis.columns.layout import Local, lay_out
+from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
+from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
+from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
+from identification.diagnosis.columns.session import Series, Session
+from identification.diagnosis.columns.standstill import (
+    encoder_stands,
+    reversal_doubt,
+    standing_doubt,
+    usable_samples,
+)
+from identification.diagnosis.columns.terms import FoundEffect, Term, merged
+from identification.engine.numerics.two_threads import in_two_threads
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.effects.effect import Shape
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.inertia import parameter_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+_PIECE = 4096  # samples at the full rate whose regressor is held at once
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of all recordings of one robot, row by row (a row is a joint's torque).
+
+    Attributes:
+        names: One per column; the first ``len(nuisances)`` are nuisances, then the rigid-body regressor's, then others.
+        nuisances: Of the first columns.
+        terms: Rivals.
+        rows: For each row, the indices of the columns that touch it.
+        values: For each log and row, in-band samples of those columns, ``values[log][row] (n, len(rows[row]))``.
+        residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
+        model_torque: For each log, modelled torque in the band, ``(n, nv)``.
+        usable: For each log, samples that may be used on each row, ``(n, nv)``.
+        doubt: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
+        standing: For each log, standard deviation of the friction torque that standing joints leave open, ``(n, nv)``.
+        operations: For each log, motion and torque at the full rate.
+        local: Where the columns of each effect stand.
+        displaced: Effects and joints by which the columns of moves and rigid bodies are of where the links truly are.
+    """
+
+    names: tuple[str, ...]
+    nuisances: tuple[Nuisance, ...]
+    terms: tuple[Term, ...]
+    rows: tuple[tuple[int, ...], ...]
+    values: tuple[tuple[Float[Array, "n k"], ...], ...]
+    residual: tuple[Float[Array, "n nv"], ...]
+    model_torque: tuple[Float[Array, "n nv"], ...]
+    usable: tuple[Bool[Array, "n nv"], ...]
+    doubt: tuple[Float[Array, "n nv"], ...]
+    standing: tuple[Float[Array, "n nv"], ...]
+    operations: tuple[Operation, ...]
+    local: tuple[Local, ...]
+    displaced: tuple[tuple[str, str | None], ...] = ()
+
+
+@dataclass(frozen=True)
+class FitPoint:
+    """The point about which nonlinear laws are linearised.
+
+    Attributes:
+        found: What the last fit has found.
+        runners_up: Rivals that did nearly as well.
+        residual: What the last fit left of each log's torque, in the band; None: a fit of the tolerances alone.
+        resonances: Compliances read off resonances, tried beside the grid of shapes.
+    """
+
+    found: tuple[FoundEffect, ...] = ()
+    runners_up: tuple[FoundEffect, ...] = ()
+    residual: Series | None = None
+    resonances: tuple[FoundEffect, ...] = ()
+
+
+def build_columns(session: Session, about: FitPoint | None = None, before: Columns | None = None) -> Columns:
+    """Columns of every nuisance and of every effect at every place.
+
+    Columns made of accelerations end at the edge of the judged band: above, they are encoder noise, the same noise as
+    in the residual, and a fit would take it for inertia that is too large.
+
+    Args:
+        session: Robot and logs.
+        about: Where laws that are not linear are taken; None: nothing has been fitted yet.
+        before: Columns of the same session before the last fit: those that it does not change are taken from there.
+    """
+    about = FitPoint() if about is None else about
+    robot = session.robot
+    given = _given_part(session) if before is None else _given_part_of(session, before)
+    if before is None or before.displaced or _displacing(about.found):
+        given = _with_plain(session, given, about.found)
+    operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
+    residual = about.residual
+    if residual is None:
+        residual = residual_of_moves(robot, given.moves, given.plain, given.residual, given.usable)
+    operations = tuple(
+        with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
+    )
+    names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
+    found = (*about.found, *about.runners_up)
+    terms, local = lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
+    given = replace(given, operations=operations)
+    values = tuple(
+        _values(session, k, o, own, local, _kept(before, k))
+        for k, (o, own) in enumerate(zip(operations, given.plain, strict=True))
+    )
+    return _assembled(session, given, tuple(names), terms, local, values, about.found)
+
+
+def where_read(session: Session, columns: Columns) -> Columns:
+    """The same with moves and rigid bodies where the readings say, in the gravity of the given model.
+
+    They are those of a fit without what displaces the links.
+
+    Args:
+        session: Robot and logs of the columns.
+        columns: Of links that are displaced by what was found.
+    """
+    moves = moves_of(session.robot)
+    values = []
+    for k, own in enumerate(columns.values):
+        plain = (np.column_stack(row) for row in _plain(session, k, columns.operations[k], moves))
+        values.append(tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)))
+    return replace(columns, values=tuple(values), displaced=())
+
+
+def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
+    """Columns of other logs of the same robot, with the effects and shapes of ``like``.
+
+    Args:
+        session: The other logs.
+        like: Says which effects, places and shapes.
+        found: What a fit has found, which the torque that is expected of the drives is made of.
+    """
+    out, values = columns_by_log(session, like, found)
+    return replace(out, values=tuple(map(values, range(len(session.logs)))))
+
+
+def columns_by_log(
+    session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
+) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
+    """As `columns_like` without the columns themselves, and what makes those of a log: all together they are large."""
+    given, displacing = _given_part(session), _displacing(found) if like.displaced else ()
+    operations = tuple(expecting(o.robot, o, found) for o in given.operations)
+    expected = replace(given, operations=operations)
+
+    def made(log: int) -> tuple[Array, ...]:
+        plain = _plain(session, log, given.operations[log], given.moves, displacing)
+        return _values(session, log, operations[log], plain, like.local, {})
+
+    return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
+
+
+@dataclass(frozen=True)
+class _GivenPart:
+    """What no fit changes: the given model's torque, the residual, and columns of the moves and the rigid bodies."""
+
+    moves: tuple[Move, ...]
+    operations: tuple[Operation, ...]
+    plain: tuple[list[list[Float[Array, " n"]]], ...]
+    model_torque: Series
+    residual: Series
+    usable: tuple[Bool[Array, "n nv"], ...]
+    doubt: Series
+
+
+def _given_part(session: Session) -> _GivenPart:
+    robot, logs, moves = session.robot, session.logs, moves_of(session.robot)
+    robots = [session.differences.robot(robot, k) for k in range(len(logs))]
+    operations = tuple(operate(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(logs))
+    torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
+    return _GivenPart(
+        moves,
+        operations,
+        (),
+        torque,
+        residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
+        usable=tuple(usable_samples(log) for log in logs),
+        doubt=tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True)),
+    )
+
+
+def _given_part_of(session: Session, before: Columns) -> _GivenPart:
+    return _GivenPart(
+        moves_of(session.robot),
+        before.operations,
+        tuple(_plain_before(before, k) for k in range(len(before.values))),
+        before.model_torque,
+        before.residual,
+        before.usable,
+        before.doubt,
+    )
+
+
+def _assembled(
+    session: Session,
+    given: _GivenPart,
+    names: tuple[str, ...],
+    terms: tuple[Term, ...],
+    local: tuple[Local, ...],
+    values: tuple[tuple[Float[Array, "n k"], ...], ...],
+    found: tuple[FoundEffect, ...],
+) -> Columns:
+    """All columns, row by row."""
+    robot, moves = session.robot, given.moves
+    rows = []
+    for j, touched in enumerate(touching(robot, moves)):
+        mine = [*touched]
+        mine += [len(moves) + k for k in _parameters_on(robot, j)]
+        for block in local:
+            if j in block.rows:
+                mine += range(block.first, block.first + block.count)
+        rows.append(tuple(mine))
+    return Columns(
+        names,
+        tuple(move.nuisance for move in moves),
+        terms,
+        tuple(rows),
+        values,
+        given.residual,
+        given.model_torque,
+        given.usable,
+        given.doubt,
+        _standing(session, given.operations, found),
+        given.operations,
+        local,
+        tuple(point.place for point in _displacing(found)),
+    )
+
+
+def _displacing(found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
+    """Those effects by which the links are elsewhere than the readings say, or feel another gravity."""
+    return tuple(point for point in found if point.effect.displaces)
+
+
+def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
+    """The same with moves and rigid bodies where the links truly are: a wrong mass weighs there, not where it is read.
+
+    The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
+    """
+    plain = tuple(_plain(session, k, o, given.moves, _displacing(found)) for k, o in enumerate(given.operations))
+    return replace(given, plain=plain)
+
+
+def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
+    """Friction torque of each log that standing joints leave open, with the friction that was found."""
+    return tuple(
+        standing_doubt(log, encoder_stands(session.robot, log), friction_with(operation, found))
+        for log, operation in zip(session.logs, operations, strict=True)
+    )
+
+
+def _plain(
+    session: Session,
+    log: int,
+    operation: Operation,
+    moves: tuple[Move, ...],
+    displacing: tuple[FoundEffect, ...] = (),
+) -> list[list[Float[Array, " n"]]]:
+    """Columns of the moves and of the rigid-body regressor in the band, row by row."""
+    robot, band = session.robot, session.logs[log].band
+    narrow = partial(session.log_in_judged_band, log=log)
+    regressor = narrow(_regressor_in_band(*where_links_are(robot, operation, displacing), band))
+    bodies = regressor.transpose(1, 0, 2)
+    moved = move_columns(robot, operation, moves, bodies, band, narrow)
+    return [[*moved[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
+
+
+def _regressor_in_band(robot: Robot, motion: Motion, band: Band) -> Float[Array, "n nv p"]:
+    """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large."""
+    inside = band.samples(len(motion.t))
+    parts = []
+    for at in np.array_split(inside, len(motion.t) // _PIECE + 1):
+        rows = slice(at[0] - band.half, at[-1] + band.half + 1)
+        part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+        parts.append(band(rigid_body_regressor(robot, part)))
+    return np.concatenate(parts)
+
+
+def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
+    """Columns of the rigid-body regressor that may move the torque of a joint."""
+    return tuple(10 * (body - 1) + k for body in bodies_on(robot, row) for k in range(10))
+
+
+def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
+    """The same, from columns of the same log."""
+    others = min((block.first for block in before.local), default=len(before.names))
+    return [
+        [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
+    ]
+
+
+Place = tuple[str, str | None, Shape]
+
+
+def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:
+    """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
+    out: dict[Place, tuple[Array, ...]] = {}
+    if before is None:
+        return out
+    for block in before.local:
+        if block.effect.stays:
+            places = [before.rows[row].index(block.first) for row in block.rows]
+            parts = zip(block.rows, places, strict=True)
+            out[block.effect.name, block.joint, block.shape] = tuple(
+                before.values[log][row][:, place : place + block.count] for row, place in parts
+            )
+    return out
+
+
+def _values(
+    session: Session,
+    log: int,
+    operation: Operation,
+    plain: list[list[Float[Array, " n"]]],
+    local: tuple[Local, ...],
+    kept: dict[Place, tuple[Float[Array, "n c"], ...]],
+) -> tuple[Float[Array, "n k"], ...]:
+    """In-band columns of one log row by row, those that are kept as they are."""
+    band = session.logs[log].band
+    operation = operation.for_a_while()
+
+    def computed(block: Local) -> tuple[Array, ...]:
+        known = kept.get((block.effect.name, block.joint, block.shape))
+        if known is not None:
+            return known
+        signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)
+        out = []
+        for k in range(len(signature.rows)):
+            column = band(signature.columns[:, k, :])
+            if block.effect.uses_acceleration:
+                steps = 0.0 if signature.steps is None else band(signature.steps[:, k, :])
+                column = session.log_in_judged_band(column - steps, log) + steps
+            out.append(column)
+        return tuple(out)
+
+    rows = [list(columns) for columns in plain]
+    for block, parts in zip(local, in_two_threads(computed, local), strict=True):
+        for row, columns in zip(block.rows, parts, strict=True):
+            rows[row].extend(columns.T)
+    return tuple(np.column_stack(columns) for columns in rows)

@@ -1,0 +1,51 @@
+"""What is left of a recording when the stated masses are moved within their tolerances, and nothing else is assumed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.diagnosis.columns.nuisances import Move, touching
+from identification.engine.numerics.bounded import solve
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+def residual_of_moves(
+    robot: Robot,
+    moves: tuple[Move, ...],
+    columns: tuple[list[list[Float[Array, " n"]]], ...],
+    residual: tuple[Float[Array, "n nv"], ...],
+    usable: tuple[Bool[Array, "n nv"], ...],
+) -> tuple[Float[Array, "n nv"], ...]:
+    """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
+
+    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
+    """
+    rows = range(residual[0].shape[1])
+    touched = [list(mine) for mine in touching(robot, moves)]
+    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
+    b = np.zeros(len(moves))
+    for j in rows:
+        x = np.concatenate(
+            [np.column_stack(log[j][: len(touched[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
+        )
+        y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
+        weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
+        a[np.ix_(touched[j], touched[j])] += weight * x.T @ x
+        b[touched[j]] += weight * x.T @ y
+    move = solve(a, b)
+    return tuple(
+        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touched[j])]) @ move[touched[j]] for j in rows])
+        for log, r in zip(columns, residual, strict=True)
+    )
+
+
+def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, "n nv"]) -> Operation:
+    """The operation with the residual of a fit, interpolated to the full rate."""
+    t = operation.t
+    full = np.column_stack([np.interp(t, t[log.samples], column) for column in residual.T])
+    return operation.again(operation.expected, full)

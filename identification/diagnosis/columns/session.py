@@ -1,0 +1,170 @@
+"""One diagnosis as data: a robot, its recordings in a common band, and which blocks each fit may see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.data.changes import Change
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process_all, smoothed_where, within_limits
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.blocks import split_blocks
+from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
+from identification.diagnosis.columns.soft_friction import rubs_softly
+from identification.diagnosis.columns.structure import STRUCTURES
+from identification.diagnosis.columns.terms import KnownEffect
+from identification.engine.products.blocks import Block, assign_folds
+from phantom_dyn.array_types import Float, Int
+from phantom_dyn.errors import EffectError, LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+# A series of every log, ``(n, nv)`` each; logs differ in length.
+Series = tuple[Float[Array, "_ nv"], ...]
+
+
+@dataclass(frozen=True)
+class Session:
+    """What every stage of a diagnosis works on; it never changes while the diagnosis runs.
+
+    Attributes:
+        robot: The given model.
+        logs: Recordings ready for fitting, those that no fit may see at the end.
+        cutoff_hz: Edge of the judged band, common to all logs.
+        blocks: Stretches of samples that are held out together.
+        folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
+        known: Effects that belong to the given model already.
+        differences: What is known to be different between the recordings.
+        recordings: As they were read; empty where only logs are at hand.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    cutoff_hz: float
+    blocks: tuple[Block, ...]
+    folds: Int[Array, " B"]
+    known: tuple[KnownEffect, ...] = ()
+    differences: Differences = ALIKE
+    recordings: tuple[Recording, ...] = ()
+
+    @property
+    def fitted_logs(self) -> tuple[Log, ...]:
+        """Logs that fits may see."""
+        seen = {block.log for block, fold in zip(self.blocks, self.folds, strict=True) if fold >= 0}
+        return tuple(log for k, log in enumerate(self.logs) if k in seen)
+
+    def in_judged_band(self, series: Series) -> Series:
+        """In-band series of each log without what lies above the judged band, of the same length."""
+        return tuple(self.log_in_judged_band(part, k) for k, part in enumerate(series))
+
+    def log_in_judged_band(self, series: Float[Array, "n ..."], log: int) -> Float[Array, "n ..."]:
+        """The same for a series of one log."""
+        return self.log_below(series, log, self.cutoff_hz)
+
+    def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:
+        """In-band series of one log without what lies above a frequency, the same series if its band ends there."""
+        band = self.logs[log].band
+        if edge_hz >= 0.99 * band.cutoff_hz:
+            return series
+        return smoothed_where(series, self.logs[log].valid_in_band, band.rate_hz / band.step, edge_hz)
+
+
+def session_of_logs(
+    robot: Robot,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    *,
+    held_out: int = 0,
+    known: tuple[KnownEffect, ...] = (),
+    differences: Differences = ALIKE,
+) -> Session:
+    """A session of logs that are ready for fitting; no fit sees the last ``held_out`` of them."""
+    blocks = split_blocks(logs, cutoff_hz)
+    folds = assign_folds(blocks, np.arange(len(logs)) >= len(logs) - held_out)
+    return Session(robot, logs, cutoff_hz, blocks, folds, known, differences)
+
+
+def session_of(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    hold_out: tuple[Recording, ...] = (),
+    *,
+    known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
+) -> Session:
+    """A session of recordings: filtered, in a common band, split into blocks and folds.
+
+    Args:
+        robot: The model that is judged.
+        recordings: What fits may see.
+        hold_out: Recordings that no fit sees.
+        known: Effects that belong to the given model already.
+        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
+
+    Raises:
+        LogError: If a recording cannot be used, or all together are too short to hold data back.
+        EffectError: If an effect that the user brought has a name that stands for something nameless here.
+    """
+    _require_free_names(robot)
+    every = (*recordings, *hold_out)
+    differences = differences_of(changes, robot, len(recordings))
+    logs, cutoff_hz = process_all(every, robot)
+    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
+    session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
+    if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
+        seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
+        raise LogError(
+            f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
+            "record at least ten seconds of motion."
+        )
+    _require_samples(session)
+    return replace(session, robot=_with_its_friction(session), recordings=every)
+
+
+def _require_samples(session: Session) -> None:
+    """Refuses recordings of which gaps and excluded times leave too few blocks with samples."""
+    held = sum(_holds_samples(session, k) for k in np.flatnonzero(session.folds >= 0).tolist())
+    if held >= rules.LEAST_BLOCKS:
+        return
+    edges = [np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]))) for log in session.logs]
+    longest = [
+        int(np.max(at[1::2] - at[::2], initial=0)) / log.band.rate_hz
+        for at, log in zip(edges, session.logs, strict=True)
+    ]
+    log = session.logs[int(np.argmax(longest))]
+    wanted = (2 * log.band.half + log.band.step) / log.band.rate_hz
+    raise LogError(
+        f"{log.file}: gaps in time and excluded stretches leave too few samples to hold data back and judge on them "
+        f"(the longest stretch without lasts {max(longest):.2g} s, and the filter of the band needs {wanted:.2g} s of "
+        "each): record at least ten seconds of motion without gaps."
+    )
+
+
+def _holds_samples(session: Session, block: int) -> bool:
+    """True if a block has a sample in its core that no gap and no excluded stretch touches."""
+    where = session.blocks[block]
+    return bool(session.logs[where.log].valid_in_band[where.core : where.stop].any())
+
+
+def _with_its_friction(session: Session) -> Robot:
+    """The robot, without the soft friction of its file's simulator where the recordings do not show it."""
+    robot = session.robot
+    if not any(robot.soft_friction):
+        return robot
+    operations = [operate(robot, log, session.known, k, session.cutoff_hz) for k, log in enumerate(session.logs)]
+    recorded = [(o, log.tau - o.tau, log.band) for o, log in zip(operations, session.logs, strict=True)]
+    return robot if rubs_softly(robot, recorded) else replace(robot, soft_friction=())
+
+
+def _require_free_names(robot: Robot) -> None:
+    taken = {structure.name for structure in STRUCTURES}
+    for effect in robot.user_effects:
+        if effect.name in taken:
+            raise EffectError(
+                f"The effect {effect.name} has a name that a diagnosis uses for gaps of unknown cause "
+                f"({', '.join(sorted(taken))}): give it another name."
+            )

@@ -1,0 +1,173 @@
+"""Candidate terms of the search: one effect in one place with one shape, and the point about which it is linearised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from identification.diagnosis.columns.structure import STRUCTURES
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects import catalogue
+from phantom_dyn.effects.effect import Effect, Rival, Shape
+from phantom_dyn.effects.operation import Operation, joined
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+# What an operation has one row a sample of.
+SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
+
+
+@dataclass(frozen=True)
+class KnownEffect:
+    """An effect that an earlier diagnosis added to the model, with the contract's parameters in order."""
+
+    effect: str
+    joint: str | None
+    theta: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the last fit found: the point about which its nonlinear law is linearised next.
+
+    Attributes:
+        effect: Of the catalogue, or a structure that has no name there.
+        joint: Its joint, None for the whole robot.
+        shape: Its shape in that fit.
+        coefficients: Of its columns.
+    """
+
+    effect: Rival
+    joint: str | None
+    shape: Shape
+    coefficients: Float[Array, " k"]
+
+    @property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One effect in one place with one shape, and the columns that it sets free.
+
+    Attributes:
+        effect: Of the catalogue, or a structure that has no name there.
+        joint: Its joint, None for the whole robot.
+        shape: What the torque is not linear in, () if there is nothing.
+        columns: Indices among all columns.
+        size: Number of parameters that it adds.
+        lower, upper: Bounds of each coefficient.
+    """
+
+    effect: Rival
+    joint: str | None
+    shape: Shape
+    columns: tuple[int, ...]
+    size: int
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    def __hash__(self) -> int:
+        # Of an object's address, the order of a set of terms would be another one in each run.
+        return self.columns[0]
+
+    @cached_property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
+    @cached_property
+    def column_set(self) -> frozenset[int]:
+        """Its columns as a set."""
+        return frozenset(self.columns)
+
+    @property
+    def named(self) -> bool:
+        """False for a structure that the catalogue has no name for."""
+        return isinstance(self.effect, Effect)
+
+
+def shapes_of(
+    robot: Robot,
+    operation: Operation,
+    found: tuple[FoundEffect, ...],
+    seen: tuple[FoundEffect, ...] = (),
+    own: tuple[Effect, ...] = (),
+) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
+    """Effects, places and shapes to try in a recording that can show them.
+
+    Args:
+        robot: Says what can be where.
+        operation: Of all recordings.
+        found: By the last fit; shapes near these take the place of the effect's grid.
+        seen: By an experiment of its own; these stand beside the grid.
+        own: Effects that act in one of several recordings only.
+    """
+    near = {(point.effect.name, point.joint): point for point in found}
+    out = []
+    for effect in (*catalogue.effects_of(robot), *own, *STRUCTURES):
+        for joint in effect.places(robot):
+            if effect.untestable(robot, operation, joint) is not None:
+                continue
+            point = near.get((effect.name, joint))
+            if point is None:
+                beside = (point.shape for point in seen if point.place == (effect.name, joint))
+                shapes = (*effect.shapes(robot, operation, joint), *beside)
+            else:
+                shapes = effect.refined(point.coefficients, point.shape)
+            out.append((effect, joint, tuple(shapes)))
+    return tuple(out)
+
+
+def untestable_places(
+    robot: Robot, operation: Operation, tried: frozenset[tuple[str, str | None]] | None = None
+) -> tuple[tuple[str, str | None, str], ...]:
+    """Effects and places that a recording like this cannot show, or that nothing in it asks for, and why, in words.
+
+    Args:
+        robot: Says what can be where.
+        operation: Of all recordings.
+        tried: Effects and places that took part in the search; None: all that the recording can show.
+    """
+    out = []
+    for effect in catalogue.effects_of(robot):
+        for joint in effect.places(robot):
+            why = effect.untestable(robot, operation, joint)
+            if why is None and tried is not None and (effect.name, joint) not in tried:
+                why = f"what the given model leaves on {joint} has no trace of it, so that no size of it was tried"
+            if why is not None:
+                out.append((effect.name, joint, why))
+    return tuple(out)
+
+
+def merged(operations: tuple[Operation, ...]) -> Operation:
+    """All operations one after the other, as one that is used for ranges and periodograms only."""
+    if len(operations) == 1:
+        return operations[0]
+    start, times = 0.0, []
+    for operation in operations:
+        times.append(operation.t - operation.t[0] + start)
+        start = float(times[-1][-1]) + operation.dt
+    q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
+    residual = joined([o.residual for o in operations])
+    plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
+    whole = replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    return whole.made_of(operations)
+
+
+def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:
+    """Those of all operations one after the other, NaN where one has none; None where none has any."""
+    if all(operation.temperature is None for operation in operations):
+        return None
+    known = [(np.full_like(o.q, np.nan) if o.temperature is None else o.temperature) for o in operations]
+    return np.concatenate(known)
+
+
+def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """Terms in the order of their columns, so that results do not depend on the order of a set."""
+    return tuple(sorted(terms, key=lambda term: (term.columns, term.place[0])))

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from identification.data.signals import process
+from identification.diagnosis.columns.blocks import split_blocks
+
+
+@pytest.fixture(scope="module")
+def two(lab, planar2):
+    """Two recordings of different length; no fit sees the second."""
+    recordings = (
+        lab.recording(planar2, lab.motion(2, 1, seconds=16.0)),
+        lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
+    )
+    return lab.prepared(planar2, recordings, held_out=1)
+
+
+def test_every_sample_in_the_band_is_in_one_block(two):
+    for k, log in enumerate(two.logs):
+        mine = [block for block in two.blocks if block.log == k]
+        covered = np.concatenate([np.arange(block.start, block.stop) for block in mine])
+        np.testing.assert_array_equal(covered, np.arange(len(log.samples)))
+
+
+def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
+    # Full-rate samples that the filter of the first core sample touches, against those of the last block.
+    for k, log in enumerate(two.logs):
+        mine = [block for block in two.blocks if block.log == k]
+        assert len(mine) > 1
+        for before, block in itertools.pairwise(mine):
+            assert block.start < block.core < block.stop
+            assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
+
+
+def test_the_first_block_of_a_log_is_all_core(two):
+    firsts = [next(block for block in two.blocks if block.log == k) for k in range(2)]
+    assert all(block.core == block.start == 0 for block in firsts)
+
+
+def test_blocks_last_a_second_at_least(two):
+    assert two.blocks
+    for block in two.blocks:
+        band = two.logs[block.log].band
+        assert (block.stop - block.start) * band.step / band.rate_hz > 0.9
+
+
+def test_a_long_recording_has_two_dozen_blocks(lab, planar2):
+    log = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seconds=10.0)),)).logs[0]
+    long = lab.recording(planar2, lab.motion(2, seconds=100.0))
+    blocks = split_blocks((process(long, planar2, cutoff_hz=log.band.cutoff_hz),), 5.0)
+    assert 22 <= len(blocks) <= 26

@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.log import Log
+from identification.data.signals import process, process_all
+from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
+from identification.diagnosis.columns.session import session_of_logs
+from identification.diagnosis.columns.standstill import standing_still, usable_samples
+from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.motion import Motion
+
+# Parameters of one effect each that the columns are asked for.
+LINEAR = {
+    "viscous_friction": [0.31],
+    "coulomb_friction": [0.42],
+    "direction_dependent_friction": [0.5, 0.3, 0.1, 0.2],
+    "torque_offset": [-0.2],
+    "parasitic_spring": [1.7, 0.2],
+}
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_the_columns_of_an_effect_give_its_torque_in_the_band(lab, quiet, planar2, name):
+    # The law itself, filtered once: measured torque = model - effect.
+    term = quiet.term(name, "elbow")
+    theta = np.array(LINEAR[name])
+    coefficients = theta.copy()
+    if name == "parasitic_spring":
+        coefficients = np.array([theta[0], -theta[0] * theta[1]])
+    log, index = quiet.logs[0], quiet.columns.rows[1]
+    at = [index.index(column) for column in term.columns]
+    expected = -log.band(lab.acting(planar2, log.motion, name, "elbow", *theta)[:, 1])
+    np.testing.assert_allclose(quiet.columns.values[0][1][:, at] @ coefficients, expected, atol=1e-12)
+
+
+def test_the_residual_is_measured_less_modelled_torque(quiet, planar2):
+    log = quiet.logs[0]
+    expected = log.band(log.tau - inverse_dynamics(planar2, log.motion))
+    np.testing.assert_allclose(quiet.columns.residual[0], expected, atol=1e-12)
+
+
+def test_nuisances_come_first_then_the_ten_parameters_of_each_link(quiet):
+    names = quiet.columns.names
+    count = len(quiet.columns.nuisances)
+    assert names[:count] == tuple(n.name for n in quiet.columns.nuisances)
+    assert names[count : count + 20 : 10] == ("upper.m", "lower.m")
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("upper mass", 1.1), ("lower center z", 1.1), ("elbow viscous friction", 1.1), ("shoulder Coulomb friction", 1.1)],
+)
+def test_a_nuisance_is_the_change_of_the_modelled_torque(lab, planar2, name, size):
+    # Finite difference: the model whose value is a tenth larger, in Pinocchio, against the column.
+    log = process(lab.recording(planar2, lab.motion(2)), planar2, cutoff_hz=12.0)
+    columns = build_columns(session_of_logs(planar2, (log,), 12.0))
+    changed = moved(planar2, name, size)
+    expected = log.band(inverse_dynamics(changed, log.motion) - inverse_dynamics(planar2, log.motion)) / (size - 1)
+    k = columns.names.index(name)
+    for j, index in enumerate(columns.rows):
+        got = columns.values[0][j][:, index.index(k)] if k in index else 0.0
+        np.testing.assert_allclose(got, expected[:, j], atol=0.06 * np.abs(expected).max())
+
+
+def moved(robot, name, size):
+    """The robot with one quantity of its model scaled."""
+    if "friction" in name:
+        joint, field = name.split()[0], "viscous_friction" if "viscous" in name else "coulomb_friction"
+        values = getattr(robot, field).copy()
+        values[robot.joint_names.index(joint)] *= size
+        return replace(robot, **{field: values})
+    model = robot.model.copy()
+    body = model.inertias[1 if name.startswith("upper") else 2]
+    if name.endswith("mass"):
+        # Pinocchio keeps the inertia about the centre apart from the mass, so it stays.
+        body.mass *= size
+    else:
+        # A centre moves relative to its distance from the joint.
+        body.lever = body.lever + np.array([0.0, 0.0, (size - 1) * np.linalg.norm(body.lever)])
+    return replace(robot, model=model)
+
+
+def test_a_trusted_model_has_no_nuisance_but_timing(lab, planar2, trusted):
+    robot = trusted(planar2)
+    logs, cutoff = process_all((lab.recording(robot, lab.motion(2)),), robot)
+    assert [n.name for n in build_columns(session_of_logs(robot, logs, cutoff)).nuisances] == ["timing of the torque"]
+
+
+def test_a_sensor_cannot_see_a_torque_constant(lab, planar2):
+    robot = replace(planar2, torque_source="sensor")
+    logs, cutoff = process_all((lab.recording(robot, lab.motion(2)),), robot)
+    names = {term.effect.name for term in build_columns(session_of_logs(robot, logs, cutoff)).terms}
+    assert "torque_constant" not in names
+    assert "coulomb_friction" in names
+
+
+def test_modelled_friction_plus_an_effect_may_not_be_negative(quiet, planar2):
+    assert quiet.term("viscous_friction", "elbow").lower == (-planar2.viscous_friction[1],)
+    assert quiet.term("coulomb_friction", "shoulder").lower == (-planar2.coulomb_friction[0],)
+
+
+def test_known_effects_belong_to_the_model(lab, planar2):
+    motion = lab.motion(2)
+    viscous = lab.acting(planar2, motion, "viscous_friction", "elbow", 0.6)
+    logs, cutoff = process_all((lab.recording(planar2, motion, viscous, noise=0.01),), planar2)
+    known = (KnownEffect("viscous_friction", "elbow", (0.6,)),)
+    plain, corrected = (build_columns(session_of_logs(planar2, logs, cutoff, known=k)) for k in ((), known))
+    assert np.std(plain.residual[0][:, 1]) > 0.1
+    assert np.std(corrected.residual[0][:, 1]) < 0.01
+
+
+def test_acceleration_columns_end_at_the_judged_band(lab, planar2):
+    log = process(lab.recording(planar2, lab.motion(2)), planar2, cutoff_hz=12.0)
+    wide, narrow = (build_columns(session_of_logs(planar2, (log,), cutoff)) for cutoff in (12.0, 1.0))
+
+    def column(columns, name):
+        term = next(t for t in columns.terms if t.place == (name, "elbow"))
+        return columns.values[0][1][:, columns.rows[1].index(term.columns[0])]
+
+    assert np.std(column(narrow, "rotor_inertia")) < 0.8 * np.std(column(wide, "rotor_inertia"))
+    np.testing.assert_array_equal(column(narrow, "viscous_friction"), column(wide, "viscous_friction"))
+
+
+def stop_and_go(lab, rate: float = 200.0) -> Motion:
+    """A joint that moves for four seconds, rests for three, and moves again."""
+    moving = lab.motion(1, seconds=4.0, rate=rate)
+    rest = 600
+    t = np.arange(2 * len(moving.t) + rate * rest / 200.0) / rate
+    parts = [
+        np.vstack([x, np.full((rest, 1), hold), x])
+        for x, hold in ((moving.q, moving.q[-1, 0]), (moving.v, 0.0), (moving.a, 0.0))
+    ]
+    return Motion(t, *parts)
+
+
+def with_motion(log: Log, motion: Motion) -> Log:
+    """A log of another motion, of which nothing else is known."""
+    return replace(
+        log, motion=motion, tau=np.zeros_like(motion.q), valid=np.ones(len(motion.t), dtype=bool), raw_q=None
+    )
+
+
+def test_a_joint_at_rest_is_told_from_one_that_turns_round(lab, pendulum, rng):
+    log = process(lab.recording(pendulum, lab.motion(1)), pendulum, cutoff_hz=10.0)
+    motion = stop_and_go(lab)
+    noisy = Motion(motion.t, motion.q, motion.v + 1e-3 * rng.normal(size=motion.v.shape), motion.a)
+    still = standing_still(with_motion(log, noisy))
+    assert still[850:1350].mean() > 0.99
+    assert still[:790].mean() < 0.02
+    assert still[1410:].mean() < 0.02
+
+
+def test_samples_at_rest_are_left_out(lab, pendulum):
+    log = process(lab.recording(pendulum, lab.motion(1)), pendulum, cutoff_hz=10.0)
+    motion = stop_and_go(lab)
+    log = with_motion(log, motion)
+    use, at = usable_samples(log)[:, 0], log.samples
+    assert not use[(at > 850) & (at < 1350)].any()
+    assert use[at < 700].mean() > 0.95
+
+
+def test_a_joint_that_shakes_on_its_way_is_not_at_rest(lab, pendulum):
+    # Known truth: a swing of half a radian with a rattle of 3 mrad at 70 Hz on it, whose speed is larger.
+    motion = lab.motion(1)
+    angle = 2 * np.pi * 70.0 * motion.t[:, None]
+    shaken = Motion(motion.t, motion.q + 3e-3 * np.sin(angle), motion.v + 440 * 3e-3 * np.cos(angle), motion.a)
+    log = process(lab.recording(pendulum, motion), pendulum, cutoff_hz=10.0)
+    assert standing_still(with_motion(log, shaken)).mean() < 0.2
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
+    # Static friction may hold any torque, and the sign of its velocity is that of the encoder's noise.
+    motion = lab.motion(2)
+    held = Motion(motion.t, motion.q * [1, 0], motion.v * [1, 0], motion.a * [1, 0])
+    recording = lab.recording(planar2, held)
+    positions = held.q + noise * rng.standard_normal(held.q.shape) * [0, 1]
+    use = usable_samples(process(replace(recording, q=positions), planar2, cutoff_hz=10.0))
+    assert not use[:, 1].any()
+    assert use[:, 0].mean() > 0.9
+
+
+def test_columns_after_a_fit_are_those_made_from_nothing(lab, planar2):
+    # Oracle: the same columns, of which nothing is taken from before.
+    logs, cutoff = process_all((lab.recording(planar2, lab.motion(2, 3)),), planar2)
+    session = session_of_logs(planar2, logs, cutoff)
+    before = build_columns(session)
+    delay = FoundEffect(effect_named("input_delay"), None, (0.004,), np.array([0.004]))
+    friction = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.1,), np.array([0.3, 0.1]))
+    rest = tuple(0.5 * residual for residual in before.residual)
+    about = FitPoint((delay, friction), residual=rest)
+    after, anew = build_columns(session, about, before), build_columns(session, about)
+    assert after.names == anew.names
+    for mine, theirs in zip(after.values[0], anew.values[0], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    np.testing.assert_array_equal(after.residual[0], anew.residual[0])

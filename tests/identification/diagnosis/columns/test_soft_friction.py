@@ -1,0 +1,130 @@
+"""Dry friction as MuJoCo has it. Oracle: MuJoCo itself, its constraint forces and recordings of its motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import phantom_dyn as dyn
+from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.soft_friction import softness
+from identification.notes import Code, Note
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+mujoco = pytest.importorskip("mujoco")
+
+ARM = """<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option timestep="{step}"/>
+  <worldbody>
+    <body name="l1" pos="0 0 0.1">
+      <joint name="j1" axis="0 0 1" damping="0.4" frictionloss="0.6" armature="0.05" {solver}/>
+      <geom type="capsule" fromto="0 0 0 0 0 0.3" size="0.05" mass="3"/>
+      <body name="l2" pos="0 0 0.3">
+        <joint name="j2" axis="0 1 0" damping="0.4" frictionloss="0.6" armature="0.05"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.04" mass="2"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="j1"/><motor joint="j2"/></actuator>
+</mujoco>"""
+
+
+def recorded(text: str, seed: int, seconds: float) -> tuple[np.ndarray, ...]:
+    """Times, positions, velocities and accelerations of a motion of MuJoCo's, torques and dry friction."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data, rng = mujoco.MjData(model), np.random.default_rng(seed)
+    size, phase = rng.uniform(0.1, 0.4, (2, 4)), rng.uniform(0, 6, (2, 4))
+    w = 2 * np.pi * np.array([0.1, 0.2, 0.35, 0.5])
+    rows: list[tuple[np.ndarray, ...]] = []
+    for t in np.arange(0, seconds, model.opt.timestep):
+        place, speed = (size * np.sin(w * t + phase)).sum(1), (size * w * np.cos(w * t + phase)).sum(1)
+        if not rows:
+            data.qpos[:], data.qvel[:] = place, speed
+        torque = 200 * (place - data.qpos) + 20 * (speed - data.qvel) + data.qfrc_bias
+        data.ctrl[:] = torque
+        start = data.qpos.copy(), data.qvel.copy()
+        mujoco.mj_step(model, data)
+        rows.append((np.array([t]), *start, data.qacc.copy(), torque, data.qfrc_constraint.copy()))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))
+
+
+def arm(tmp_path, step: float = 0.002, solver: str = "") -> tuple[Robot, str]:
+    text = ARM.format(step=step, solver=solver)
+    (tmp_path / "arm.xml").write_text(text)
+    return dyn.load_robot(tmp_path / "arm.xml"), text
+
+
+@pytest.mark.parametrize("solver", ["", 'solreffriction="0.05 1"', 'solimpfriction="0.8 0.9 0.001"'])
+def test_the_law_is_what_mujoco_adds_to_coulomb_friction(tmp_path, solver):
+    # One joint alone is held and moved slowly, so that its friction is not always at its limit.
+    robot, text = arm(tmp_path, 1e-4, solver)
+    t, q, v, a, _, friction = recorded(text, 1, 4.0)
+    motion = Motion(t[:, 0], q, v, a)
+    coulomb = modelled_friction(robot, motion) - robot.viscous_friction * v
+    law = (coulomb + softness(robot, motion, "j1"))[:, 0]
+    within = np.abs(friction[:, 0]) < 0.99 * 0.6
+    assert 10 < within.sum() < len(t)  # both ends of the law are seen
+    np.testing.assert_allclose(law, -friction[:, 0], atol=0.03)
+
+
+def test_a_model_of_mujoco_may_rub_softly_and_a_urdf_not(tmp_path):
+    robot, _ = arm(tmp_path)
+    soft = [move.place for move in moves_of(robot) if move.kind == "softness"]
+    assert soft == ["j1", "j2"]
+    assert not [move for move in moves_of(dyn.load_robot("example:ur10")) if move.kind == "softness"]
+
+
+def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:
+    t, q, _, _, torque, _ = columns
+    kept = slice(0, len(t) - late)
+    table = np.hstack([t[kept], q[kept], torque[late:]])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=",", header="t,q.j1,q.j2,tau.j1,tau.j2", comments="")
+    return str(path)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_mujoco_fits_its_own_model(tmp_path, seed):
+    robot, text = arm(tmp_path)
+    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 0))
+    assert (found.verdict, found.findings) == ("no_gap", ())
+    assert Note(Code.SOFT_FRICTION) in found.result.notes
+
+
+@pytest.mark.parametrize("seed", [1, 2, 8])
+def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
+    # Known truth: five samples. In the motion of seed 3 Stribeck friction on one joint does as well.
+    robot, text = arm(tmp_path)
+    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 5))
+    first = found.findings[0]
+    assert (first.effect, first.joint) == ("input_delay", None)
+    assert first.probability > 0.95
+
+
+def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):
+    # The same motion under the torque that Coulomb's law asks for.
+    robot, text = arm(tmp_path)
+    t, q, v, a, _, none = recorded(text, 2, 20.0)
+    torque = inverse_dynamics(robot, Motion(t[:, 0], q, v, a)) + 1e-3 * np.random.default_rng(0).standard_normal(
+        q.shape
+    )
+    found = dyn.diagnose(robot, log(tmp_path, (t, q, v, a, torque, none), 0))
+    assert found.findings == ()
+    assert Note(Code.SOFT_FRICTION) not in found.result.notes
+
+
+def test_a_urdf_is_never_said_to_rub_softly(tmp_path):
+    # The same arm and motion as a URDF, whose torques no simulator made.
+    robot = dyn.load_robot("example:double_pendulum")
+    t = np.arange(0, 20.0, 0.005)
+    w = 2 * np.pi * np.array([0.23, 0.41])
+    q, v, a = (0.6 * x for x in (np.sin(t[:, None] * w), w * np.cos(t[:, None] * w), -(w**2) * np.sin(t[:, None] * w)))
+    torque = inverse_dynamics(robot, Motion(t, q, v, a)) + 1e-3 * np.random.default_rng(0).standard_normal(q.shape)
+    names = ",".join(f"{kind}.{joint}" for kind in ("q", "tau") for joint in robot.joint_names)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.hstack([t[:, None], q, torque]), delimiter=",", header=f"t,{names}", comments="")
+    assert robot.soft_friction == ()
+    assert Note(Code.SOFT_FRICTION) not in dyn.diagnose(robot, str(path)).result.notes
