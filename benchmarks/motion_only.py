@@ -19,7 +19,7 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
-from identification.pipeline import diagnose, diagnose_controlled
+from identification.pipeline import diagnose
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
@@ -103,8 +103,8 @@ def diagnosed(one: Case, gains: str) -> Diagnosis:
     """Of positions and references alone; gains as they are, a tenth too high, or estimated."""
     controller = Controller(kp=1.1 * _GAIN if gains == "off" else _GAIN)
     if gains == "identified":
-        silent = motion_robot(replace(one.robot, actuators=(Actuator(),)))
-        return diagnose_controlled(silent, (one.recording,))[1]
+        silent = replace(one.robot, actuators=(Actuator(),))
+        return diagnose(silent, (one.recording,), motion_only=True)
     robot = motion_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
     return diagnose(robot, (with_commanded_torque(one.recording, robot),))
 

@@ -8,7 +8,7 @@ from identification.api.diagnosis import Diagnosis
 from identification.api.inputs import RecordingsLike, described, expanded, listed, recordings_of
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.pipeline import diagnose, diagnose_logs
+from identification.pipeline import diagnose
 from identification.scenarios.recordings_file import read_changed, read_changes
 from identification.stages import Progress
 from phantom_dyn.errors import UsageError
@@ -47,10 +47,8 @@ def diagnosis_of_recordings(
         fitted = recordings_of(recordings, robot, columns=columns, torque_needed=torque_needed)
         return (*fitted, *(recordings_of(held, robot, columns=columns, torque_needed=torque_needed) if held else ()))
 
-    driven, found = diagnose_logs(
-        robot, read, held_out=len(held), known=known, motion_only=motion_only, progress=progress
-    )
-    return Diagnosis(found, driven, known)
+    found = diagnose(robot, read, held_out=len(held), known=known, motion_only=motion_only, progress=progress)
+    return Diagnosis(found, found.driven or robot, known)
 
 
 def diagnosis_of_changes(
@@ -81,8 +79,7 @@ def diagnosis_of_changes(
     paths = (*fitted, *judged)
     stated = read_changes(changes, paths, robot.joint_names)
     read = tuple(read_changed(path, robot, change, columns=columns) for path, change in zip(paths, stated, strict=True))
-    count = len(fitted)
-    found = diagnose(robot, read[:count], hold_out=read[count:], known=known, changes=stated, progress=progress)
+    found = diagnose(robot, read, held_out=len(judged), known=known, changes=stated, progress=progress)
     return Diagnosis(found, robot, known)
 
 

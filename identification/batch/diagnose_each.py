@@ -20,7 +20,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
-from identification.pipeline import diagnose_logs
+from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.stages import Announcement, Progress, Stage
 from identification.words.diagnosis_words import effect_at_finding
@@ -268,7 +268,7 @@ def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: 
         )
         return (one,)
 
-    return diagnose_logs(robot, read, known=known)[1]
+    return diagnose(robot, read, known=known)
 
 
 def _diagnosed(

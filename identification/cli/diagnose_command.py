@@ -193,8 +193,8 @@ def _diagnosis_of_changes(
         )
 
     recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
-    fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
-    return diagnose(robot, fitted, hold_out=hold_out, known=known, changes=changes, progress=progress.show)
+    held_out = len(arguments.hold_out)
+    return diagnose(robot, recordings, held_out=held_out, known=known, changes=changes, progress=progress.show)
 
 
 def _diagnosis_of_logs(
@@ -206,7 +206,7 @@ def _diagnosis_of_logs(
 ) -> Diagnosis:
     """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest."""
     from identification.data.reading import read_recording
-    from identification.pipeline import diagnose_logs
+    from identification.pipeline import diagnose
 
     def read(path: str, torque_needed: bool) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
@@ -224,7 +224,7 @@ def _diagnosis_of_logs(
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
 
-    _, found = diagnose_logs(
+    return diagnose(
         robot,
         read_all,
         held_out=len(arguments.hold_out),
@@ -232,7 +232,6 @@ def _diagnosis_of_logs(
         motion_only=arguments.motion_only,
         progress=progress.show,
     )
-    return found
 
 
 def _logs_of_folders(logs: list[str]) -> list[str]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from identification.diagnosis.replay import Replay
     from identification.diagnosis.rest_law import Dependence, Law
     from identification.geometry.result import GeometryResult
+    from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -344,7 +345,7 @@ class Diagnosis:
     joints and what is unexplained are of the torques; ``geometry`` is what measured poses say, and ``verdict`` is of
     both together. ``files`` are models and laws that were written, with what they leave; ``numbers`` are
     what they may be made of beside what is stated, and ``replay`` is what they are run over, None where no torque was
-    judged.
+    judged. ``driven`` is the model with the gains of its controllers where these took the place of a torque, else None.
     """
 
     verdict: str
@@ -374,6 +375,7 @@ class Diagnosis:
     numbers: tuple[FittedNumbers, ...] = field(default=(), compare=False, repr=False)
     replay: Replay | None = field(default=None, compare=False, repr=False)
     ledger: tuple[Claim[EffectAt], ...] = ()
+    driven: Robot | None = field(default=None, compare=False, repr=False)
 
     @property
     def poses_alone(self) -> bool:

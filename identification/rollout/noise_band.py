@@ -8,10 +8,13 @@ steps of the simulation are no better than a part of the way that a joint makes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.result import Judgement
+from identification.rollout.compare import Rollout
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot, under_torque
 from identification.rollout.simulated_models import Model
@@ -80,3 +83,11 @@ def _two(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
     if fold not in folds:
         return fold, folds[0]
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
+
+
+def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
+    """The same, but a gap of unknown cause where a model whose torque shows none does not move as the robot does."""
+    if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
+        return judgement
+    joint = max(rollout.strays, key=lambda name: rollout.strays[name])
+    return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))

@@ -13,9 +13,12 @@ from identification.scenarios.motion_only import motion_robot, with_commanded_to
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
+Reader = Callable[[bool], tuple[Recording, ...]]
+"""Reads the recordings, by whether a torque is needed."""
+
 
 def torque_or_motion(
-    robot: Robot, read: Callable[[bool], tuple[Recording, ...]], *, motion_only: bool = False
+    robot: Robot, read: Reader, *, motion_only: bool = False
 ) -> tuple[Robot, tuple[Recording, ...], bool]:
     """The robot and its recordings, and whether motion alone is judged; poses without torque are judged as they are.
 

@@ -1,4 +1,4 @@
-"""Each function of the door, by the commands' own results, known truths, and what it says of a wrong argument."""
+"""Each function of the entrance, by the commands' own results, known truths, and what it says of a wrong argument."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 import phantom_dyn as dyn
-from identification import pipeline
-from identification.api import inputs
+from identification.api import diagnosed, inputs
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError, PhantomDynError, UsageError
 from phantom_dyn.motion import Motion
@@ -109,16 +108,18 @@ def test_a_held_out_recording_is_what_the_figures_are_of(rubbing, reference):
     assert len(found.result.recordings) == 2
 
 
-def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, monkeypatch):
+def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, made_up, monkeypatch):
     # Known truth: three episodes are held out, and one recording is left for the fits.
     monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
     seen = {}
-    monkeypatch.setattr(
-        pipeline, "prepared", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
-    )
-    monkeypatch.setattr(pipeline, "diagnose_prepared", lambda *_: None)
+
+    def diagnose(_, read, *, held_out, **__):
+        seen.update(read=len(read(True)), held=held_out)
+        return made_up()
+
+    monkeypatch.setattr(diagnosed, "diagnose", diagnose)
     dyn.diagnose(PENDULUM, rubbing, hold_out="dataset")
-    assert (len(seen["fitted"]), len(seen["held"])) == (1, 3)
+    assert seen == {"read": 4, "held": 3}
 
 
 @pytest.mark.parametrize(

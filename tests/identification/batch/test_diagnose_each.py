@@ -110,7 +110,7 @@ def test_a_fault_of_the_diagnosis_is_a_row_as_well(pendulum, logs, monkeypatch):
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("SVD did not\nconverge")
 
-    monkeypatch.setattr(each, "diagnose_logs", fails)
+    monkeypatch.setattr(each, "diagnose", fails)
     (row,) = diagnose_each(pendulum, logs[:1], jobs=1).rows
     said = "run1.csv: the diagnosis itself failed (LinAlgError: SVD did not converge): please report this with the"
     assert (row.verdict, row.refusal and row.refusal.startswith(said)) == ("refused", True)

@@ -153,7 +153,7 @@ def test_a_recording_that_no_fit_sees_is_what_is_judged(lab, planar2):
         lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0], seed=k)
         for k, motion in enumerate(motions)
     )
-    found = diagnose(planar2, (seen,), hold_out=(unseen,))
+    found = diagnose(planar2, (seen, unseen), held_out=1)
     assert places(found) == [("coulomb_friction", "elbow")]
     assert found.joints[1].hold_out_samples < diagnose(planar2, (seen, unseen)).joints[1].hold_out_samples
     assert found.joints[1].rms_after == pytest.approx(found.joints[1].noise_floor, rel=0.2)
@@ -162,7 +162,7 @@ def test_a_recording_that_no_fit_sees_is_what_is_judged(lab, planar2):
 def test_an_effect_that_is_not_in_the_held_out_recording_closes_nothing_there(lab, planar2):
     motions = [lab.motion(2, seed) for seed in (3, 4)]
     seen = lab.recording(planar2, motions[0], -0.3 * np.sign(motions[0].v) * [0.0, 1.0])
-    found = diagnose(planar2, (seen,), hold_out=(lab.recording(planar2, motions[1], seed=1),))
+    found = diagnose(planar2, (seen, lab.recording(planar2, motions[1], seed=1)), held_out=1)
     assert not any(finding.gap_closed > 0.1 for finding in found.findings)
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import Judgement, Unexplained
-from identification.pipeline import borne_out_by_motion
 from identification.rollout.compare import Rollout
 from identification.rollout.driven import given_torque
-from identification.rollout.noise_band import strays
+from identification.rollout.noise_band import borne_out_by_motion, strays
 from identification.rollout.simulated_models import model_of
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.simulation.simulate import Cause

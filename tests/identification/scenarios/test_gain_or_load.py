@@ -11,11 +11,11 @@ from benchmarks.motion_only import SAME, case, in_set
 from identification.data.recording import Recording
 from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement, Value
 from identification.notes import Code, Note
-from identification.pipeline import diagnose_controlled
+from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.motion_limits import limited_to_motion
-from identification.scenarios.motion_only import commanded_torque, motion_robot
+from identification.scenarios.motion_only import commanded_torque
 from identification.words.note_words import sentence
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 
@@ -126,11 +126,12 @@ def test_torques_of_the_second_are_compared_at_the_scale_of_the_first(made_up):
 @pytest.mark.parametrize(("truth", "seed"), [("payload", 0), ("payload", 3), ("less_friction", 0), ("nothing", 0)])
 def test_the_truth_is_in_the_set_without_a_gain(truth, seed):
     one = case(truth, np.random.default_rng([seed, list(SAME).index(truth)]))
-    silent = motion_robot(replace(one.robot, actuators=(Actuator(),)))
-    driven, found = diagnose_controlled(silent, (one.recording,))
+    silent = replace(one.robot, actuators=(Actuator(),))
+    found = diagnose(silent, (one.recording,), motion_only=True)
     assert in_set(found, truth)
     if (truth, seed) == ("payload", 0):
-        controller = driven.actuators[0].controller
+        assert found.driven is not None
+        controller = found.driven.actuators[0].controller
         assert controller is not None
         assert controller.kp == pytest.approx(60.0, rel=0.08)
 
