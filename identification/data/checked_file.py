@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from identification.data.checks.check_recording import check_recording
+from identification.data.checks.drive_loops import loop_sentences
 from identification.data.joint_torque import NoTorqueError
 from identification.data.readers.read_table import read_table
 from identification.data.reading import read_recording, unassigned_recording
@@ -29,6 +30,7 @@ class CheckedRecording:
         warnings: Sentences on what was mended and what may be wrong.
         frames: By name those whose poses were measured, and whether their orientations were.
         with_robot: False if it was checked without a robot, which shows less.
+        loops: A sentence on each drive whose loop the log shows.
     """
 
     file: str
@@ -39,6 +41,7 @@ class CheckedRecording:
     warnings: tuple[str, ...]
     with_robot: bool
     frames: Mapping[str, bool] = field(default_factory=dict)
+    loops: tuple[str, ...] = ()
 
     @property
     def right(self) -> bool:
@@ -51,6 +54,7 @@ class CheckedRecording:
             f"{self.file}: {self.samples} samples, {self.seconds:.6g} s, {rate:.6g} Hz",
             f"joints: {', '.join(self.joints)}",
             *(f"measured {_MEASURED[turned]} of frame {frame}" for frame, turned in self.frames.items()),
+            *self.loops,
             *(f"wrong: {fault_sentence(self.file, fault)}" for fault in self.wrong),
             *(f"warning: {warning}" for warning in self.warnings),
         ]
@@ -72,6 +76,7 @@ def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording
         found.warnings,
         with_robot,
         {frame: frame in found.orientations for frame in found.positions},
+        loop_sentences(found),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from identification.data.mending import mended_position
 from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
 from phantom_dyn.array_types import Float
@@ -32,9 +33,32 @@ def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> floa
     return actuator.torque_constant * actuator.gear_ratio
 
 
+def per_volt(actuator: Actuator) -> float:
+    """Torque on the joint side per volt at standstill [N m/V or N/V]; zero where a constant is not stated."""
+    if actuator.torque_constant is None or actuator.resistance is None:
+        return 0.0
+    return actuator.torque_constant * actuator.gear_ratio / actuator.resistance
+
+
+def per_speed(actuator: Actuator) -> float:
+    """Torque on the joint side that back-EMF takes per speed [N m s/rad or N s/m]; zero where it is not known."""
+    return (
+        0.0 if actuator.torque_constant is None else per_volt(actuator) * actuator.torque_constant * actuator.gear_ratio
+    )
+
+
+def voltage_bound(actuator: Actuator) -> float:
+    """Torque [N m or N] at standstill of the largest voltage of a drive; infinite where that is not known."""
+    return per_volt(actuator) * actuator.voltage_limit if actuator.voltage_limit and per_volt(actuator) else np.inf
+
+
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
-    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`."""
-    constant = _constant(table, joint, actuator, f"u.{joint}")
+    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
+
+    Where no velocity was recorded it is that of differences of the mended positions, as a dropout of one sample is none
+    of the motor; whoever filters the positions takes the back-EMF of the filtered ones, see `Recording.slowing`.
+    """
+    _constant(table, joint, actuator, f"u.{joint}")
     if actuator.resistance is None:
         raise LogError(
             f"{table.file} has u.{joint} but neither tau. nor i. of it, and the robot states no resistance of {joint}: "
@@ -42,8 +66,23 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
         )
     v = table.columns.get(f"v.{joint}")
     if v is None:
-        v = np.gradient(table.columns[f"q.{joint}"], table.columns["t"])
-    return (table.columns[f"u.{joint}"] - constant * v) / actuator.resistance * constant
+        v = np.gradient(mended_position(table.columns[f"q.{joint}"]), table.columns["t"])
+    return per_volt(actuator) * table.columns[f"u.{joint}"] - per_speed(actuator) * v
+
+
+def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) -> Float[Array, " nv"] | None:
+    """Torque per speed of joints whose back-EMF was computed from differences of positions; None if there is none.
+
+    Args:
+        table: Columns under the contract's names.
+        robot: Gives the constants of its drives.
+        torque_from: The quantity that gave the torque of each joint.
+    """
+    pairs = zip(robot.joint_names, robot.actuators, strict=True)
+    differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
+    if not any(differenced):
+        return None
+    return np.array([per_speed(a) if own else 0.0 for (_, a), own in zip(pairs, differenced, strict=True)])
 
 
 def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.effects.references import References
 from phantom_dyn.motion import Motion, read_only
 
 Array = np.ndarray
@@ -64,6 +65,7 @@ class Log:
         reading_steps: Of the lattice that the readings of each joint lie on, as they were recorded [rad or m];
             None where they lie on none. Empty where nobody looked.
         temperature: Of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None if all are.
+        references: What controllers ask for, where the torque was computed from references; None where it was not.
     """
 
     file: str
@@ -77,6 +79,7 @@ class Log:
     external: Float[Array, "N nv"] | None = None
     reading_steps: tuple[float | None, ...] = ()
     temperature: Float[Array, "N nv"] | None = None
+    references: References | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

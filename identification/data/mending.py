@@ -45,12 +45,19 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
     warnings = _spike_warnings(together, "q", at_q)
     tau = together.tau
     if tau is not None:
+        tau = _without_lost(together, tau, at_q)
         tau, at_tau = _without_spikes(tau, _LEAST_TORQUE * np.array([column.std() for column in tau.T]))
         warnings += _spike_warnings(together, "the torque", at_tau)
     if not warnings:
         return together
     mended_tau = None if tau is None else read_only(tau)
     return replace(together, q=read_only(q), tau=mended_tau, warnings=(*together.warnings, *warnings))
+
+
+def mended_position(q: Float[Array, " N"]) -> Float[Array, " N"]:
+    """A measured position [rad] as `mended` leaves it: without whole turns, and without spikes and dropouts."""
+    together = whole_turns(np.ascontiguousarray(q))[0]
+    return _without_spikes(together[:, None], np.array([_LEAST_ANGLE]))[0][:, 0]
 
 
 def _turns_together(recording: Recording, prismatic: Array) -> Recording:
@@ -142,6 +149,20 @@ def _without_spikes(x: Float[Array, "N nv"], least: Float[Array, " nv"]) -> tupl
             out[bad, j] = np.interp(np.flatnonzero(bad), kept, x[kept, j])
         found.append(runs)
     return out, found
+
+
+def _without_lost(recording: Recording, tau: Float[Array, "N nv"], at_q: list[list[tuple[int, int]]]) -> Array:
+    """Torques from voltages, bridged where the position was lost: whoever computes a voltage does it from that."""
+    out = tau
+    for j, (joint, runs) in enumerate(zip(recording.joint_names, at_q, strict=True)):
+        if not runs or recording.torque_from.get(joint) != "u":
+            continue
+        kept = np.ones(len(tau), dtype=bool)
+        for start, end in runs:
+            kept[start:end] = False
+        out = tau.copy() if out is tau else out
+        out[~kept, j] = np.interp(np.flatnonzero(~kept), np.flatnonzero(kept), tau[kept, j])
+    return out
 
 
 def _spike_warnings(recording: Recording, what: str, found: list[list[tuple[int, int]]]) -> list[str]:

@@ -12,7 +12,8 @@ from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
-from identification.data.joint_torque import drive_torque, require_frames, torque_sources
+from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
+from identification.data.loops_of_drives import computed_from_references, loops_of
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import FEWEST_ROWS, FRAME_AXES, MEANT, UnknownNamesError, column_of
 from identification.data.readers.presets import fitting_presets
@@ -212,6 +213,9 @@ def recording(
     if tau is not None:
         tau, unfiltered = before_low_pass(table, robot, tau)
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
+    loops = loops_of(table, joints)
+    slowing = voltage_slowing(table, robot, torque_from)
+    follows, follows_up_to = computed_from_references(robot, loops, torque_from)
     # Where nobody else holds the table, its torques make room for the positions.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
@@ -232,6 +236,11 @@ def recording(
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
         torque_from=torque_from,
+        slowing=slowing,
+        loops=loops,
+        references_held=table.references_held,
+        follows=follows,
+        follows_up_to=follows_up_to,
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
         named=table.named,
@@ -322,6 +331,7 @@ def unassigned_recording(table: Table) -> Recording:
         tau,
         v,
         q_ref=_complete(table, "q_ref", joints)[0],
+        loops=loops_of(table, joints),
         positions=positions,
         orientations=orientations,
         warnings=table.warnings,

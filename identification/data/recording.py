@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identification.data.drive_loop import DriveLoop
 from identification.notes import Note, Said
 from phantom_dyn.array_types import Float
 
@@ -42,6 +43,7 @@ class RawTable:
         asks_units: True for a format that does not say in which units its joints are, so that a map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
         named: By the contract's name, the column of the file that a map of the user's took; empty without one.
+        references_held: True if the format says that a reference acts from its sample to the next.
     """
 
     file: str
@@ -56,6 +58,7 @@ class RawTable:
     asks_units: bool = False
     motor_orders: tuple[tuple[str, ...], ...] = ()
     named: Mapping[str, str] = field(default_factory=dict)
+    references_held: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,6 +79,7 @@ class Table:
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
         named: By the contract's name, the column of the file that a map of the user's took; empty without one.
+        references_held: True if the format says that a reference acts from its sample to the next.
     """
 
     file: str
@@ -84,6 +88,7 @@ class Table:
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
+    references_held: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,14 @@ class Recording:
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
         gains_estimated: Joints whose controller nobody has stated, so that its gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty where not known.
+        slowing: Torque per velocity [N m s/rad or N s/m] by which ``tau`` falls with speed, where it was computed with
+            differences of positions (back-EMF, damping of a controller), ``(nv,)``: whoever filters the positions
+            computes it anew. None: nowhere.
+        loops: What regression says of each drive's own loop, None where nothing; empty where nobody looked.
+        references_held: True if the format says that a reference acts from its sample to the next.
+        follows: Torque per unit of the reference [N m/rad or N/m] where ``tau`` was computed from references, zero
+            elsewhere, ``(nv,)``; None: nowhere.
+        follows_up_to: Where that part of the torque is clipped, ``(nv,)``; None with it.
         friction_taken: Joints from whose torque a controller had taken friction: the model's is put back once the
             velocities are known.
         wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
@@ -156,6 +169,11 @@ class Recording:
     controlled: bool = False
     gains_estimated: tuple[str, ...] = ()
     torque_from: Mapping[str, str] = field(default_factory=dict)
+    slowing: Float[Array, " nv"] | None = None
+    loops: tuple[DriveLoop | None, ...] = ()
+    references_held: bool = False
+    follows: Float[Array, " nv"] | None = None
+    follows_up_to: Float[Array, " nv"] | None = None
     friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False

@@ -14,13 +14,15 @@ import itertools
 import numpy as np
 
 from identification.data.compensation import friction_taken
-from identification.data.joint_torque import external_torque
+from identification.data.drive_loop import read_delays
+from identification.data.joint_torque import external_torque, voltage_bound
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.times import time_text
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.references import References
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
@@ -299,6 +301,13 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     """
     t, q, tau, valid = uniform(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
+    wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
+    if wanted is not None and holds_references(recording, robot):
+        held = align_held_torque(wanted)
+        sent = _references(recording, robot, t, wanted, q, _on_grid(recording.t, differences(recording), t))
+        # The torque was computed with references that act at once.
+        tau = tau if sent is None else tau + sent.with_references(held)
+        wanted = held
     if robot.torque_hold == "zoh":
         tau = align_held_torque(tau)
     if cutoff_hz is None:
@@ -315,17 +324,47 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         longest = max(_GAP_STEPS * median, min(_GAP_STEPS * long, _GAP_PERIODS / band.cutoff_hz))
         valid = _valid(recording, t, longest)
     smooth, v, a = differentiate(q, rate, motion_edge(band))
+    if recording.slowing is not None:
+        tau = tau + recording.slowing * (_on_grid(recording.t, differences(recording), t) - v)
     if recording.friction_taken:
         tau = tau + friction_taken(robot, recording, v)
-    wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
     temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
+    references = None if wanted is None else _references(recording, robot, t, wanted, q, v)
     external = external_torque(robot, smooth, forces) if forces else None
     # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     motion = Motion(t, smooth, v, a)
-    found = (q, wanted, external, steps, temperature)
+    found = (q, wanted, external, steps, temperature, references)
     return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found)
+
+
+def holds_references(recording: Recording, robot: Robot) -> bool:
+    """True if a reference acts from its sample to the next; where torques are held, these hold it already."""
+    stated = robot.reference_hold
+    held = recording.references_held if stated is None else stated == "zoh"
+    return held and robot.torque_hold != "zoh"
+
+
+def differences(recording: Recording) -> Float[Array, "N nv"]:
+    """Velocities of a recording by differences of its positions, as torques are computed with before any filter."""
+    return np.gradient(recording.q, recording.t, axis=0)
+
+
+def _references(
+    recording: Recording, robot: Robot, t: Float[Array, " N"], q_ref: Array, q: Array, v: Array
+) -> References | None:
+    """What controllers ask for, where the torque was computed from references; None where it was not."""
+    gain, limits = recording.follows, recording.follows_up_to
+    if gain is None or limits is None:
+        return None
+    # The damping of a controller is part of a torque that is clipped; where a voltage is, back-EMF comes on top.
+    inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
+    damping = np.zeros(len(gain)) if recording.slowing is None else np.where(inside, recording.slowing, 0.0)
+    asked = gain * (q_ref - q) - damping * v
+    if robot.torque_hold == "zoh":
+        q_ref, asked = align_held_torque(q_ref), align_held_torque(asked)
+    return References(t, q_ref, asked, gain, limits, *read_delays(recording.loops, len(gain)))
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:

@@ -45,7 +45,11 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
 
 def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
     """Torque [N m or N] behind the drives of a model over a recording, and what measured forces add to it."""
-    out = given_torque(model, log.motion.t, log.tau) + (0.0 if log.external is None else log.external)
+    tau = log.tau
+    if model.late_references is not None and log.references is not None:
+        rows = [log.references.later(float(delay), (row,)) for row, delay in enumerate(model.late_references)]
+        tau = tau + np.hstack(rows)
+    out = given_torque(model, log.motion.t, tau) + (0.0 if log.external is None else log.external)
     for joint, share in model.soft:
         out -= share * softness(model.robot, log.motion, joint)
     return out

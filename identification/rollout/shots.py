@@ -15,7 +15,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.simulation.control import Tracking, torque_over_time
+from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late_references
 from phantom_dyn.simulation.simulate import Cause
 
 Array = np.ndarray
@@ -125,6 +125,7 @@ def under_control(
         start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
+    law = law if model.late_references is None else with_late_references(law, model.late_references)
     causes = (*controller_delays(robot), *model.commands, *model.causes)
     moving = replace(robot, torque_source="command")
     return np.array(simulated(moving, causes, law, start, max_step).q[window.start - first :])

@@ -38,6 +38,7 @@ class Model:
         commands: Effects of the drives, from the controller on.
         causes: All other effects.
         late: Samples by which the recorded torque acts later than it stands in the log.
+        late_references: Time [s] by which the references of each joint's controller arrive late, ``(nv,)``; None: none.
         soft: Joints whose modelled friction turns over softly, each with how much of the softness.
     """
 
@@ -45,6 +46,7 @@ class Model:
     commands: tuple[Cause, ...] = ()
     causes: tuple[Cause, ...] = ()
     late: float = 0.0
+    late_references: Float[Array, " nv"] | None = None
     soft: tuple[tuple[str, float], ...] = ()
 
     @cached_property
@@ -101,17 +103,20 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
         RobotError: If a link would weigh nothing or less.
     """
     moved, commands, others = robot, [], []
+    late_references: Array | None = None
     for cause in causes:
         if cause.effect.only_noise:
             continue
         part = cause.effect.simulated(robot, cause.joint, cause.theta)
-        if part.command is not None:
+        if part.reference_delay is not None:
+            late_references = part.reference_delay + (0.0 if late_references is None else late_references)
+        elif part.command is not None:
             commands.append(cause)
         elif any(x is not None for x in (part.torque, part.reading, part.transmission, part.inertia)):
             others.append(cause)
         elif part.robot is not None:
             moved = part.robot(moved)
-    return Model(moved, tuple(commands), tuple(others), late)
+    return Model(moved, tuple(commands), tuple(others), late, late_references)
 
 
 def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:

@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.data.joint_torque import voltage_bound
 from identification.data.recording import Recording
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Actuator, Controller, Robot
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
@@ -52,11 +53,37 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
             f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
         )
     note = Note(Code.TORQUE_ASKED, numbers={"file": recording.file})
-    return replace(recording, tau=read_only(torque), controlled=True, notes=(*recording.notes, note))
+    return _computed(replace(recording, tau=read_only(torque), notes=(*recording.notes, note)), robot)
+
+
+def _computed(recording: Recording, robot: Robot) -> Recording:
+    """The recording whose torque its controllers have computed, with how that depends on references and speed."""
+    stated = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
+    limits = np.array([_bound(actuator) for actuator in robot.actuators])
+    # What is late as a whole is not computed anew.
+    at_once = np.array([controller.delay == 0 for controller in stated])
+    slowing = np.array([controller.kd for controller in stated]) * at_once if recording.v is None else None
+    gain = np.array([controller.kp for controller in stated])
+    return replace(
+        recording,
+        controlled=True,
+        slowing=None if slowing is None else read_only(slowing),
+        follows=read_only(gain),
+        follows_up_to=read_only(limits),
+    )
+
+
+def _bound(actuator: Actuator) -> float:
+    """Where the torque that follows a reference is clipped: at the largest voltage, or as the drive's torque is."""
+    voltage = voltage_bound(actuator)
+    return voltage if np.isfinite(voltage) or actuator.torque_limit is None else actuator.torque_limit
 
 
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """``kp (q_ref - q) - kd v``, late by the controller's own delay; zeros for joints without a drive."""
+    """``kp (q_ref - q) - kd v``, late by the controller's own delay; zeros for joints without a drive.
+
+    The first part is a voltage where the drive states its largest one, and no more than that.
+    """
     assert recording.q_ref is not None
     t = recording.t
     v = np.gradient(recording.q, t, axis=0) if recording.v is None else recording.v
@@ -65,7 +92,9 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
         controller = actuator.controller
         if controller is None or not actuator.actuated:
             continue
-        asked = controller.kp * (recording.q_ref[:, k] - recording.q[:, k]) - controller.kd * v[:, k]
+        most = voltage_bound(actuator)
+        asked = np.clip(controller.kp * (recording.q_ref[:, k] - recording.q[:, k]), -most, most)
+        asked = asked - controller.kd * v[:, k]
         out[:, k] = asked if controller.delay == 0 else np.interp(t - controller.delay, t, asked)
     return out
 
@@ -97,7 +126,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         numbers = {"file": recording.file, "has_torque": recording.tau is not None}
         tau = commanded_torque(recording, robot)
         note = Note(Code.MOTION_ONLY, numbers=numbers)
-        return replace(recording, tau=tau, controlled=True, notes=(*recording.notes, note))
+        return _computed(replace(recording, tau=tau, notes=(*recording.notes, note)), robot)
     if recording.voltage is not None and recording.tau is not None:
         return recording
     if recording.q_ref is None:

@@ -13,6 +13,7 @@ _LACKED = {
     "offset": "constant torques [N m or N]",
     "torque_constant": "torque constants (true over logged torque)",
     "delay": "delays [s]",
+    "reference_delay": "delays of the references of position controllers [s]",
     "lag": "lags [s]",
     "play": "play (gap [rad or m])",
     "transmission": "springs of transmissions (stiffness)",

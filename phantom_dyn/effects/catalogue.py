@@ -10,6 +10,7 @@ from typing import cast
 from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
 from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.drive.input_delay import InputDelay
+from phantom_dyn.effects.drive.reference_delay import ReferenceDelay
 from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
 from phantom_dyn.effects.drive.torque_constant import TorqueConstant
 from phantom_dyn.effects.drive.torque_offset import TorqueOffset
@@ -58,6 +59,7 @@ EFFECTS: tuple[Effect, ...] = (
     TorqueSaturation(),
     InputDelay(),
     ActuatorLag(),
+    ReferenceDelay(),
     Backlash(),
     TransmissionCompliance(),
     BaseTilt(),

@@ -119,6 +119,7 @@ class ModelNumbers:
         limit: Torque beyond which the drive gives no more.
         delay: Time [s] by which the drive is late.
         lag: Time constant [s] of the drive.
+        reference_delay: Time [s] by which references of a position controller arrive late.
         gap: Full width of a play.
         stiffness: Of the transmission.
         waves: Order, amplitude and phase of each wave of a torque over position.
@@ -138,6 +139,7 @@ class ModelNumbers:
     limit: float | None = None
     delay: float | None = None
     lag: float | None = None
+    reference_delay: float | None = None
     gap: float | None = None
     stiffness: float | None = None
     waves: tuple[tuple[float, float, float], ...] = ()

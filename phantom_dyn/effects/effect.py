@@ -141,6 +141,7 @@ class Rival(ABC):
         inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
             and first moments are free, the inertia follows from them), or each by itself, where only base parameters
             can be identified and a finding lists no others. None for an effect with columns of its own.
+        built_in: True if a robot keeps it for good, so that an earlier diagnosis would have found it.
         exact: True if rigid bodies obey its law exactly, so that what is left beside it is not of its own making.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
             distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
@@ -155,6 +156,7 @@ class Rival(ABC):
     fitted: Fitted = "plain"
     inertial: Literal["point mass", "free"] | None = None
     exact: bool = False
+    built_in: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 
     # What these say, and the table of relations, in the words of those who ask.
@@ -178,6 +180,11 @@ class Rival(ABC):
     def same_as_sum(self) -> tuple[str, ...]:
         """Names of effects whose sum is a special case of it, so that no data distinguish the two."""
         return related(self.name, "may be a sum with")
+
+    @property
+    def near_twins(self) -> tuple[str, ...]:
+        """Names of effects on the same joint that leave nearly the same while it follows its reference."""
+        return related(self.name, "nearly same in closed loop")
 
     @property
     def uses_acceleration(self) -> bool:
@@ -292,6 +299,12 @@ class Rival(ABC):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
         return ()
+
+    def bounds_in(
+        self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
+    ) -> tuple[tuple[float, float], ...]:
+        """The same with what the recordings say of a coefficient beside their torques; by default nothing."""
+        return self.coefficient_bounds(robot, joint, shape)
 
     def lightest(self, robot: Robot) -> float:
         """Least mass [kg] of an effect that is ``inertial`` as a point mass."""
@@ -453,5 +466,7 @@ class Effect(Rival):
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
         """Its numbers in model files and control laws; by default the changed links or gravity, if that is all."""
         part = self.simulated(robot, joint, theta)
-        others = (part.command, part.torque, part.reading, part.transmission, part.inertia)
-        return ModelNumbers(whole=True, robot=part.robot) if others == (None,) * 5 else ModelNumbers()
+        others = (
+            part.command, part.torque, part.reading, part.transmission, part.inertia, part.reference_delay
+        )  # fmt: skip
+        return ModelNumbers(whole=True, robot=part.robot) if all(x is None for x in others) else ModelNumbers()

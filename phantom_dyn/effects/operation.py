@@ -16,6 +16,7 @@ from phantom_dyn.dynamics.dynamics import (
     modelled_friction,
     rotor_torque,
 )
+from phantom_dyn.effects.references import References
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 
@@ -41,6 +42,9 @@ class Operation(Motion):
         band_hz: Edge [Hz] of the band in which torques are judged.
         found_load: What the findings so far add to `load`, shape ``(N, nv)``; None: nothing.
         temperature: Of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None where no joint has one.
+        per_load: Drive torque per torque on the link, ``(N, nv)``: one, and what known friction under load adds; None:
+            one.
+        references: What controllers ask for, where the torque was computed from references; None where it was not.
     """
 
     robot: Robot = field(repr=False)
@@ -52,12 +56,14 @@ class Operation(Motion):
     band_hz: float = np.inf
     temperature: Float[Array, "N nv"] | None = None
     found_load: Float[Array, "N nv"] | None = None
+    references: References | None = None
+    per_load: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("tau", "expected", "logged"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("residual_of_fit", "temperature", "found_load"):
+        for name in ("residual_of_fit", "temperature", "found_load", "per_load"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name)))
 

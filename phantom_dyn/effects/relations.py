@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Literal, NamedTuple
 
-Kind = Literal["contains", "tends to", "resembles on each joint", "may be a sum with"]
+Kind = Literal["contains", "tends to", "resembles on each joint", "may be a sum with", "nearly same in closed loop"]
 
 
 class Relation(NamedTuple):
@@ -21,7 +21,8 @@ class Relation(NamedTuple):
         kind: What the first is to the second. It ``contains`` what is a special case of it. It ``tends to`` what it
             comes arbitrarily near to on the same joint without being it. An effect between two joints ``resembles on
             each joint`` what, on both of them, may leave much the same. It ``may be a sum with`` several others, the
-            sum of which is a special case of it, so that no data distinguish the two.
+            sum of which is a special case of it, so that no data distinguish the two. It is ``nearly same in closed
+            loop`` as what leaves nearly the same while a controller keeps a joint close to its reference.
         other: Name of the second effect.
     """
 
@@ -45,6 +46,8 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("joint_coupling", "resembles on each joint", "coulomb_friction"),
     Relation("joint_coupling", "resembles on each joint", "viscous_friction"),
     Relation("inertial_parameters", "contains", "payload"),
+    # A reference that is late by d lacks kp d v while the joint follows it.
+    Relation("reference_delay", "nearly same in closed loop", "viscous_friction"),
     # A soft spring that is at rest far away.
     Relation("parasitic_spring", "tends to", "torque_offset"),
 )

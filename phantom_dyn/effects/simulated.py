@@ -119,6 +119,7 @@ class Simulated:
         reading: Position readings ``(nv,)`` from true positions at the encoders.
         transmission: A motor that is not rigidly tied to its link.
         inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
+        reference_delay: Time [s] by which the references of each joint's controller arrive late, shape ``(nv,)``.
         laws: The same command, torque or reading once more, compiled; empty if there is only the Python above.
     """
 
@@ -131,6 +132,7 @@ class Simulated:
     reading: Callable[[Array], Array] | None = None
     transmission: Transmission | None = None
     inertia: Float[Array, "nv nv"] | None = None
+    reference_delay: Float[Array, " nv"] | None = None
     laws: tuple[Law, ...] = ()
 
     def given(self, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:

@@ -361,6 +361,7 @@ def _robot(
         coulomb_friction=model.upperDryFrictionLimit[rows],
         prismatic=linear_joints(model)[rows],
         torque_hold=stated.torque_hold,
+        reference_hold=stated.reference_hold,
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
         payload_frame=stated.payload_frame,

@@ -83,6 +83,7 @@ class Robot:
         coulomb_friction: Modelled Coulomb torques [N m or N], shape ``(nv,)``.
         prismatic: True where the joint is linear, shape ``(nv,)``.
         torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
+        reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None: as the log's format.
         torque_source: What the torque columns of recordings are.
         tolerance: How far the model is trusted.
         payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
@@ -105,6 +106,7 @@ class Robot:
     coulomb_friction: Float[Array, " nv"]
     prismatic: np.ndarray
     torque_hold: Literal["zoh", "instant"] = "instant"
+    reference_hold: Literal["zoh", "instant"] | None = None
     torque_source: Literal["command", "current", "sensor"] = "command"
     tolerance: Tolerance = field(default_factory=Tolerance)
     payload_frame: str | None = None

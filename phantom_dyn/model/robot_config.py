@@ -103,6 +103,7 @@ class RobotConfig(_Strict, frozen=True):
     gravity: Vector | None = None
     base: Literal["fixed"] | None = None
     torque_hold: Literal["zoh", "instant"] = "instant"
+    reference_hold: Literal["zoh", "instant"] | None = None
     torque_source: Literal["command", "current", "sensor"] = "command"
     tolerance: ToleranceConfig = ToleranceConfig()
     joints: dict[str, JointConfig] = {}

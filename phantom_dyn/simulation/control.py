@@ -5,7 +5,7 @@ A controller of tables, `Tracking`, is the one kind of controller that compiled 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,6 +120,21 @@ class Tracking:
             for table in (self.feedforward, self.q_ref, self.v_ref, self.kp, self.kd, self.extra)
         )
         return np.clip(f + kp * (q_ref - q) + kd * (v_ref - v), -self.limits, self.limits) + extra
+
+
+def with_late_references(law: Tracking, delays: Float[Array, " nv"]) -> Tracking:
+    """The same law with references that arrive later, each joint's by its own time [s]; before the first, it holds.
+
+    Args:
+        law: Of references as they are sent.
+        delays: Of each joint, shape ``(nv,)``.
+    """
+
+    def late(table: Array) -> Array:
+        columns = zip(table.T, delays, strict=True)
+        return np.column_stack([np.interp(law.t - delay, law.t, column) for column, delay in columns])
+
+    return replace(law, q_ref=late(law.q_ref), v_ref=late(law.v_ref))
 
 
 def torque_over_time(t: Float[Array, " N"], torque: Float[Array, "N nv"]) -> Tracking:

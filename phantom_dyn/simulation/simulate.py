@@ -24,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
-from phantom_dyn.simulation.control import Tracking
+from phantom_dyn.simulation.control import Tracking, with_late_references
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 
 Array = np.ndarray
@@ -106,6 +106,7 @@ def simulate(
     starts = {"q0": q0, "v0": v0} | ({} if motors is None else dict(zip(_MOTORS, motors, strict=True)))
     _check(robot, controller, t, starts, max_step)
     parts = tuple(cause.effect.simulated(robot, cause.joint, np.asarray(cause.theta, dtype=float)) for cause in causes)
+    controller = _with_late_references(controller, parts)
     true = robot
     for part in parts:
         true = true if part.robot is None else part.robot(true)
@@ -144,6 +145,19 @@ def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Arr
         raise ParameterError(
             f"The tracking law is one of {len(controller.limits)} joints and the robot has {robot.nv}: give as many."
         )
+
+
+def _with_late_references(controller: Controller, parts: tuple[Simulated, ...]) -> Controller:
+    """The controller with the references that arrive late in it; only one of tables has any that are known."""
+    delays = [part.reference_delay for part in parts if part.reference_delay is not None]
+    if not delays:
+        return controller
+    if not isinstance(controller, Tracking):
+        raise ParameterError(
+            "A reference_delay was given with a controller that is a plain function, whose references nobody knows: "
+            "give a Tracking of tables."
+        )
+    return with_late_references(controller, np.sum(delays, axis=0))
 
 
 def _compiled(

@@ -15,6 +15,7 @@ from identification.data.checks.against_model import (
     spread_samples,
 )
 from identification.data.checks.certain_faults import certain_faults, load_or_current_words
+from identification.data.checks.drive_loops import check_computed, check_controllers
 from identification.data.checks.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.positions import (
     check_coarse_step,
@@ -78,6 +79,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         out += check_frozen(recording, smooth)
         out += check_coarse_step(recording, smooth, stated)
         out += check_velocity(recording, smooth)
+    out += check_computed(recording)
     filtered = filtered_joints(recording)
     out += check_filtered(recording, filtered)
     if robot is None:
@@ -92,6 +94,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         # What else a comparison with the model finds is mostly the echo of these.
         return Checked((*out, *offers), wrong)
     out += load_or_current_words(recording, robot, reading)
+    out += check_controllers(recording, robot)
     felt = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         felt = replace(recording, tau=recording.tau + external, forces={})

@@ -305,5 +305,14 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
         out[key] = raw.columns[source.name] * source.factor
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
     warnings = (*raw.warnings, *told)
-    table = RawTable(raw.file, out, problems, raw.place, warnings, columns.compensated, columns.low_pass)
+    table = RawTable(
+        raw.file,
+        out,
+        problems,
+        raw.place,
+        warnings,
+        columns.compensated,
+        columns.low_pass,
+        references_held=raw.references_held,
+    )
     return replace(table, named={key: source.name for key, source in sources.items()})

@@ -279,4 +279,4 @@ def contract_table(raw: RawTable) -> Table:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)
     kept_columns = {name: read_only(values[kept] if dropped else values) for name, values in columns.items()}
-    return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass, raw.named)
+    return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass, raw.named, raw.references_held)

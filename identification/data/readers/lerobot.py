@@ -138,7 +138,8 @@ def read_episode(folder: Path, episode: int) -> RawTable:
             or f"{folder}: {name} has no {_STATE} (measured positions), its columns are {listed(columns)}: "
             "record the state of the robot."
         )
-    return RawTable(name, _named(columns, info["features"]), problems, asks_units=True)
+    # Actions are sent once a frame, and the servos hold the last one.
+    return RawTable(name, _named(columns, info["features"]), problems, asks_units=True, references_held=True)
 
 
 def _files(folder: Path, episode: int) -> list[Path]:

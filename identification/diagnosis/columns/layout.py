@@ -67,7 +67,7 @@ def lay_out(
                 continue
             columns = tuple(range(len(names), len(names) + count))
             names += [f"{effect.name} {joint} {name}" for name in signature.names]
-            bounds = effect.coefficient_bounds(robot, joint, shape) or ((-np.inf, np.inf),) * count
+            bounds = effect.bounds_in(robot, operation, joint, shape) or ((-np.inf, np.inf),) * count
             lower, upper = zip(*bounds, strict=True)
             size = count + (0 if effect.shape_is_estimate else len(shape))
             terms.append(Term(effect, joint, shape, columns, size, lower, upper))

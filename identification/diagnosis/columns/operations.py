@@ -29,6 +29,8 @@ Array = np.ndarray
 
 # Largest relative decrease of a parameter [1]: tolerances are meant to be small, but a file may state any.
 _LEAST = -0.9
+# Share of a joint's load over which the slope of a law is taken.
+_LOAD_STEP = 1e-4
 
 
 def operate(
@@ -48,7 +50,8 @@ def operate(
     # What pushes from outside, the drive need not give.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
-    plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, log.temperature)
+    more = {"temperature": log.temperature, "references": log.references}
+    plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, **more)
     return with_known(robot, plain, known) if known else plain
 
 
@@ -95,7 +98,37 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                     torque = effect.torque(robot, here, one.joint, np.array(one.theta))
                 tau = tau - torque
                 found_load = found_load - torque if effect.on_link else found_load
-    return replace(operation, tau=tau, expected=tau, found_load=None)
+    per_load = _per_load(robot, replace(operation, found_load=found_load), effects)
+    return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load)
+
+
+def _per_load(
+    robot: Robot, operation: Operation, effects: list[tuple[Effect, KnownEffect]]
+) -> Float[Array, "N nv"] | None:
+    """Drive torque per torque on the link with known effects that follow the load; None where none does.
+
+    A load that is found later changes their torque as well: differences of their laws about the load that is known say
+    by how much. Laws with a kink where the load is nothing have no slope there.
+
+    Args:
+        robot: The given model.
+        operation: With the load that is known.
+        effects: What is known.
+    """
+    following = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
+    if not following:
+        return None
+    load = operation.load
+    step = _LOAD_STEP * np.sqrt(np.mean(load**2, axis=0)) + 1e-12
+    out = np.ones_like(load)
+    added = np.zeros_like(load) if operation.found_load is None else operation.found_load
+    for effect, one in following:
+        more, less = (
+            effect.torque(robot, replace(operation, found_load=added + side * step), one.joint, np.array(one.theta))
+            for side in (1.0, -1.0)
+        )
+        out -= (more - less) / (2.0 * step)
+    return out
 
 
 def _stage_of(effect: Rival) -> int:

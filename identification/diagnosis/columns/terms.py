@@ -13,6 +13,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect, Rival, Shape
 from phantom_dyn.effects.operation import Operation, joined
+from phantom_dyn.effects.references import References
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -156,7 +157,12 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
     residual = joined([o.residual for o in operations])
     plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
-    whole = replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+    whole = replace(
+        plain,
+        band_hz=operations[0].band_hz,
+        temperature=_temperatures(operations),
+        references=_references(operations, plain.t),
+    )
     return whole.made_of(operations)
 
 
@@ -166,6 +172,19 @@ def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | N
         return None
     known = [(np.full_like(o.q, np.nan) if o.temperature is None else o.temperature) for o in operations]
     return np.concatenate(known)
+
+
+def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> References | None:
+    """Those of all operations one after the other; one that has none follows nothing. None where none has any."""
+    known = [operation.references for operation in operations]
+    if all(one is None for one in known):
+        return None
+    still = [np.zeros_like(operation.q) for operation in operations]
+    q_ref = np.concatenate([x if one is None else one.q_ref for one, x in zip(known, still, strict=True)])
+    asked = np.concatenate([x if one is None else one.asked for one, x in zip(known, still, strict=True)])
+    there = [one for one in known if one is not None]
+    gain, limits, most = (np.max([getattr(one, of) for one in there], axis=0) for of in ("gain", "limits", "most"))
+    return References(t, q_ref, asked, gain, limits, np.min([one.least for one in there], axis=0), most)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

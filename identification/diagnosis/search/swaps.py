@@ -134,7 +134,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
     ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
-    several += [frozenset(group) for group in _on_each_joint(search, term)]
+    several += [frozenset(group) for group in (*_on_each_joint(search, term), *_of_near_twins(search, term))]
     same = [search.alone[other] for other in search.terms if other.place == term.place and other is not term]
     return (*single, *several, *same)
 
@@ -144,6 +144,25 @@ def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
     joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
     own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
     return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
+
+
+def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
+    """Sets of a near twin and what a richer law has beside ``term``: with these alone the twin would be at a loss."""
+    own = [other for other in search.terms if other.joint == term.joint]
+    twins = [other for other in search.terms if are_near_twins(term, other)]
+    if not twins:
+        return []
+    # Of either twin there may be a richer law; what that has besides may stand beside the other twin.
+    names = {term.effect.name, *(twin.effect.name for twin in twins)}
+    richer = [other.effect for other in own if names & set(other.effect.contains)]
+    beside = {name for effect in richer for name in effect.contains} - names
+    return [(twin, other) for twin in twins for other in own if other.effect.name in beside]
+
+
+def are_near_twins(one: Term, other: Term) -> bool:
+    """True if two effects are near twins on the same joint, or one of them on all."""
+    names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
+    return names and (one.joint == other.joint or None in (one.joint, other.joint))
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:

@@ -195,6 +195,7 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
     out += _missing("offset", corrected.offsets)
     out += _missing("torque_constant", corrected.gains)
     out += _missing("delay", corrected.delays)
+    out += _missing("reference_delay", corrected.reference_delays)
     out += _missing("lag", corrected.lags)
     out += _missing("play", corrected.plays)
     out += _missing("transmission", corrected.compliances)
@@ -226,6 +227,7 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
     loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not _rotor(corrected, name)]
     if loose:
         out.append(Note(Code.ROTOR_UNKNOWN, None, {"names": tuple(loose), "config": CONFIG_NAME}))
+    out += [] if edited else _missing("reference_delay", corrected.reference_delays)
     late = [delay for delay in corrected.delays.values() if delay > 0]
     if corrected.cogging or late:
         out.append(Note(Code.NEEDS_NEWER_MUJOCO))

@@ -36,6 +36,7 @@ class CorrectedModel:
         gains: True torque over logged torque.
         limits: Torque beyond which a drive gives no more, as found or as the configuration states it.
         delays, lags: Times [s] by which drives are late, and time constants.
+        reference_delays: Times [s] by which references of position controllers arrive late.
         plays: Full width of plays.
         compliances: Stiffness of transmissions.
         cogging: Order, amplitude and phase of each wave.
@@ -54,6 +55,7 @@ class CorrectedModel:
     limits: dict[str, float] = field(default_factory=dict)
     delays: dict[str, float] = field(default_factory=dict)
     lags: dict[str, float] = field(default_factory=dict)
+    reference_delays: dict[str, float] = field(default_factory=dict)
     plays: dict[str, float] = field(default_factory=dict)
     compliances: dict[str, float] = field(default_factory=dict)
     cogging: dict[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
@@ -121,6 +123,9 @@ def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedMod
         corrected = replace(corrected, couplings=(*corrected.couplings, numbers.coupling))
     if numbers.delay is not None:
         corrected = replace(corrected, delays=_with_delay(corrected, corrected.delays, joint, numbers.delay))
+    if numbers.reference_delay is not None:
+        later = _with_delay(corrected, corrected.reference_delays, joint, numbers.reference_delay)
+        corrected = replace(corrected, reference_delays=later)
     if numbers.lag is not None:
         corrected = replace(corrected, lags=_with_delay(corrected, corrected.lags, joint, numbers.lag))
     corrected = _at_joint(corrected, str(joint), numbers)

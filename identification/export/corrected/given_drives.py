@@ -1,19 +1,62 @@
 """What was found of drives, put into the actuators that an MJCF has already.
 
-An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) holds all of it. Of a
-servo only the limit is: what its feedback does would change with the rest.
+An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) holds all of it but a
+delay of references. Of a servo only the limit is, and that delay, as its command is a reference: what its feedback does
+would change with the rest.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
 from identification.export.corrected.corrected_mjcf import SHORTEST_STEP
 from identification.export.corrected.corrected_model import CorrectedModel
-from identification.export.corrected.mjcf_defaults import GivenMjcf
+from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
 from identification.export.model_files.urdf_file import attribute_text
 from identification.notes import Code, Note
 from phantom_dyn.model.robot_xml import Element
+
+_REFERENCES = "delay of references"
+
+
+def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
+    """True if the given file is an MJCF that has a servo on a joint, whose command is a reference.
+
+    Args:
+        corrected: The corrected model.
+        joint: Which one.
+    """
+    file = Path(corrected.given.source)
+    if not file.is_file() or file.suffix != ".xml":
+        return False
+    given = given_mjcf(ElementTree.parse(file).getroot())
+    own = _actuators_of(given, joint)
+    return len(own) == 1 and _servo(given, own[0])
+
+
+def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
+    return [
+        actuator
+        for group in given.root.iter("actuator")
+        for actuator in group
+        if name in (actuator.get("joint"), actuator.get("jointinparent"))
+    ]
+
+
+def _servo(given: GivenMjcf, actuator: Element) -> bool:
+    """True if the command is a reference of the position."""
+    if actuator.tag == "position":
+        return True
+    return actuator.tag == "general" and given.attribute(actuator, "biastype") == "affine"
+
+
+def _set_delay(actuator: Element, delay: float) -> None:
+    actuator.set("delay", repr(delay))
+    actuator.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
+    actuator.set("interp", "linear")
 
 
 def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
@@ -31,17 +74,17 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
         found = _numbers_of(corrected, name)
         if not found:
             continue
-        own = [
-            actuator
-            for group in given.root.iter("actuator")
-            for actuator in group
-            if name in (actuator.get("joint"), actuator.get("jointinparent"))
-        ]
+        own = _actuators_of(given, name)
         if len(own) != 1:
             out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, {"values": found, "actuators": len(own)})
         elif _plain(given, own[0]):
             _set_plain(given, own[0], corrected, name)
+            if _REFERENCES in found:
+                numbers = {"quantity": "reference_delay", "values": {name: found[_REFERENCES]}}
+                out[name] = Note(Code.NO_PLACE, None, numbers)
         else:
+            if _servo(given, own[0]) and _REFERENCES in found:
+                _set_delay(own[0], found.pop(_REFERENCES))
             limit = found.pop("limit", None)
             if limit is not None:
                 _set_limit(given, own[0], limit, 0.0)
@@ -61,6 +104,7 @@ def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
         "constant torque": corrected.offsets.get(name),
         "lag": corrected.lags.get(name),
         "delay": corrected.delays.get(name),
+        _REFERENCES: corrected.reference_delays.get(name),
     }
     return {what: value for what, value in numbers.items() if value}
 
@@ -101,9 +145,7 @@ def _set_plain(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, n
         actuator.set("dyntype", "filterexact")
         actuator.set("dynprm", repr(found["lag"]))
     if found.get("delay"):
-        actuator.set("delay", repr(found["delay"]))
-        actuator.set("nsample", str(int(np.ceil(found["delay"] / SHORTEST_STEP)) + 2))
-        actuator.set("interp", "linear")
+        _set_delay(actuator, found["delay"])
 
 
 def _as_general(given: GivenMjcf, actuator: Element) -> None:

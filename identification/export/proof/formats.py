@@ -7,10 +7,11 @@ from dataclasses import dataclass, fields
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, numbers_of_effect
+from identification.export.corrected.given_drives import holds_reference_delay
 from identification.export.uses.feedforward import OWN_LAWS
 from phantom_dyn.effects.described import ModelNumbers
 
-OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "gap", "stiffness"})
+OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
 """Numbers of an effect that act on what the drive is asked for, not as a torque beside it."""
 _URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
 _DRIVES = frozenset({"rotor_inertia", "delay"})
@@ -33,7 +34,7 @@ class Format:
 LAWS = Format(None)
 URDF_FORMAT = Format(_URDF)
 MJCF_FORMAT = Format(_MJCF)
-ISAAC_FORMAT = Format(_URDF | _DRIVES)
+ISAAC_FORMAT = Format(_URDF | _DRIVES | {"reference_delay"})
 FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness", "lag"}, OWN_LAWS)
 """It follows a lag as if it were a delay, which is not all of it."""
 
@@ -50,9 +51,12 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
         return True
     numbers = numbers_of_effect(corrected.given, effect)
     used = used_numbers(numbers)
+    joint = str(effect.joint)
+    if kind is MJCF_FORMAT and "reference_delay" in used:
+        names = corrected.given.joint_names if effect.joint is None else (joint,)
+        return all(holds_reference_delay(corrected, name) for name in names)
     if not numbers.whole or not used <= kind.numbers:
         return False
-    joint = str(effect.joint)
     if "zero" in used and kind is not FEEDFORWARD_FORMAT:
         return joint in zeros_in_file(corrected)
     return "stiffness" not in used or joint in compliances_in_mjcf(corrected)

@@ -26,7 +26,7 @@ from identification.export.uses.simulator_numbers import (
 _CODE = '''
 
 JOINTS = {joints}
-"""By joint, SI units on the joint side; delay in seconds."""
+"""By joint, SI units on the joint side; delays in seconds, that of the torque and that of the references."""
 
 
 def actuators(physics_step, stiffness, damping):
@@ -44,7 +44,7 @@ def actuators(physics_step, stiffness, damping):
     groups = {{}}
     for joint, numbers in JOINTS.items():
         own = dict(numbers)
-        steps = round(own.pop("delay", 0.0) / physics_step)
+        steps = round((own.pop("delay", 0.0) + own.pop("reference_delay", 0.0)) / physics_step)
         groups[joint] = DelayedPDActuatorCfg(
             joint_names_expr=[re.escape(joint)],
             stiffness=stiffness[joint] if isinstance(stiffness, dict) else stiffness,
@@ -69,8 +69,8 @@ def isaac_lab_text(corrected: CorrectedModel, name: str) -> str:
         "",
         "Import corrected.urdf or corrected.xml for the links, and give actuators(...) to its ArticulationCfg. The "
         "fields are those of Isaac Lab 2.3 and later with Isaac Sim 5; version 3 calls effort_limit "
-        "actuator_effort_limit and takes both. The delay is that of the command, as DelayedPDActuatorCfg has it; what "
-        "was found delays the torque. It was not loaded in Isaac Lab.",
+        "actuator_effort_limit and takes both. The delay is that of the command, as DelayedPDActuatorCfg has it: "
+        "so is a reference_delay, while a delay was found to be that of the torque. It was not loaded in Isaac Lab.",
     ]
     lines += ["", "What it cannot say:", *cannot_say(corrected, ISAAC_LAB)] if cannot_say(corrected, ISAAC_LAB) else []
     doc = "\n".join("\n".join(textwrap.wrap(_plain(line), 100)) for line in lines)

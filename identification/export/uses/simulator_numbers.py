@@ -33,6 +33,7 @@ ISAAC_LAB = Simulator(
         "viscous friction": "viscous_friction",
         "torque limit": "effort_limit",
         "delay": "delay",
+        "delay of references": "reference_delay",
     },
 )
 GAZEBO = Simulator(
@@ -70,6 +71,7 @@ def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
         "Coulomb friction": dict(zip(names, map(float, robot.coulomb_friction), strict=True)),
         "torque limit": torque_limits(corrected),
         "delay": corrected.delays,
+        "delay of references": corrected.reference_delays,
         "spring": {joint: stiffness for joint, (stiffness, _) in corrected.springs.items()},
         "spring rest": {joint: rest for joint, (_, rest) in corrected.springs.items()},
         "lag": corrected.lags,

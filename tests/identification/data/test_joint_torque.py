@@ -140,3 +140,35 @@ def test_gravity_is_put_back_into_the_joints_that_are_named(planar):
 def test_a_compensated_joint_that_the_robot_lacks_is_refused(planar):
     with pytest.raises(LogError, match=r"tau\.wrist is compensated, a joint that .* does not have"):
         recording(motionless(planar, 0.3, {"wrist": ("gravity",)}), planar)
+
+
+@pytest.fixture
+def voltage_driven(planar) -> Robot:
+    """Both joints on motors of 1.2 N m/A and 3 ohm."""
+    drives = tuple(replace(one, torque_constant=1.2, resistance=3.0) for one in planar.actuators)
+    return replace(planar, actuators=drives)
+
+
+def by_voltage(dropout: bool) -> Table:
+    t = np.arange(1500) / 100.0
+    q = 0.7 * np.column_stack([np.sin(2.0 * t), np.cos(1.3 * t)])
+    q[700] = [-np.pi, -np.pi] if dropout else q[700]
+    columns = {"t": t, "q.shoulder": q[:, 0], "q.elbow": q[:, 1]}
+    return Table("u.csv", columns | {"u.shoulder": 4.0 * np.sin(2.2 * t), "u.elbow": 3.0 * np.cos(1.1 * t)})
+
+
+def test_a_dropout_of_one_sample_is_none_of_the_back_emf(voltage_driven):
+    # The same recording without it: 3.9 rad in a sample would be 0.48 N m s/rad times 390 rad/s.
+    lost, whole = (recording(by_voltage(dropout), voltage_driven).tau for dropout in (True, False))
+    assert lost is not None
+    assert whole is not None
+    np.testing.assert_allclose(lost, whole, atol=0.02)
+
+
+def test_back_emf_is_that_of_the_filtered_positions(voltage_driven, rng):
+    # Closed form: u kt/R less kt^2/R times the velocity of the motion, where noise of positions is none of the torque.
+    table = by_voltage(dropout=False)
+    noisy = {name: x + 1e-3 * rng.standard_normal(len(x)) if name[0] == "q" else x for name, x in table.columns.items()}
+    log = process(recording(replace(table, columns=noisy), voltage_driven), voltage_driven, cutoff_hz=3.0)
+    u = np.column_stack([table.columns["u.shoulder"], table.columns["u.elbow"]])
+    np.testing.assert_allclose(log.tau, 0.4 * u - 0.48 * log.motion.v, atol=1e-9)

@@ -194,3 +194,66 @@ def test_what_controllers_ask_for_keeps_its_band(pendulum):
     assert wide >= process_all((replace(asked, controlled=False),), motion_robot(pendulum))[1]
     (log,), _ = process_all((asked,), motion_robot(pendulum))
     assert usable_samples(log).mean() > 0.8
+
+
+@pytest.fixture(scope="module")
+def late(pendulum):
+    """Diagnosis of a pendulum whose references arrive 25 ms late, from positions alone."""
+    recording, _ = moved(pendulum, cause("reference_delay", "pin", 0.025))
+    return diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+
+
+def test_a_late_reference_is_named_with_its_delay(late):
+    first = late.findings[0]
+    assert [finding.effect for finding in late.findings] == ["reference_delay"]
+    assert first.parameters["delay"].value == pytest.approx(0.025, abs=0.001)
+
+
+def test_a_late_reference_is_simulated_in_the_closed_loop(late):
+    assert late.rollout["rms_after"]["pin"] < 0.2 * late.rollout["rms_before"]["pin"]
+
+
+def test_references_in_time_are_not_late(pendulum):
+    recording, _ = moved(pendulum)
+    found = diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+    assert found.findings == ()
+
+
+def held(robot: Robot, rate: float = 40.0) -> Recording:
+    """24 s of a servo at 2 kHz whose references arrive at ``rate`` and are held; its log has a row for each."""
+    t = np.arange(48000) / 2000.0
+    q_ref = 0.5 * np.sin(2 * np.pi * 0.2 * t + 0.3) + 0.3 * np.sin(2 * np.pi * 0.6 * t)
+    every = round(2000.0 / rate)
+    stairs = np.repeat(q_ref[::every], every)[: len(t), None]
+    law = position_control(t, stairs, np.zeros_like(stairs), kp=np.array([KP]), kd=np.array([KD]))
+    q = simulate(robot, (), law, t, stairs[0]).q[::every]
+    noise = 1e-5 * np.random.default_rng(4).standard_normal(q.shape)
+    return Recording("held.csv", robot.joint_names, t[::every], q + noise, None, q_ref=stairs[::every])
+
+
+def test_a_held_reference_is_no_gap_where_it_is_said(pendulum):
+    robot = replace(pendulum, reference_hold="zoh")
+    found = diagnose(motion_robot(robot), (with_commanded_torque(held(robot), robot),))
+    assert found.findings == ()
+
+
+def test_a_held_reference_is_half_a_frame_late_where_nobody_says_so(pendulum):
+    # Closed form: a step that lasts for 25 ms is on average 12.5 ms late.
+    found = diagnose(motion_robot(pendulum), (with_commanded_torque(held(pendulum), pendulum),))
+    assert [finding.effect for finding in found.findings] == ["reference_delay"]
+    assert found.findings[0].parameters["delay"].value == pytest.approx(0.0125, abs=0.002)
+
+
+def test_a_format_that_holds_references_needs_no_key(pendulum):
+    recording = replace(held(pendulum), references_held=True)
+    assert diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),)).findings == ()
+
+
+def test_the_largest_voltage_bounds_what_follows_the_reference(pendulum):
+    # By hand: 0.5 N m/V times 3 V; the damping comes on top of it.
+    recording, _ = moved(pendulum)
+    drive = replace(pendulum.actuators[0], torque_constant=1.0, resistance=2.0, voltage_limit=3.0)
+    weak = replace(pendulum, actuators=(drive,))
+    v = np.gradient(recording.q, recording.t, axis=0)
+    wanted = np.clip(KP * (recording.q_ref - recording.q), -1.5, 1.5) - KD * v
+    np.testing.assert_allclose(commanded_torque(recording, weak), wanted, atol=1e-12)

@@ -40,6 +40,7 @@ NUMBERS = {
     "torque_constant": ("tilt", (0.9,), ModelNumbers(whole=True, gain=0.9)),
     "torque_saturation": ("tilt", (3.0,), ModelNumbers(whole=True, limit=3.0)),
     "input_delay": (None, (0.004,), ModelNumbers(whole=True, delay=0.004)),
+    "reference_delay": (None, (0.03,), ModelNumbers(whole=True, reference_delay=0.03)),
     "actuator_lag": (None, (0.02,), ModelNumbers(whole=True, lag=0.02)),
     "rotor_inertia": ("tilt", (0.02,), ModelNumbers(whole=True, rotor_inertia=0.02)),
     "parasitic_spring": ("tilt", (4.0, 0.25), ModelNumbers(whole=True, spring=(4.0, 0.25))),

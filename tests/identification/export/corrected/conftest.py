@@ -35,6 +35,7 @@ CASES: dict[str, tuple[str | None, list[float]]] = {
     "torque_saturation": ("shoulder", [9.0]),
     "input_delay": (None, [0.008]),
     "actuator_lag": ("shoulder", [0.03]),
+    "reference_delay": ("elbow", [0.02]),
     "backlash": ("elbow", [0.05]),
     "transmission_compliance": ("elbow", [60.0]),
     "base_tilt": (None, [0.1, 0.1, 0.0]),

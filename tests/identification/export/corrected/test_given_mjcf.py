@@ -23,7 +23,8 @@ CASES = (
     "viscous_friction coulomb_friction direction_dependent_friction stribeck_friction presliding_friction "
     "load_dependent_friction position_dependent_friction torque_offset torque_constant rotor_inertia payload "
     "inertial_parameters parasitic_spring joint_coupling cogging torque_ripple torque_saturation input_delay "
-    "actuator_lag backlash transmission_compliance base_tilt encoder_offset encoder_eccentricity encoder_quantization"
+    "actuator_lag reference_delay backlash transmission_compliance base_tilt encoder_offset encoder_eccentricity "
+    "encoder_quantization"
 ).split()
 GIVEN = """<mujoco model="cell">
   <!-- who measured what -->
@@ -166,6 +167,27 @@ def test_a_motor_holds_what_was_found_of_its_drive_behind_its_gear(cell):
 def test_what_a_servo_has_no_place_for_is_told(cell):
     notes = written(cell, KnownEffect("input_delay", "elbow", (0.01,)))[1]
     assert any("drive of elbow (delay 0.01): its actuator is <position>" in note for note in notes)
+
+
+def test_a_servo_holds_a_late_reference_as_the_delay_of_its_command(cell):
+    # MuJoCo: a step of the reference shows in the servo's force after 10 ms, and not after 8.
+    found, _ = written(cell, KnownEffect("reference_delay", "elbow", (0.01,)))
+    data, servo = mujoco.MjData(found), found.actuator("servo").id
+    mujoco.mj_step(found, data)
+    before = data.actuator_force[servo]
+    data.ctrl[servo] = 0.5
+    steps = round(0.01 / found.opt.timestep)
+    forces = []
+    for _ in range(steps + 3):
+        mujoco.mj_step(found, data)
+        forces.append(data.actuator_force[servo] - before)
+    assert np.abs(forces[: steps - 2]).max() < 0.1 * 30 * 0.5
+    assert forces[-1] > 0.5 * 30 * 0.5
+
+
+def test_a_motor_has_no_place_for_a_late_reference(cell):
+    notes = written(cell, KnownEffect("reference_delay", "shoulder", (0.01,)))[1]
+    assert any("delays of the references of position controllers" in note for note in notes)
 
 
 def test_a_zero_moves_drawing_range_and_keyframe_along_in_the_units_of_the_file(cell):

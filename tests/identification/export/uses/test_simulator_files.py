@@ -96,3 +96,16 @@ def test_each_section_says_what_it_has_no_place_for(corrected):
     assert any("Drake has no place for Coulomb friction" in s and "elbow" in s for s in found["drake"]["cannot_say"])
     assert "Gazebo (SDF) has no place for delay: elbow 0.0101." in found["gazebo"]["cannot_say"]
     assert any("ros2_control has no place for viscous friction" in s for s in found["ros2_control"]["cannot_say"])
+
+
+def test_a_late_reference_is_the_delay_of_the_command_in_isaac_lab(planar, monkeypatch):
+    package, actuators = ModuleType("isaaclab"), ModuleType("isaaclab.actuators")
+    actuators.DelayedPDActuatorCfg = _Cfg  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, "isaaclab", package)
+    monkeypatch.setitem(sys.modules, "isaaclab.actuators", actuators)
+    late = corrected_model(planar, (KnownEffect("reference_delay", None, (0.03,)),))
+    scope: dict = {}
+    exec(compile(isaac_lab_text(late, "arm"), "isaac_lab.py", "exec"), scope)
+    groups = scope["actuators"](0.005, 40.0, 1.0)
+    # By hand: six steps of 5 ms.
+    assert {name: group.fields["min_delay"] for name, group in groups.items()} == {"shoulder": 6, "elbow": 6}

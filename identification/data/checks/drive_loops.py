@@ -1,0 +1,108 @@
+"""What the log says of each drive's own loop, and whether a stated controller gives the torque that is logged."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.drive_loop import DriveLoop
+from identification.data.joint_torque import voltage_bound
+from identification.data.recording import Recording
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+
+Array = np.ndarray
+
+_COLUMN = {"u": "voltage", "i": "current", "tau": "torque"}
+_UNIT = {"u": "V", "i": "A", "tau": "N m"}
+# A stated controller is doubted beyond this factor of its torque, or where it explains less than this share.
+_FACTOR, _EXPLAINED = 1.25, 0.5
+# Delays [s] at which it is compared, as a late reference is no other controller.
+_DELAYS = np.arange(0.0, 0.1, 0.01)
+_FEWEST = 100
+
+
+def loop_sentences(recording: Recording) -> tuple[str, ...]:
+    """A sentence on each drive whose loop its log shows.
+
+    Args:
+        recording: With loops that were read.
+    """
+    pairs = zip(recording.joint_names, recording.loops, strict=False)
+    return tuple(_sentence(joint, loop) for joint, loop in pairs if loop is not None)
+
+
+def _sentence(joint: str, loop: DriveLoop) -> str:
+    unit = _UNIT[loop.output]
+    parts = [f"gain {loop.gain:.4g} ± {loop.gain_std:.2g} {unit} per rad or m of error"]
+    if not loop.computed:
+        parts.append(f"its reference {1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
+    if loop.limit is not None:
+        parts.append(f"clipped at {loop.limit:.4g} {unit} for {100 * loop.at_limit:.2g} % of the time")
+    if loop.dead_band is not None:
+        parts.append(f"nothing below an error of {loop.dead_band:.3g}")
+    if loop.hold is not None:
+        parts.append(f"a reference every {1e3 * loop.hold:.3g} ms")
+    told = f"loop of {joint}, from its {_COLUMN[loop.output]}: {', '.join(parts)}"
+    if loop.computed:
+        return f"{told}; it follows reference and position to the last digit, so that it was computed, not measured"
+    return f"{told}; {loop.rest:.2g} {unit} rms are left"
+
+
+def check_computed(recording: Recording) -> tuple[str, ...]:
+    """Voltages that somebody has computed from reference and position: they hold no delay of the drive."""
+    if recording.follows is None or recording.controlled:
+        return ()
+    joints = [joint for joint, gain in zip(recording.joint_names, recording.follows, strict=True) if gain]
+    names = ", ".join(f"u.{joint}" for joint in joints)
+    return (
+        f"{recording.file}: {names} was computed from reference and position, not measured: that the drive gets its "
+        "reference later is not in it, and is looked for.",
+    )
+
+
+def check_controllers(recording: Recording, robot: Robot) -> tuple[str, ...]:
+    """A sentence on each joint whose stated controller does not give the torque that was logged.
+
+    Args:
+        recording: Raw samples.
+        robot: States the controllers.
+    """
+    if recording.q_ref is None or recording.tau is None or recording.controlled or len(recording.t) < _FEWEST:
+        return ()
+    v = np.gradient(recording.q, recording.t, axis=0) if recording.v is None else recording.v
+    out = []
+    for j, (joint, actuator) in enumerate(zip(robot.joint_names, robot.actuators, strict=True)):
+        controller = actuator.controller
+        if controller is None or controller.kp <= 0 or not np.ptp(recording.tau[:, j]) > 0:
+            continue
+        gain, explained = _compared(recording, j, actuator, controller, v[:, j])
+        if explained >= _EXPLAINED and 1 / _FACTOR <= gain <= _FACTOR:
+            continue
+        out.append(
+            f"{recording.file}: the stated controller of {joint} (kp {controller.kp:.4g}, kd {controller.kd:.4g}) does "
+            f"not give its logged torque: {gain:.3g} times what it asks for explains {100 * max(explained, 0.0):.0f} % "
+            "of it. Correct the gains in robot.yaml, or leave them out: what is simulated or estimated with them would "
+            "be wrong."
+        )
+    return tuple(out)
+
+
+def _compared(
+    recording: Recording, j: int, actuator: Actuator, controller: Controller, v: Array
+) -> tuple[float, float]:
+    """Factor between logged torque and what a controller asks for, and the share of the torque that this explains."""
+    assert recording.q_ref is not None
+    assert recording.tau is not None
+    t, q = recording.t, recording.q[:, j]
+    tau = recording.tau[:, j] - recording.tau[:, j].mean()
+    best = (0.0, -np.inf)
+    for delay in _DELAYS + controller.delay:
+        error = np.interp(t - delay, t, recording.q_ref[:, j]) - q
+        most, limit = voltage_bound(actuator), actuator.torque_limit or np.inf
+        asked = np.clip(np.clip(controller.kp * error, -most, most) - controller.kd * v, -limit, limit)
+        asked = asked - asked.mean()
+        power = float(asked @ asked)
+        if power > 0:
+            gain = float(asked @ tau) / power
+            rest = tau - gain * asked
+            best = max(best, (gain, 1.0 - float(rest @ rest) / float(tau @ tau)), key=lambda one: one[1])
+    return best

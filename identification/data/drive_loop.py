@@ -1,0 +1,217 @@
+"""The position loop of a drive, read from its log before any dynamics: regression of its output on the position error.
+
+A drive with a loop of its own puts out ``y = gain (q_ref(t - delay) - q) + offset``, clipped. Where its output is
+logged (voltage, share of the supply, current or torque), gain, limit, dead band, delay and hold of the reference follow
+without a model of the robot. Rows at the limit are censored: they say no more than that the loop asks for as much. An
+output that follows the loop up to rounding is no reading: somebody has computed it, and its delay is none of the drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.array_types import Bool, Float
+
+Array = np.ndarray
+
+# Reference delays that are tried [s], and how many there are in one step of the recording.
+_LONGEST, _PER_STEP = 0.2, 4
+# Rows below which nothing is read, and stretches of which each is left out in turn (jackknife).
+_FEWEST, _STRETCHES = 100, 10
+# Share of the output's variance that the loop has to explain.
+_EXPLAINED = 0.9
+# Rows as near to the largest output as this share of it are at the limit (a supply changes by a per cent), if they are
+# more than so many of all.
+_NEAR, _SHARE_AT_LIMIT = 0.015, 0.01
+# Rest, as a share of the output's rms, up to which an output without delay is a computed column and no reading: it
+# leaves rounding, and what the supply changes by. Drives that were measured leave 5 to 10 %.
+_ROUNDING = 0.015
+# Rows farther from the loop than so many robust deviations are bad readings; at most this share of all.
+_FAR, _MOST_BAD = 6.0, 0.02
+# Share of the rows without output from which on there may be a dead band.
+_SILENT = 0.02
+# Share of the steps of a moving reference that repeat it from which on it is held for longer than a sample.
+_REPEATED = 0.3
+# Deviations to either side of a delay that was read, beyond which it is not.
+_DEVIATIONS = 3.0
+
+
+@dataclass(frozen=True)
+class DriveLoop:
+    """What regression says of the loop of one drive; deviations are of a jackknife over stretches of time.
+
+    Attributes:
+        output: Quantity that was read: ``u``, ``duty``, ``i`` or ``tau``.
+        gain: Output per position error [V/rad, 1/rad, A/rad or N m/rad; per m of a linear joint].
+        gain_std: Its deviation.
+        delay: Time [s] by which the reference arrives later than it is recorded.
+        delay_std: Its deviation.
+        limit: Largest output, at which it is clipped; None where it never is.
+        at_limit: Share of the rows that are clipped.
+        dead_band: Position error [rad or m] below which there is no output; None where none is seen.
+        hold: Time [s] for which one reference acts, longer than a sample; None where every sample has its own.
+        rest: Rms of what the loop leaves of the output, in rows that are not clipped.
+        computed: True if the output is the loop itself up to rounding, so that it was computed and not measured.
+    """
+
+    output: str
+    gain: float
+    gain_std: float
+    delay: float
+    delay_std: float
+    limit: float | None
+    at_limit: float
+    dead_band: float | None
+    hold: float | None
+    rest: float
+    computed: bool
+
+
+def drive_loop(
+    output: str, t: Float[Array, " N"], y: Float[Array, " N"], q_ref: Float[Array, " N"], q: Float[Array, " N"]
+) -> DriveLoop | None:
+    """The loop of one drive; None where its output does not follow the position error.
+
+    Args:
+        output: Name of the quantity.
+        t: Times [s].
+        y: Output of the drive.
+        q_ref: References as recorded [rad or m].
+        q: Measured positions.
+    """
+    finite = np.isfinite(y) & np.isfinite(q_ref) & np.isfinite(q)
+    if finite.sum() < _FEWEST or not np.ptp(y[finite]) > 0 or not np.ptp(q_ref[finite]) > 0:
+        return None
+    limit, clipped = _clipping(y, finite)
+    use = finite & ~clipped
+    if use.sum() < _FEWEST:
+        return None
+    step = float(np.median(np.diff(t)))
+    delays = np.arange(0.0, _LONGEST, step / _PER_STEP)
+    use = _without_bad(t, y, q_ref, q, use, delays, np.inf if limit is None else limit)
+    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in delays])
+    sums = _sums(errors, y, use)
+    gain, delay, rest = _best(sums.sum(axis=0), delays)
+    if gain <= 0 or rest > np.sqrt(1.0 - _EXPLAINED) * float(np.std(y[use])):
+        return None
+    left_out = np.array([_best(sums.sum(axis=0) - part, delays)[:2] for part in sums])
+    std = np.sqrt((_STRETCHES - 1) * np.var(left_out, axis=0))
+    # Two neighbours are as near as the grid says.
+    std[1] = max(std[1], step / _PER_STEP / np.sqrt(12))
+    size = float(np.sqrt(np.mean(y[use] ** 2)))
+    computed = delay < step / _PER_STEP and rest <= max(_ROUNDING * size, _quantum(y[use]))
+    return DriveLoop(
+        output,
+        gain,
+        float(std[0]),
+        0.0 if computed else delay,
+        float(std[1]),
+        limit,
+        float(clipped.sum() / finite.sum()),
+        _dead_band(y[use], errors[use, int(np.argmin(np.abs(delays - delay)))]),
+        _hold(t, q_ref, step),
+        rest,
+        computed,
+    )
+
+
+def read_delays(loops: tuple[DriveLoop | None, ...], nv: int) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    """Least and largest delay of each joint's reference [s] that its loop allows; zero and infinite if none was read.
+
+    A computed output says nothing of the drive.
+
+    Args:
+        loops: Of each joint, or none at all.
+        nv: Number of joints.
+    """
+    least, most = np.zeros(nv), np.full(nv, np.inf)
+    for j, loop in enumerate(loops):
+        if loop is not None and not loop.computed:
+            width = _DEVIATIONS * loop.delay_std
+            least[j], most[j] = max(loop.delay - width, 0.0), loop.delay + width
+    return least, most
+
+
+def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float | None, Bool[Array, " N"]]:
+    """Limit of the output and the rows that are there; none where the largest values are a few peaks."""
+    largest = float(np.abs(y[finite]).max())
+    there = finite & (np.abs(y) >= (1.0 - _NEAR) * largest)
+    runs = int(np.sum(there[1:] & there[:-1]))
+    if there.sum() < _SHARE_AT_LIMIT * finite.sum() or runs < 0.5 * there.sum():
+        return None, np.zeros(len(y), dtype=bool)
+    return float(np.median(np.abs(y[there]))), there
+
+
+def _without_bad(
+    t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"], limit: float
+) -> Bool[Array, " N"]:
+    """Rows without those that the loop says are at the limit, and without single readings far from the loop."""
+    for _ in range(3):
+        coarse = delays[::_PER_STEP]
+        errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
+        gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
+        asked = gain * (np.interp(t - delay, t, q_ref) - q)
+        within = use & (np.abs(asked) < (1.0 - 2 * _NEAR) * limit)
+        use = within if within.sum() >= _FEWEST else use
+        away = np.abs(y - asked - np.median((y - asked)[use]))
+        bad = use & (away > _FAR * 1.4826 * max(float(np.median(away[use])), 1e-12))
+        if bad.sum() <= _MOST_BAD * use.sum():
+            use = use & ~bad
+    return use
+
+
+def _sums(errors: Float[Array, "N d"], y: Float[Array, " N"], use: Bool[Array, " N"]) -> Float[Array, "s d 6"]:
+    """Sums of products of error, output and one over the used rows of each stretch, for each delay."""
+    out = []
+    for part in np.array_split(np.flatnonzero(use), _STRETCHES):
+        e, z = errors[part], y[part, None]
+        one = np.ones_like(e)
+        out.append(np.stack([x.sum(axis=0) for x in (one, e, one * z, e * e, e * z, one * z * z)], axis=-1))
+    return np.array(out)
+
+
+def _best(sums: Float[Array, "d 6"], delays: Float[Array, " d"]) -> tuple[float, float, float]:
+    """Gain, delay and rms of the rest of the delay that leaves least, between neighbours by a parabola."""
+    n, e, y, ee, ey, yy = sums.T
+    var, cov = ee - e * e / n, ey - e * y / n
+    gain = cov / np.maximum(var, 1e-300)
+    rest = np.maximum(yy - y * y / n - gain * cov, 0.0) / n
+    k = int(np.argmin(rest))
+    if 0 < k < len(delays) - 1:
+        before, here, after = rest[k - 1 : k + 2]
+        bend = before - 2 * here + after
+        shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
+        delay = delays[k] + shift * (delays[1] - delays[0])
+        return float(np.interp(delay, delays, gain)), float(delay), float(np.sqrt(rest[k]))
+    return float(gain[k]), float(delays[k]), float(np.sqrt(rest[k]))
+
+
+def _quantum(y: Float[Array, " n"]) -> float:
+    """Least difference of two different values of an output: what rounding may leave of a computed one."""
+    steps = np.diff(np.unique(y))
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _dead_band(y: Float[Array, " n"], error: Float[Array, " n"]) -> float | None:
+    """Error [rad or m] up to which an output of nothing is seen, if a loop without a dead band would put out some."""
+    silent = y == 0
+    if silent.mean() < _SILENT:
+        return None
+    width = float(np.quantile(np.abs(error[silent]), 0.95))
+    inside = np.abs(error) < 0.8 * width
+    return width if inside.any() and silent[inside].mean() > 0.8 else None
+
+
+def _hold(t: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> float | None:
+    """Time [s] between changes of a reference that is repeated while it moves; None where it has one a sample."""
+    changes = np.flatnonzero(np.diff(q_ref))
+    if len(changes) < _FEWEST // 4:
+        return None
+    spans = np.diff(t[changes])
+    # Where it rests nothing changes for long: the usual span is that of its motion.
+    usual = float(np.median(spans))
+    moving = spans < 5 * usual
+    repeated = 1.0 - step * moving.sum() / max(float(spans[moving].sum()), 1e-300)
+    return float(spans[moving].mean()) if repeated > _REPEATED else None

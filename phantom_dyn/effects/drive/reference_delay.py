@@ -1,0 +1,133 @@
+"""A reference that arrives late in a drive whose own loop is fast: ``u(t) = kp (q_ref(t - d) - q(t))``.
+
+Where the torque was computed from the reference as it was sent, by whoever made the log or by a stated controller, the
+true torque is that of the reference ``d`` earlier. Feedback is not late, so that neither the whole torque is shifted
+(`input_delay`) nor is the loop less stable. It looks like viscous friction of ``kp d`` while the joint follows its
+reference closely. A delay common to all joints, as of a bus, has no joint. The law is not linear in ``d``: the column
+is the change of torque per second between zero and the shape, the last estimate of ``d``; it has no noise of positions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Time [s] from which on a reference and a motion have nothing to do with each other.
+_LONGEST = 1.0
+# Delays to start from: a bus of 100 to 20 Hz; and the least of a secant [s], as differences over less are rounding.
+_STARTS = (0.01, 0.03)
+_LEAST = 1e-5
+
+
+class ReferenceDelay(Effect):
+    """See the module."""
+
+    name = "reference_delay"
+    scope = "either"
+    regime = "high_speed"
+    shows_with = "velocity"
+    fitted = "secant"
+    changes_with = "controller"
+    words = EffectWords(
+        name="a late reference",
+        meaning="the reference arrives in the drive later than it is recorded, the position feedback does not",
+        next_step=(
+            "Delay the commands of the simulated drive by this time (not its torque), or shorten the bus cycle; record "
+            "with two gains of the drive to separate it from viscous friction."
+        ),
+        size="of {delay}",
+        parameters={"delay": "time from the recorded reference to the one that the drive follows"},
+        shown_over=("velocity", "time"),
+        separated_by="timing",
+    )
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """All joints alike, or one."""
+        return drive_places(robot)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``delay`` of the reference."""
+        return (
+            Parameter(
+                "delay",
+                "s",
+                0.0,
+                plausible=(0.0, 0.15),
+                plausible_because="buses of servos take 5 to 50 ms, and a frame of a camera that paces them 33 ms",
+            ),
+        )
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """One cycle of a fast and of a slow bus."""
+        return tuple((start,) for start in _STARTS)
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The last estimate."""
+        return secant(max(float(coefficients[0]), 0.0), _LEAST)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Torque that was computed from the reference as sent, less the one of the late reference, per second."""
+        rows = driven_rows(robot, joint)
+        columns = -_later(operation, rows, shape[0]) / shape[0]
+        return Signature(rows, columns[:, :, None], ("delay",), ("s",))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """No reference is early, and none is late by a second."""
+        return ((0.0, _LONGEST),)
+
+    def bounds_in(
+        self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
+    ) -> tuple[tuple[float, float], ...]:
+        """What a regression of the drive's own output says of its delay, where that was logged as well."""
+        known = operation.references
+        if known is None:
+            return self.coefficient_bounds(robot, joint, shape)
+        rows = list(driven_rows(robot, joint))
+        return ((float(known.least[rows].min()), min(float(known.most[rows].max()), _LONGEST)),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Nothing without a time, and impossible from the longest one on."""
+        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """It takes references, and a torque that follows from them."""
+        hidden = hidden_behind_drive(robot, "the delay of a reference")
+        if hidden is not None:
+            return hidden
+        known = operation.references
+        if known is None or not known.gain[list(driven_rows(robot, joint))].any():
+            return "the torque was not computed from references: it was measured, or no controller or drive is known"
+        return None
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """What the drive gives less than it would with the reference as it was sent."""
+        rows = driven_rows(robot, joint)
+        return torque_on_rows(robot, rows, _later(operation, rows, theta.item()))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The references of the controller are those of an earlier time."""
+        late = np.zeros(robot.nv)
+        late[list(driven_rows(robot, joint))] = theta.item()
+        return Simulated(reference_delay=late)
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, reference_delay=theta.item())
+
+
+def _later(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
+    """Torque more with the reference ``delay`` later; nothing where no reference is known."""
+    if operation.references is None:
+        return np.zeros((len(operation.t), len(rows)))
+    return operation.references.later(delay, rows)

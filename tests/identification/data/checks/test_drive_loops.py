@@ -1,0 +1,71 @@
+"""Sentences on the loops of drives. Oracle: known truth, logs that are made here by the law of the loop."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.checks.drive_loops import check_computed, check_controllers, loop_sentences
+from identification.data.reading import recording
+from identification.data.recording import Recording, Table
+from phantom_dyn import load_robot
+from phantom_dyn.model.robot import Controller, Robot
+from places import ROBOTS
+
+T = np.arange(2000) / 100.0
+Q_REF = 0.6 * np.sin(1.9 * T) + 0.3 * np.sin(4.1 * T)
+Q = 0.9 * (0.6 * np.sin(1.9 * (T - 0.1)) + 0.3 * np.sin(4.1 * (T - 0.1)))
+
+
+def late(delay: float) -> np.ndarray:
+    return 0.6 * np.sin(1.9 * (T - delay)) + 0.3 * np.sin(4.1 * (T - delay))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """A rod on a motor of 0.5 N m/V."""
+    found = load_robot(ROBOTS / "pendulum.urdf")
+    drive = replace(found.actuators[0], torque_constant=1.0, resistance=2.0, controller=Controller(kp=12.0))
+    return replace(found, actuators=(drive,))
+
+
+def read(robot: Robot, **columns: np.ndarray) -> Recording:
+    return recording(Table("a.csv", {"t": T, "q.pin": Q, "q_ref.pin": Q_REF, **columns}), robot)
+
+
+def test_a_voltage_that_was_computed_is_said_to_be(robot):
+    found = read(robot, **{"u.pin": 24.0 * (Q_REF - Q)})
+    assert "it was computed, not measured" not in check_controllers(found, robot)
+    assert "u.pin was computed from reference and position" in check_computed(found)[0]
+    assert "gain 24" in loop_sentences(found)[0]
+
+
+def test_a_voltage_that_was_measured_has_its_delay(robot, rng):
+    found = read(robot, **{"u.pin": 24.0 * (late(0.03) - Q) + 0.1 * rng.standard_normal(len(T))})
+    assert check_computed(found) == ()
+    stated = re.search(r"its reference ([\d.]+) ± ([\d.]+) ms late", loop_sentences(found)[0])
+    assert stated is not None
+    assert float(stated[1]) == pytest.approx(30.0, abs=3 * float(stated[2]))
+
+
+def test_a_torque_that_follows_a_law_makes_no_late_reference(robot):
+    # Whoever commands a torque knows the reference at that instant.
+    assert read(robot, **{"tau.pin": 12.0 * (Q_REF - Q)}).follows is None
+
+
+def test_a_controller_that_gives_the_logged_torque_is_not_doubted(robot):
+    assert check_controllers(read(robot, **{"tau.pin": 12.0 * (late(0.03) - Q)}), robot) == ()
+
+
+@pytest.mark.parametrize("factor", [0.4, 2.5])
+def test_gains_that_do_not_give_the_logged_torque_are_named(robot, factor):
+    (sentence,) = check_controllers(read(robot, **{"tau.pin": factor * 12.0 * (Q_REF - Q)}), robot)
+    assert f"{factor:.3g} times what it asks for explains 100 %" in sentence
+
+
+def test_a_torque_that_no_controller_makes_is_named(robot, rng):
+    (sentence,) = check_controllers(read(robot, **{"tau.pin": np.sin(9 * T) + rng.standard_normal(len(T))}), robot)
+    assert "does not give its logged torque" in sentence
