@@ -278,20 +278,31 @@ def _plain(
     """Columns of the moves and of the rigid-body regressor in the band, row by row."""
     robot, band = session.robot, session.logs[log].band
     narrow = partial(session.log_in_judged_band, log=log)
-    regressor = narrow(_regressor_in_band(*where_links_are(robot, operation, displacing), band))
+    there = where_links_are(robot, operation, displacing)
+    regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
     moved = move_columns(robot, operation, moves, bodies, band, narrow)
     return [[*moved[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
 
 
-def _regressor_in_band(robot: Robot, motion: Motion, band: Band) -> Float[Array, "n nv p"]:
-    """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large."""
+def _regressor_in_band(
+    robot: Robot, motion: Motion, band: Band, per_load: Float[Array, "N nv"] | None
+) -> Float[Array, "n nv p"]:
+    """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large.
+
+    Args:
+        robot: The model.
+        motion: Of its links.
+        band: Filter.
+        per_load: Drive torque per torque on the link; None: one.
+    """
     inside = band.samples(len(motion.t))
     parts = []
     for at in np.array_split(inside, len(motion.t) // _PIECE + 1):
         rows = slice(at[0] - band.half, at[-1] + band.half + 1)
         part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
-        parts.append(band(rigid_body_regressor(robot, part)))
+        regressor = rigid_body_regressor(robot, part)
+        parts.append(band(regressor if per_load is None else regressor * per_load[rows, :, None]))
     return np.concatenate(parts)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,8 +210,10 @@ def _leader(
             there |= {} if leading is None else {places[key]: leading}
     if not there:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
-    is_sound = {(): _sound(search, chosen, frozenset([term]))}
-    is_sound |= {at: _sound(search, key, key - chosen) for at, key in there.items()}
+    is_sound = {(): _sound(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}
+    is_sound |= {
+        at: _sound(search, key, key - chosen) and not _new_in_old(search, key - chosen) for at, key in there.items()
+    }
     shares = {(): rivalry.OUTDONE * own} | {at: kept[at] for at in there}
     first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
     outside, unit = _outside(search, chosen, term)
@@ -239,6 +242,15 @@ def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
     """True if some effects of a set have sizes that a robot may have."""
     robot, theta = search.problem.session.robot, search.evaluate(chosen).theta
     return all(implausible(robot, one, theta[list(one.columns)]) is None for one in theirs)
+
+
+def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:
+    """True if an effect is built into a robot of which an earlier diagnosis has not found it.
+
+    Loads, friction and controllers differ between recordings: what is new is one of these, where one of them explains
+    it. The other one stays a rival.
+    """
+    return bool(search.problem.session.known) and any(one.effect.built_in for one in theirs)
 
 
 def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place, ...]) -> Chosen | None:

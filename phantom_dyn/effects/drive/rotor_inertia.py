@@ -25,6 +25,7 @@ class RotorInertia(Effect):
 
     name = "rotor_inertia"
     regime = "high_acceleration"
+    built_in = True
     made_of = ("acceleration",)
     shows_with = "acceleration"
     exact = True

@@ -31,6 +31,7 @@ class TorqueConstant(Effect):
 
     name = "torque_constant"
     regime = "high_load"
+    built_in = True
     made_of = ("acceleration", "whole joint")
     changes_with = "temperature"
     words = EffectWords(
