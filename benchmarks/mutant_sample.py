@@ -42,7 +42,7 @@ AREAS = (
         compiled=False,
         apart=("drive", "encoder", "friction", "load", "transmission"),
     ),
-    Area("identification/diagnosis/gates", ("tests/identification/diagnosis/gates",)),
+    Area("identification/gates", ("tests/identification/gates",)),
     Area("identification/diagnosis/judge", ("tests/identification/diagnosis/judge",), slow="not stated_size"),
     Area("identification/diagnosis/noise", ("tests/identification/diagnosis/noise",)),
     Area(

@@ -55,7 +55,7 @@ class Judge:
 
     Attributes:
         tree: The checkout.
-        rules: Such as ``above_chance.LEAST_GAIN=30``: a file of ``identification/diagnosis/gates`` or
+        rules: Such as ``above_chance.LEAST_GAIN=30``: a file of ``identification/gates`` or
             ``contract_levels``, and a threshold in it; without a file one of ``decision_rules``.
     """
 
@@ -83,7 +83,7 @@ def module_of(rule: str) -> tuple[str, str]:
     if not dot:
         return "identification.diagnosis.decision_rules", name
     shared = file == "contract_levels"
-    return ("identification.engine." if shared else "identification.diagnosis.gates.") + file, name
+    return ("identification.engine." if shared else "identification.gates.") + file, name
 
 
 def judged(recording: Recording, judge: Judge, cache: Path) -> dict:

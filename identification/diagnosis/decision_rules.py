@@ -1,6 +1,6 @@
 """Thresholds that decide no claim, as those of noise, rivals, the verdict and bursts: value, unit, reason, source.
 
-What a claim has to pass stands with its thresholds in `identification.diagnosis.gates`, and what the contract has in
+What a claim has to pass stands with its thresholds in `identification.gates`, and what the contract has in
 common for torques, poses and rests in `identification.engine.contract_levels`. ``python benchmarks/same_answers.py
 record --rule NAME=VALUE`` judges forty recordings with another value of one of them, and its ``compare`` prints which
 answers change.

@@ -14,7 +14,6 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.gates import above_chance
 from identification.diagnosis.noise.chance import null_threshold
 from identification.diagnosis.noise.encoder_noise import (
     Coarse,
@@ -33,6 +32,7 @@ from identification.diagnosis.noise.noise_floor import (
     weights_of,
 )
 from identification.diagnosis.noise.whitening import whitened, whitening_of
+from identification.diagnosis.search.claims import asked, claimed
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -42,8 +42,9 @@ from identification.diagnosis.search.refinement import (
 )
 from identification.diagnosis.search.rival_sets import settled
 from identification.diagnosis.search.row_gaps import RowGaps, row_gaps
-from identification.diagnosis.search.search import Search, Threshold, asked, claimed, set_up_search
+from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
+from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 

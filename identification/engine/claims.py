@@ -7,6 +7,12 @@ from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
 Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
+Data = Literal["torques", "poses", "rests"]
+
+NEVER_CLAIMED = 10
+"""Entries of a ledger that were never claimed, the best."""
+# Share of the gain of a cause from which on another cause counts as displaced by it.
+_STANDS_FOR = 0.2
 
 Name = TypeVar("Name")
 Key = TypeVar("Key", bound=Hashable)
@@ -18,7 +24,7 @@ class GateResult:
     """What one gate said of a claim.
 
     Attributes:
-        gate: Its name, as in `identification.diagnosis.gates.GATES`.
+        gate: Its name, as in `identification.gates.GATES`.
         value: The figure of the claim.
         needed: What the figure has to exceed.
         unit: Of both.
@@ -48,6 +54,7 @@ class Claim(Generic[Name]):
             instead; else ``not_claimed``.
         instead: What took its place.
         figures: What else was measured of it, by name.
+        judged_by: The data that it was judged by.
     """
 
     effects: tuple[Name, ...]
@@ -55,11 +62,24 @@ class Claim(Generic[Name]):
     outcome: Outcome
     instead: tuple[Name, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)
+    judged_by: Data = "torques"
 
     @property
     def failed(self) -> GateResult | None:
         """The gate that the claim did not pass; None if it passed all that it met."""
         return next((result for result in self.gates if not result.passed), None)
+
+
+def could_stand_for(instead_of: float, needed: float, beside: float, of_other: float) -> bool:
+    """True if a cause that is not claimed could stand for one that is.
+
+    Args:
+        instead_of: What it gains without that one.
+        needed: What a claim of it needs.
+        beside: What it gains beside that one.
+        of_other: What that one gains.
+    """
+    return instead_of > max(needed, 2.0 * beside, _STANDS_FOR * of_other)
 
 
 def until_failed(results: Iterable[GateResult]) -> tuple[GateResult, ...]:

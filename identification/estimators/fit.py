@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.data.log import Band, Log
 from identification.engine.autocorrelation import samples_per_independent
-from identification.estimators.linear.cautions import cautions, condition_of, unexplained
+from identification.estimators.linear.cautions import Caution, cautions, condition_of, unexplained
 from identification.estimators.linear.least_squares import Solution
 from identification.estimators.linear.scatter import (
     autocorrelation,
@@ -69,7 +69,7 @@ class Fit:
         first_effect: First column that belongs to an effect.
         samples: Number of samples.
         status: How the estimation ended.
-        warnings: Sentences on what to be careful with.
+        cautions: What to be careful with.
         others: What was estimated beside the base parameters.
     """
 
@@ -88,8 +88,13 @@ class Fit:
     first_effect: int
     samples: int
     status: Status
-    warnings: tuple[str, ...] = ()
+    cautions: tuple[Caution, ...] = ()
     others: tuple[Estimate, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what to be careful with."""
+        return tuple(caution.sentence for caution in self.cautions)
 
     @property
     def rank(self) -> int:
@@ -293,6 +298,6 @@ def fit_of(
         first_effect=regressor.first_effect,
         samples=regressor.count,
         status=status,
-        warnings=(*warnings, *unexplained(regressor.robot, error), *general),
+        cautions=(*map(Caution, (*warnings, *unexplained(regressor.robot, error))), *general),
         others=others,
     )

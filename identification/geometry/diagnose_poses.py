@@ -15,6 +15,7 @@ from identification.data.recording import Recording
 from identification.engine import contract_levels
 from identification.engine.numerics.spans import orthonormal, without
 from identification.engine.resampling import interval
+from identification.geometry.claims import claims_of, size_of
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
 from identification.geometry.held_out import blocks_of, left_of_rows
@@ -88,14 +89,14 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     once = np.ones((1, len(gap.after)))
     closed = float(gap.closed(gap.after, once)[0]) if found else None
     low, high = interval(gap.closed(gap.after, drawn_blocks(gap)))
-    large = tuple(finding for finding in found if not _is_minor(finding))
+    large = tuple(finding for finding in found if size_of(finding).passed)
     return GeometryResult(
         verdict=_verdict(frames, large, bounds, structured=structured, more=more),
         closed=closed,
         interval=None if closed is None else (float(low), float(high)),
         frames=frames,
         findings=large,
-        minor=tuple(finding for finding in found if _is_minor(finding)),
+        minor=tuple(finding for finding in found if not size_of(finding).passed),
         bounds=bounds,
         not_testable=unseen,
         fitted=_fitted(explained),
@@ -104,11 +105,8 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
         structured=structured,
         warnings=_warnings(explained),
         evidence=evidence,
+        claims=claims_of(explained, gap, found),
     )
-
-
-def _is_minor(finding: PoseFinding) -> bool:
-    return finding.share < contract_levels.MINOR_SHARE and finding.floors < contract_levels.MINOR_FLOORS**2
 
 
 def _verdict(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identification.engine.claims import Claim
 from identification.notes import Said
 from phantom_dyn.array_types import Bool, Float
 
@@ -169,6 +170,7 @@ class GeometryResult:
         evidence: Errors of single poses.
         torque_verdict: Of the torques of the same recordings; None where there are none.
         notes: On how findings in torque and in poses agree.
+        claims: What was claimed, and the best that was not, each by effect and joint, with the gates that it met.
     """
 
     verdict: str
@@ -187,3 +189,4 @@ class GeometryResult:
     evidence: PoseEvidence | None = None
     torque_verdict: str | None = None
     notes: tuple[Said, ...] = field(default=())
+    claims: tuple[Claim[tuple[str, str | None]], ...] = ()

@@ -14,6 +14,7 @@ from identification.data.refusal import fault_warnings, require_right
 from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
+from identification.estimators.linear.cautions import About
 from identification.identify.exports import exports, robots_in_files
 from identification.identify.hold_out import caution, held_out_evidence, joint_errors, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
@@ -130,7 +131,7 @@ def identify(
                     *(sentence(said) for recording in every for said in recording.said),
                     *_lacking_excitation(fit, excited.rank, lacking),
                     *caution(split),
-                    *(warning for warning in fit.warnings if not warning.startswith("Not separable")),
+                    *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),
                     *([full.words] if not full.possible or full.moved > _FAR else []),
                 )
             )

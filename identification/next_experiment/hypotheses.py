@@ -10,7 +10,8 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.result import EffectAt, Finding
-from identification.diagnosis.search.search import Search, contains, with_term
+from identification.diagnosis.search.containment import contains, with_term
+from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.array_types import Float, Int
 

@@ -11,7 +11,8 @@ from uuid import uuid4
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, Unexplained
+from identification.diagnosis.result import Diagnosis, EffectAt, Evidence, Finding, Gap, Unexplained
+from identification.engine.claims import Claim
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
 from identification.geometry.terms import ZERO
@@ -50,6 +51,7 @@ def with_poses(
         geometry=found,
         verdict=verdict_together(diagnosis.verdict, found.verdict),
         data_warnings=(*diagnosis.data_warnings, *found.warnings),
+        ledger=(*diagnosis.ledger, *_entries(found)),
         seconds=diagnosis.seconds + time.perf_counter() - started,
     )
 
@@ -91,7 +93,23 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
         evidence=Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * robot.nv),
         run=uuid4().hex,
         geometry=found,
+        ledger=_entries(found),
         gap=Gap(found.closed, found.interval),
+    )
+
+
+def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
+    """What the gates said of the poses, as entries of the ledger."""
+    return tuple(
+        Claim(
+            tuple(EffectAt(*at) for at in claim.effects),
+            claim.gates,
+            claim.outcome,
+            tuple(EffectAt(*at) for at in claim.instead),
+            claim.figures,
+            claim.judged_by,
+        )
+        for claim in found.claims
     )
 
 

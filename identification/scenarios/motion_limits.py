@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis.gates import controller_gain as gate
 from identification.diagnosis.result import Adjusted, EffectAt, Finding, Judgement, NotTestable
 from identification.engine.claims import Claim, GateResult, Outcome
+from identification.gates import controller_gain as gate
 from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot

@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from identification.diagnosis.result import Diagnosis, EffectAt
-from identification.engine.claims import Claim, GateResult
+from identification.engine.claims import Claim, Data, GateResult
 from identification.words.diagnosis_words import capital, effect_at, joined
+from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, with_unit
 from phantom_dyn.errors import UsageError
 
@@ -19,8 +20,7 @@ _CLEAR = 0.01  # noise floors: what closes less more closes as much
 # Of each gate, why what fails it is not named; `value` and `needed` are its figures.
 REASONS: dict[str, str] = {
     "possible size": "its fit ends on a size that nothing has",
-    "more than chance": "beside what is named it gains {value} on data that its fit has not seen, where chance alone "
-    "may give {needed}",
+    "more than chance": "beside what is named it gains {value}, where chance alone may give {needed}",
     "fair part of the gap": "it gains {value} where a fair part of the gap, encoder noise and its own numbers ask for "
     "{needed}",
     "in enough blocks": "its gain sits in few stretches of the recording: {value} where {needed} is needed",
@@ -35,6 +35,8 @@ REASONS: dict[str, str] = {
     "{needed} is needed)",
     "differs from simpler": "its size differs from nothing, or from a simpler law, with a probability of {value} only, "
     "where {needed} is needed",
+    "both are there": "not each of them is sure beside the other: the less certain one is more than nothing with a "
+    "probability of {value} only, where {needed} is needed",
     "more than a missing part": "what it explains is the absence of a part that the model carries, but for {value} of "
     "its squared torque",
     "plausible size": "its size is {outside} outside of what a sound robot has, and that of a rival is not",
@@ -45,6 +47,7 @@ REASONS: dict[str, str] = {
     "beyond the gain": "positions do not separate it from the gain of the controller, which may be wrong by {needed}",
 }
 
+_DATA: dict[Data, str] = {"torques": "this motion", "poses": "these poses", "rests": "these rests"}
 _SHARES = {"of the squared noise", "of the squared residual", "of the squared torque", "of the gap", "probability"}
 
 
@@ -74,7 +77,9 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
     effect = effect.strip().replace(" ", "_").replace("-", "_").lower()
     known = _known(diagnosis)
     if not diagnosis.ledger and not any(place[0] == effect for place in known):
-        raise UsageError(_no_ledger(diagnosis))
+        raise UsageError(
+            "this diagnosis holds no ledger, as it was made by an earlier version: diagnose the recording again."
+        )
     if effect not in {name for name, _ in known}:
         nearest = difflib.get_close_matches(effect, sorted({name for name, _ in known}), n=1)
         hint = f"; did you mean {nearest[0]}?" if nearest else "."
@@ -97,19 +102,13 @@ def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
     return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
 
 
-def _no_ledger(diagnosis: Diagnosis) -> str:
-    if diagnosis.at_rest or diagnosis.poses_alone:
-        return (
-            "this diagnosis was made of recordings at rest or of poses, of which no ledger is kept: its findings state "
-            "their rivals."
-        )
-    return "this diagnosis holds no ledger, as it was made by an earlier version: diagnose the recording again."
-
-
 def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
     """Effects and joints that a diagnosis says anything of, in the order of the ledger first."""
     places = [(at.effect, at.joint) for claim in diagnosis.ledger for at in claim.effects]
     places += [(one.effect, one.joint) for one in (*diagnosis.bounds, *diagnosis.not_testable)]
+    if diagnosis.geometry is not None:
+        of_poses = (*diagnosis.geometry.bounds, *diagnosis.geometry.not_testable)
+        places += [(one.effect, one.joint) for one in of_poses]
     return tuple(dict.fromkeys(places))
 
 
@@ -123,10 +122,12 @@ def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answ
 
 def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answer:
     name = effect_at(EffectAt(effect, joint))
-    for entry in diagnosis.not_testable:
+    of_poses = diagnosis.geometry
+    bounds = (*diagnosis.bounds, *(of_poses.bounds if of_poses else ()))
+    bounds = [one for one in bounds if (one.effect, one.joint) == (effect, joint)]
+    for entry in (*diagnosis.not_testable, *(of_poses.not_testable if of_poses and not bounds else ())):
         if (entry.effect, entry.joint) == (effect, joint):
             return Answer(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
-    bounds = [one for one in diagnosis.bounds if (one.effect, one.joint) == (effect, joint)]
     sizes = joined(
         [f"{one.parameter.replace('_', ' ')} {with_unit(number(one.below), one.unit)}" for one in bounds], " or "
     )
@@ -139,6 +140,8 @@ def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Answ
 
 def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> Answer:
     name = joined([effect_at(at) for at in claim.effects])
+    if claim.judged_by == "poses" and not diagnosis.poses_alone:
+        name += " (judged by the measured poses)"
     lines = tuple(gate_line(result) for result in claim.gates)
     return Answer(name, _sentence(diagnosis, claim, name), lines)
 
@@ -159,7 +162,9 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
 
 def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
     """Probability of a claim as a rival of what is named in its place; zero where it is none."""
-    findings = [one for one in diagnosis.findings if EffectAt(one.effect, one.joint, one.recording) in claim.instead]
+    findings = [
+        one for one in all_findings(diagnosis) if EffectAt(one.effect, one.joint, one.recording) in claim.instead
+    ]
     own = [rival.probability for one in findings for rival in one.rivals if set(rival.effects) == set(claim.effects)]
     return max(own, default=0.0)
 
@@ -175,7 +180,8 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
     else:
         better = f"{others} {'explain' if several else 'explains'} as much"
     if probability > 0.0:
-        apart = f"and these two cannot be separated by this motion ({percent(probability)} for the one not named)"
+        by = _DATA[claim.judged_by]
+        apart = f"and these two cannot be separated by {by} ({percent(probability)} for the one not named)"
         return f"{better}, {apart}"
     if failed is not None and failed.gate == "more than chance":
         return f"{better}, and beside {'these' if several else 'it'} {_gain_words(failed)}"

@@ -100,7 +100,7 @@ def test_how_it_is_told_is_not_compared(changed):
 @pytest.mark.parametrize(
     ("rule", "module", "name"),
     [
-        ("above_chance.LEAST_GAIN", "identification.diagnosis.gates.above_chance", "LEAST_GAIN"),
+        ("above_chance.LEAST_GAIN", "identification.gates.above_chance", "LEAST_GAIN"),
         ("contract_levels.LISTED", "identification.engine.contract_levels", "LISTED"),
         ("ORDINARY_SHARE", "identification.diagnosis.decision_rules", "ORDINARY_SHARE"),
     ],

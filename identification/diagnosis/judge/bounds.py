@@ -9,18 +9,15 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, untestable_places
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import above_chance, in_band, over_blocks
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
-from identification.diagnosis.search.search import (
-    Search,
-    contains,
-    least_gain,
-    price,
-)
+from identification.diagnosis.search.claims import least_gain
+from identification.diagnosis.search.containment import contains
+from identification.diagnosis.search.search import Search, price
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.blocks import held_out_share
 from identification.engine.products.triangles import square
+from identification.gates import above_chance, in_band, over_blocks
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation

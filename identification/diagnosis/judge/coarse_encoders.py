@@ -9,10 +9,10 @@ import numpy as np
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates.coarse_reading import rounding_matters
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
 from identification.engine.claims import GateResult
+from identification.gates.coarse_reading import rounding_matters
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot

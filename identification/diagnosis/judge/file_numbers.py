@@ -12,8 +12,8 @@ from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import finding_parameters
-from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted, FittedNumbers
 

@@ -11,12 +11,12 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import fair_part
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from identification.engine import contract_levels
 from identification.engine.resampling import block_counts
+from identification.gates import fair_part
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

@@ -14,13 +14,13 @@ from identification.diagnosis.columns.terms import Term, merged
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates.in_band import torque_is_there
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.judge.file_numbers import model_numbers
+from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
-from identification.diagnosis.judge.findings.shown import Bench, Shown, State, in_band, shown_effects
+from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
@@ -33,6 +33,7 @@ from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
+from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
 

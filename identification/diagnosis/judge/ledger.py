@@ -13,32 +13,30 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.gates import ORDER, gate_name
-from identification.diagnosis.gates.coarse_reading import coarser_than_stated
-from identification.diagnosis.gates.exchange import explains_more_than_others
-from identification.diagnosis.gates.in_band import torque_is_there
 from identification.diagnosis.judge.coarse_encoders import Rounded
-from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import gap_of
 from identification.diagnosis.result import EffectAt
+from identification.diagnosis.search.claims import asked
+from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
-from identification.diagnosis.search.search import Search, asked, possible, price, with_term
+from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.squares_left import squares_left
 from identification.diagnosis.search.swaps import replaced
-from identification.engine.claims import Claim, GateResult, Outcome, until_failed
+from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
+from identification.gates import ORDER, gate_name
+from identification.gates.coarse_reading import coarser_than_stated
+from identification.gates.exchange import explains_more_than_others
+from identification.gates.in_band import torque_is_there
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 
 Array = np.ndarray
 
-# Effects that were never claimed, the best.
-_BEST = 10
 # Findings without which it is looked what an effect would gain: those of a robot with many joints say little of others.
 _MOST_FINDINGS = 12
 # Effects whose figures are computed in the judged band.
 _MOST_MEASURED = 40
-# Share of the gain of an effect from which on another effect counts as displaced by it.
-_STANDS_FOR = 0.2
 # Gates of the search come before this one.
 _FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]
 
@@ -74,7 +72,7 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
     record, named = search.record, {term.place for term in shown.named}
     near = _nearness(search, shown.beside)
     ranked = sorted(near, key=lambda place: -near[place].most)
-    never = [place for place in ranked if place not in record.places and place not in named][:_BEST]
+    never = [place for place in ranked if place not in record.places and place not in named][:NEVER_CLAIMED]
     gates, instead = {}, {}
     for place in (*record.places, *never):
         met = sorted(record.met(place), key=lambda result: ORDER[result.gate])
@@ -158,8 +156,7 @@ def _asked_anew(
     if other is None or results[-1].passed:
         return results, ()
     needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
-    stands_for = near.instead_of > max(needed, 2.0 * near.beside, _STANDS_FOR * near.of_other)
-    return results, (other.place,) if stands_for else ()
+    return results, (other.place,) if could_stand_for(near.instead_of, needed, near.beside, near.of_other) else ()
 
 
 def _figures(

@@ -18,13 +18,14 @@ from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
-from identification.diagnosis.gates import moved_joints
-from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.search.claims import asked
 from identification.diagnosis.search.row_gaps import row_gaps
-from identification.diagnosis.search.search import Search, asked
+from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
+from identification.gates import moved_joints
+from identification.gates.moved_joints import shown_above_noise, shown_by_motion
 from phantom_dyn.array_types import Float
 from phantom_dyn.signals.spectra import power_density
 

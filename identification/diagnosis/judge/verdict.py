@@ -12,7 +12,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.noise.noise_floor import rms

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.law.formula_search import (
     STABLE,
     Choice,

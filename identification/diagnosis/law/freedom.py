@@ -13,7 +13,7 @@ import numpy as np
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.gap import sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float
 

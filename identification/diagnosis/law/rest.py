@@ -12,7 +12,7 @@ from identification.data.signals import smoothed_where
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
-from identification.diagnosis.judge.findings.shown import Shown
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Bool, Float

@@ -9,11 +9,11 @@ import numpy as np
 
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import above_chance
 from identification.diagnosis.noise.whitening import Whitening
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 from identification.engine.chance import exceeded_by_chance
 from identification.engine.fits.held_out_gains import gains_on_residuals
+from identification.gates import above_chance
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 

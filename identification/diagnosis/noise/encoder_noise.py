@@ -20,13 +20,13 @@ from identification.diagnosis.columns.residual_columns import Columns, columns_b
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.gates import above_chance
-from identification.diagnosis.gates.coarse_reading import coarser_than_stated
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search
 from identification.engine.fits.projection import gains_beside
 from identification.engine.products.grams import RowGrams, all_row_grams
+from identification.gates import above_chance
+from identification.gates.coarse_reading import coarser_than_stated
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation

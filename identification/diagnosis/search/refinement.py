@@ -5,7 +5,8 @@ from __future__ import annotations
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import FoundEffect, Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.search.search import Search, with_term
+from identification.diagnosis.search.containment import with_term
+from identification.diagnosis.search.search import Search
 
 # How many of them are taken in the place of one finding.
 _MOST_CLOSE = 3

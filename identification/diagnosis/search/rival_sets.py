@@ -10,19 +10,20 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import fair_part, rivalry
-from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
 from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.containment import contains
 from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.record import Place
-from identification.diagnosis.search.search import Search, contains
+from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, until_failed
 from identification.engine.fits.projection import taken_out
 from identification.engine.resampling import probabilities
+from identification.gates import fair_part, rivalry
+from identification.gates.rivalry import likelier_than_rivals, plausible_size
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

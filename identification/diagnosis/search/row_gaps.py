@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import fair_part
+from identification.gates import fair_part
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

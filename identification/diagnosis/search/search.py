@@ -6,27 +6,21 @@ A claim has to gain more on held-out data than chance gives over the whole catal
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import above_chance, fair_part
-from identification.diagnosis.gates.above_chance import more_than_chance
-from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
-from identification.diagnosis.gates.over_blocks import in_enough_blocks
-from identification.diagnosis.gates.possible import possible_size
+from identification.diagnosis.search.containment import relations
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.special_cases import ends_on_nothing
-from identification.engine.claims import GateResult, until_failed
-from phantom_dyn.array_types import Float
+from identification.gates import above_chance
 
 
 @dataclass(frozen=True)
@@ -64,13 +58,11 @@ Array = np.ndarray
 
 # Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
 _MANY_JOINTS = 10
-# Effects of a set without which it is fitted, those that it would miss least.
-_MOST_TRIED = 12
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
 # Score of an impossible set, more than any recording's loss.
-_IMPOSSIBLE = 1e15
+IMPOSSIBLE = 1e15
 
 
 @dataclass(frozen=True)
@@ -146,7 +138,7 @@ class Search:
     def _score(self, chosen: frozenset[Term]) -> float:
         found = self.evaluate(chosen)
         if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
-            return _IMPOSSIBLE
+            return IMPOSSIBLE
         return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
     def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...], above: float = -np.inf) -> dict[Term, float]:
@@ -235,169 +227,3 @@ def set_up_search(
     displacing, covering = relations(problem.columns.terms)
     fits, kept = Fits(problem), Record() if record is None else record
     return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
-
-
-def contains(rich: Term, simple: Term) -> bool:
-    """True if ``simple`` is a special case of ``rich``."""
-    if rich is simple:
-        return False
-    if simple.column_set < rich.column_set:
-        return True
-    if simple.effect.name in rich.effect.contains:
-        return simple.joint == rich.joint or simple.column_set == rich.column_set
-    return False
-
-
-def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """``chosen`` and ``term``, without its special cases and without the same effect of another shape."""
-    kept = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
-    return frozenset([*kept, term])
-
-
-def _exclude(one: Term, other: Term) -> bool:
-    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
-    if one.joint != other.joint:
-        return False
-    return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
-
-
-def possible(chosen: frozenset[Term], term: Term) -> bool:
-    """False if ``term`` is there already, or a special case of what is."""
-    return term not in chosen and not any(contains(other, term) for other in chosen)
-
-
-def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
-    """For one of these terms, those to which it gives way, itself among them, and those that contain it."""
-    near: dict[object, list[Term]] = defaultdict(list)
-    for term in terms:
-        # Only terms on one joint or with common columns have anything to do with each other.
-        for key in (("joint", term.joint), *term.columns):
-            near[key].append(term)
-
-    def related(term: Term) -> set[Term]:
-        return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
-
-    @cache
-    def displacing(term: Term) -> frozenset[Term]:
-        return frozenset(other for other in related(term) if contains(other, term) or _exclude(other, term))
-
-    @cache
-    def covering(term: Term) -> frozenset[Term]:
-        return frozenset(other for other in related(term) if contains(other, term))
-
-    return displacing, covering
-
-
-def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim of these effects needs: more than chance, on joints where it closes a fair part.
-
-    An effect may touch a joint with a large gap and act on another one: its gain counts only where it is a fair part of
-    the gap. Of that gap, laws beside it that rigid bodies obey exactly have taken their part, and leave no more for
-    what resembles them.
-
-    Args:
-        search: Thresholds of chance and gaps of the rows.
-        terms: What is claimed.
-        beside: Effects that are there without the claim.
-        by_row: How the gain is spread over the joints, in any unit, ``(nv,)``.
-    """
-    parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
-    fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
-    order = np.argsort(fair)
-    counted = np.maximum(np.cumsum(parts[order]), 1e-12)
-    least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
-    return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
-
-
-def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
-    """Gain on each row that is a fair part of its gap, ``(nv,)``."""
-    gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
-    if exact:
-        left = search.fits.row_losses(exact)
-        gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
-    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
-
-
-def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if ``chosen`` passes the gates of a claim over ``without``, see `asked`."""
-    return all(result.passed for result in asked(search, chosen, without))
-
-
-def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
-    """What the gates of a claim say of ``chosen`` beside ``without``, in their order, up to the first that fails.
-
-    Its sizes have to exist; the gain has to be more than chance gives, on held-out data and in sample; it has to be a
-    fair part of the gap; and it has to hold in enough blocks.
-    """
-    return until_failed(_questions(search, chosen, without))
-
-
-def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
-    yield possible_size(int(search.score(chosen) >= _IMPOSSIBLE))
-    rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
-    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
-    held_out = plain.total - rich.total
-    gain = min(held_out, plain.objective - rich.objective)
-    yield more_than_chance(gain, search.threshold.of(*new))
-    extra = search.price_of(chosen) - search.price_of(without)
-    by_row = plain.row_losses - rich.row_losses
-    needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
-    yield fair_part_of_the_gap(gain, needed)
-    yield in_enough_blocks(
-        plain.loss - rich.loss,
-        held_out,
-        gain,
-        needed,
-        lambda: energy_by_block(search.problem, new),
-        named=any(term.named for term in new),
-    )
-
-
-def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
-    """Energy of the columns of effects in each block over that in the block with most of it; one where there is none.
-
-    Zero, up to rounding, where an effect does not act at all.
-    """
-    columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
-    energy = problem.grams.core_a.diagonal(columns)
-    share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
-    return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
-
-
-def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Backward elimination: remove, one by one, effects that are no longer needed.
-
-    Of many effects only those are tried that the fit would miss least. On a robot of many joints several of these may
-    go in one step, as long as no two of them touch the same joint.
-    """
-    while chosen:
-        whole, touched = chosen, frozenset[int]()
-        for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
-            rows = rows_of(search.problem, term)
-            if rows.isdisjoint(touched) and not claimed(search, chosen, chosen - {term}):
-                search.record.lost([term], *asked(search, chosen, chosen - {term}))
-                chosen, touched = chosen - {term}, touched | rows
-            if not touched or not search.many_joints:
-                break
-        if chosen == whole:
-            return chosen
-    return chosen
-
-
-def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
-    """The effects without which the loss in sample grows least, to second order; of a few effects all."""
-    terms = ordered(chosen)
-    if len(terms) <= _MOST_TRIED:
-        return terms
-    found = search.evaluate(chosen)
-    cov, missed = found.cov, {}
-    for term in terms:
-        own = np.searchsorted(found.active, term.columns)
-        x = found.theta[list(term.columns)]
-        missed[term] = float(x @ np.linalg.pinv(cov[np.ix_(own, own)], hermitian=True) @ x)
-    return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
-
-
-def rows_of(problem: Problem, term: Term) -> frozenset[int]:
-    """Joints whose torque a term touches."""
-    return problem.touched[term.columns[0]]

@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
-from identification.diagnosis.gates.special_case import differs_from_simpler
+from identification.gates.special_case import differs_from_simpler
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect, Parameter, SpecialCase
 from phantom_dyn.model.robot import Robot

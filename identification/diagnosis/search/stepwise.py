@@ -9,20 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.gates import above_chance, exchange
-from identification.diagnosis.gates.exchange import explains_more_than_others
-from identification.diagnosis.search.search import (
-    Search,
-    asked,
-    claimed,
-    dropped,
-    least_missed,
-    possible,
-    price,
-    rows_of,
-    with_term,
-)
+from identification.diagnosis.search.claims import asked, claimed, dropped, least_missed, rows_of
+from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import simplified, swapped
+from identification.engine.claims import GateResult
+from identification.gates import above_chance, exchange
+from identification.gates.above_chance import more_than_chance
+from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
 # Effects of one set at most, far more than any robot has: in all, and for each joint.
@@ -83,11 +77,11 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
         for term in ranked[:_MOST_JUDGED]:
             if promised[term] < most:
                 break
-            # A claim has to gain what chance gives before its price is paid, see `claimed`.
-            if promised[term] + price(search.sizes[term]) < search.threshold.of(term):
+            # A claim has to gain what chance gives before its price is paid.
+            if not more_than_chance(promised[term] + price(search.sizes[term]), search.threshold.of(term)).passed:
                 continue
             gain = base - search.score(with_term(chosen, term))
-            if gain > most and claimed(search, with_term(chosen, term), chosen):
+            if explains_more_than_others(gain, most).passed and claimed(search, with_term(chosen, term), chosen):
                 best, most = term, gain
         if best is None:
             return chosen
@@ -144,9 +138,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
         tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
         margin = search.score(tried) - search.score(chosen)
         # Many sets were tried, so a hair is chance.
-        if margin < -above_chance.PARAMETER_PRICE:
+        stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
+        if not stays.passed:
             search.record.take(without.record)
-            stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
             search.record.lost([term], stays, instead=tried - chosen)
             chosen = tried
         else:
@@ -166,24 +160,22 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
     accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
-        lowest, better = search.score(chosen), []
+        better: dict[frozenset[Term], GateResult] = {}
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
-                if promised[term] < search.threshold.overall or not possible(base, term):
+                if not more_than_chance(promised[term], search.threshold.overall).passed or not possible(base, term):
                     continue
                 tried = _only_needed(search, term, base, chosen)
+                # What is there stays if it explains more than a set with the structure, as far as that is asked for.
                 needed = _asked_of_nameless(search, len(chosen - tried), accuracy)
-                if search.score(tried) < lowest - needed and claimed(search, tried, tried - {term}):
-                    better.append(tried)
+                stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
+                if not stays.passed and claimed(search, tried, tried - {term}):
+                    better[tried] = stays
         if not better:
             return chosen
         before, chosen = chosen, min(better, key=search.score)
-        gone = before - chosen
-        if gone:
-            needed = _asked_of_nameless(search, len(gone), accuracy)
-            explains = explains_more_than_others(search.score(chosen) - lowest, -needed)
-            search.record.lost(gone, explains, instead=chosen - before)
+        search.record.lost(before - chosen, better[chosen], instead=chosen - before)
     return chosen
 
 

@@ -8,19 +8,13 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.gates import above_chance, fair_part
-from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
-from identification.diagnosis.search.search import (
-    Search,
-    claimed,
-    contains,
-    dropped,
-    possible,
-    price,
-    rows_of,
-    with_term,
-)
+from identification.diagnosis.search.claims import claimed, dropped, rows_of
+from identification.diagnosis.search.containment import contains, possible, with_term
+from identification.diagnosis.search.search import Search, price
+from identification.engine.claims import GateResult
 from identification.engine.numerics.bounded import solve
+from identification.gates import above_chance, exchange, fair_part
+from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -63,15 +57,20 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
 
     Dropping what it has more would undo the swap otherwise.
     """
-    cheap = search.price_of(other) <= search.price_of(chosen)
-    return search.score(other) < search.score(chosen) - 1e-6 and (cheap or claimed(search, other, chosen))
+    if not _exchange(search, chosen, other).passed:
+        return False
+    return search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen)
+
+
+def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
+    """What the gate of exchanges says of a set in the place of another one."""
+    return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
 def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
     """Record what a swap has put in the place of what."""
-    margin = search.score(before) - search.score(after)
-    search.record.lost(before - after, explains_more_than_others(-margin), instead=after - before)
-    search.record.kept(after - before, explains_more_than_others(margin))
+    search.record.lost(before - after, _exchange(search, after, before), instead=after - before)
+    search.record.kept(after - before, _exchange(search, before, after))
 
 
 def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
@@ -100,7 +99,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     tolerance, taken as linear, and filters leave.
     """
     for term in ordered(chosen):
-        allowed = search.score(chosen) + fair_part.ACCURACY * explained(search, chosen, term)
+        accuracy = fair_part.ACCURACY * explained(search, chosen, term)
         simpler = [
             replaced(chosen, term, others)
             for others in alternatives(search, term)
@@ -108,8 +107,8 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         ]
         simpler = [other for other in simpler if search.price_of(other) < search.price_of(chosen)]
         best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
-        if search.score(best) < allowed:
-            worth = worth_its_numbers(search.score(best) - search.score(chosen), allowed - search.score(chosen))
+        worth = worth_its_numbers(search.score(best) - search.score(chosen), accuracy)
+        if not worth.passed:
             search.record.lost(chosen - best, worth, instead=best - chosen)
             search.record.kept(best - chosen)
             chosen = best

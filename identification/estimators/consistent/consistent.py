@@ -25,6 +25,7 @@ from identification.estimators.consistent.full_parameters import (
     selection,
 )
 from identification.estimators.fit import Fit
+from identification.estimators.linear.cautions import About, Caution
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import base_parameters_of_matrix
@@ -173,14 +174,14 @@ def _moved(
     if prior is not None:
         fit = replace(fit, cov=_shrunk(free, program, free.cov), cov_white=_shrunk(free, program, free.cov_white))
     if held:
-        moved = tuple(f"{regressor.names[regressor.first_effect + at]} is " for at in solution.held_bounds)
-        warnings = (
-            # A warning that the free value is at its bound says the same as the sentence on the constraint.
-            *(warning for warning in free.warnings if not warning.startswith(moved)),
-            *held,
-            "The deviations are those without these constraints: the true ones are smaller, and not symmetric.",
+        moved = {regressor.names[regressor.first_effect + at] for at in solution.held_bounds}
+        without = "The deviations are those without these constraints: the true ones are smaller, and not symmetric."
+        cautions = (
+            # That the free value is at its bound says the same as the sentence on the constraint.
+            *(one for one in free.cautions if one.about is not About.BOUND or moved.isdisjoint(one.names)),
+            *map(Caution, (*held, without)),
         )
-        fit = replace(fit, warnings=warnings)
+        fit = replace(fit, cautions=cautions)
     shared = {field.name: getattr(fit, field.name) for field in fields(Fit)}
     return ConsistentFit(**shared, pi=solution.pi, held=held)
 

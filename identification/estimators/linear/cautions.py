@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum, auto
 
 import numpy as np
 
@@ -23,6 +25,23 @@ _NOTHING = 100.0  # [%] of the torque, the error of a model that predicts none
 _CLIPPED = 0.999  # share of a torque limit from which a drive gives all it has
 
 
+class About(Enum):
+    """What a caution is about, as far as somebody may have something better to say of it."""
+
+    SEPARATION = auto()
+    BOUND = auto()
+    OTHER = auto()
+
+
+@dataclass(frozen=True)
+class Caution:
+    """A sentence on what to be careful with, what it is about, and the coefficients that it names."""
+
+    sentence: str
+    about: About = About.OTHER
+    names: tuple[str, ...] = ()
+
+
 def condition_of(factor: Float[Array, "r r"]) -> float:
     """Condition number of equations from their triangular factor, each column divided by its norm."""
     scaled = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
@@ -35,8 +54,8 @@ def cautions(
     theta: Float[Array, " r"],
     std: Float[Array, " r"],
     factor: Float[Array, "r r"],
-) -> tuple[str, ...]:
-    """Sentences on parameters that are not separable, ill-conditioned or at a bound, and on recordings at limits.
+) -> tuple[Caution, ...]:
+    """Cautions on parameters that are not separable, ill-conditioned or at a bound, and on recordings at limits.
 
     Args:
         regressor: The equations.
@@ -45,8 +64,13 @@ def cautions(
         std: Their standard deviations, nan where they are not known.
         factor: Triangular factor of the equations.
     """
-    return (*_lost(regressor, base), *_ill_conditioned(base, factor), *_uncertain(std),
-            *_at_bounds(regressor, base, theta, std), *_at_stops(regressor), *_at_torque_limits(regressor))  # fmt: skip
+    others = (*_at_stops(regressor), *_at_torque_limits(regressor))
+    return (
+        *_lost(regressor, base),
+        *map(Caution, (*_ill_conditioned(base, factor), *_uncertain(std))),
+        *_at_bounds(regressor, base, theta, std),
+        *map(Caution, others),
+    )
 
 
 def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
@@ -64,12 +88,14 @@ def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
             )
 
 
-def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[str]:
-    lost = [regressor.names[k] for k in base.dependent if k >= regressor.first_effect]
+def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[Caution]:
+    lost = tuple(regressor.names[k] for k in base.dependent if k >= regressor.first_effect)
     if lost:
-        yield (
+        yield Caution(
             f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
-            "a motion that separates them."
+            "a motion that separates them.",
+            About.SEPARATION,
+            lost,
         )
 
 
@@ -90,7 +116,7 @@ def _uncertain(std: Array) -> Iterator[str]:
         yield "There are no more equations than unknowns, so that no uncertainty can be given: record more."
 
 
-def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[str]:
+def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[Caution]:
     lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
     # A coefficient that others regroup into may have any value.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
@@ -101,14 +127,15 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
         ):
             if not alone[k] or not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
                 continue
-            value = f"{base.names[column]} is {theta[k]:.4g} {base.units[column]}".rstrip()
+            said = f"at its {side} bound of {bound:.4g} within its uncertainty: it may not be there."
             if beyond < -_AT_BOUND * std[k]:
-                yield (
-                    f"{value}, beyond its {side} bound of {bound:.4g}, which is impossible: something that the model "
+                said = (
+                    f"beyond its {side} bound of {bound:.4g}, which is impossible: something that the model "
                     "lacks takes its place; check the torque's sign and delay, or add effects."
                 )
-            else:
-                yield f"{value}, at its {side} bound of {bound:.4g} within its uncertainty: it may not be there."
+            name = base.names[column]
+            value = f"{name} is {theta[k]:.4g} {base.units[column]}".rstrip()
+            yield Caution(f"{value}, {said}", About.BOUND, (name,))
 
 
 def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.diagnosis.result import Adjusted, Bound, Diagnosis, Finding, JointGap, NotTestable
+from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
 from identification.words import diagnosis_words as words
 from identification.words.effect_words import (
     REGIMES,
@@ -16,7 +16,6 @@ from identification.words.effect_words import (
     words_of,
 )
 from identification.words.numbers_and_names import NO_BREAK, number, percent, with_unit
-from identification.words.verdict_words import hidden_words
 
 Row = tuple[str, ...]
 
@@ -64,17 +63,6 @@ def gap_row(joint: JointGap) -> Row:
         # One line is as wide as this interval at least, and a line may end before it.
         floor = f"{floor} ({low} to {high})".replace(" to ", f"{NO_BREAK}to{NO_BREAK}")
     return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, str(joint.hold_out_samples))
-
-
-def adjusted_row(adjusted: Adjusted) -> Row:
-    """Quantity, change, tolerance, and what could hide behind a move that ends at its limit."""
-    change, tolerance = f"{100 * adjusted.change:+.2g} %", f"±{100 * adjusted.tolerance:.2g} %"
-    return (
-        adjusted.quantity,
-        change,
-        tolerance,
-        f"at its limit: {hidden_words(adjusted)}" if adjusted.at_limit else "",
-    )
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:

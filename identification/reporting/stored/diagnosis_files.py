@@ -154,6 +154,7 @@ def _claim(claim: Claim[EffectAt]) -> Json:
         # What has no name in the catalogue is no effect for a reader.
         "instead": [_effect_at(at) for at in claim.instead if at.effect not in _NAMELESS],
         "figures": _plain(claim.figures),
+        "judged_by": claim.judged_by,
     }
 
 

@@ -168,6 +168,7 @@ def _claim(claim: Mapping[str, Any]) -> Claim[EffectAt]:
         claim["outcome"],
         tuple(EffectAt(**at) for at in claim.get("instead", ())),
         {name: _number(value) for name, value in claim.get("figures", {}).items()},
+        claim.get("judged_by", "torques"),
     )
 
 

@@ -297,6 +297,7 @@ class ClaimPart(_Part, frozen=True):
     outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
     instead: list[EffectPart] = []
     figures: dict[str, Number | None] = {}
+    judged_by: Literal["torques", "poses", "rests"] = "torques"
 
 
 class Document(_Part, frozen=True):

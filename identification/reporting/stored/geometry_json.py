@@ -25,7 +25,7 @@ from identification.geometry.result import (
 from identification.geometry.terms import ELASTIC
 from identification.words.note_words import sentences
 
-_BESIDE = ("frames", "findings", "evidence", "warnings")
+_BESIDE = ("frames", "findings", "evidence", "warnings", "claims")
 
 
 def frames_json(found: GeometryResult) -> list[dict[str, Any]]:

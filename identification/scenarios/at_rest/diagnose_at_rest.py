@@ -25,6 +25,7 @@ from identification.diagnosis.result import (
 )
 from identification.engine import contract_levels
 from identification.notes import Code, Note
+from identification.scenarios.at_rest.claims import claims_at_rest
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
 from identification.scenarios.measured_poses import with_poses
@@ -104,6 +105,9 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         evidence=_evidence(robot, every, ways, rows),
         wrong=wrong_with(recordings),
         run=uuid4().hex,
+        ledger=tuple(
+            claim for row in rows for claim in claims_at_rest(robot.joint_names[row], ways[row], every[row].repeat)
+        ),
     )
     return with_poses(found, robot, recordings)
 

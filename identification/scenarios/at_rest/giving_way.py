@@ -13,8 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.engine.claims import GateResult
 from identification.engine.products.block_products import block_products, left_of_each
 from identification.engine.resampling import block_counts, probabilities, share_by_likelihood
+from identification.gates.above_chance import more_than_chance
+from identification.gates.special_case import both_are_there
 from identification.scenarios.at_rest.rests import Stills
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
@@ -25,6 +28,9 @@ Array = np.ndarray
 LEAST_RESTS = 3
 # Sizes of load that differ by less than this part nothing: the model and the forces are not better known.
 _ALIKE = 0.2
+
+# Stands for none at all, of rests that are equal to the last bit; a number that is divided by it can be squared.
+_NO_DEVIATION = 1e-150
 
 # Of the catalogue; the last one, both together, has a parameter more.
 WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
@@ -59,6 +65,9 @@ class GivingWay:
         shift: Distance of the rests under loads of opposite sign [rad or m].
         shift_std: Its deviation.
         detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
+        shown: Whether the shift is more than chance makes, both in squares of its deviation.
+        both: Whether play and spring are each sure beside the other; None where that was not asked, as loads of one
+            size or few rests do not say it.
     """
 
     before: Float[Array, " R"]
@@ -68,6 +77,8 @@ class GivingWay:
     shift: float
     shift_std: float
     detectable_sizes: float
+    shown: GateResult
+    both: GateResult | None = None
 
 
 def testable(stills: Stills) -> bool:
@@ -82,24 +93,29 @@ def giving_way(stills: Stills) -> GivingWay:
     Args:
         stills: Rests under loads of either sign.
     """
-    from scipy.special import stdtrit
+    from scipy.special import stdtr, stdtrit
 
     error, load = stills.middles(stills.error), stills.middles(stills.load)
     side = np.sign(load)
     before = _fit(error, ()).left
     shift = _fit(error, (("backlash", -0.5 * side),))
-    width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
-    needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE)) * deviation
-    detectable_sizes = needed + 1.645 * deviation
-    if width <= needed:
-        return GivingWay(before, (), (), np.zeros(0), width, deviation, detectable_sizes)
+    width = float(shift.values[0])
+    deviation = max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)), _NO_DEVIATION)
+    needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE))
+    detectable_sizes = (needed + 1.645) * deviation
+    shown = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
+    if not shown.passed:
+        return GivingWay(before, (), (), np.zeros(0), width, deviation, detectable_sizes, shown)
     columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
     sizes = np.abs(load)
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
     ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
-    # Both together are a rival only if each is sure beside the other.
-    sure = ways[2].values > -float(stdtrit(max(len(error) - 3, 1), 0.01)) * ways[2].std
-    ways = ways if len(error) > 6 and not alike and sure.all() else ways[:2]
+    both = None
+    if len(error) > 6 and not alike:
+        # Both together are a rival only if each is sure beside the other.
+        certain = stdtr(len(error) - 3, ways[2].values / np.maximum(ways[2].std, 1e-300))
+        both = both_are_there(float(certain.min()))
+    ways = ways if both is not None and both.passed else ways[:2]
     losses = np.array([way.left**2 for way in ways]).T
     wins = np.full(len(ways), 1.0 / len(ways)) if alike else _probabilities(losses)
     ranked = sorted(range(len(ways)), key=lambda k: (-wins[k], k))
@@ -114,6 +130,8 @@ def giving_way(stills: Stills) -> GivingWay:
         width,
         deviation,
         detectable_sizes,
+        shown,
+        both,
     )
 
 

@@ -49,7 +49,7 @@ def test_what_is_named_has_passed_its_gates(diagnosis):
 def test_what_nothing_replaces_states_the_gate_that_it_failed(diagnosis):
     assert said(diagnosis, "torque_offset", "j2") == [
         "A torque offset on joint j2 would close 10 % of the gap; it is not named because beside what is named it "
-        "gains 3.5 on data that its fit has not seen, where chance alone may give 20."
+        "gains 3.5, where chance alone may give 20."
     ]
 
 
@@ -90,9 +90,18 @@ def test_a_file_without_a_ledger_says_so(diagnosis):
         why(replace(diagnosis, ledger=()), "coulomb_friction")
 
 
-def test_a_diagnosis_at_rest_has_no_ledger(diagnosis):
-    with pytest.raises(UsageError, match="made of recordings at rest or of poses"):
-        why(replace(diagnosis, ledger=(), band_hz=(0.0, 0.0)), "coulomb_friction")
+@pytest.mark.parametrize(("judged_by", "data"), [("poses", "these poses"), ("rests", "these rests")])
+def test_what_cannot_be_separated_is_said_of_the_data_that_judged_it(diagnosis, judged_by, data):
+    finding = replace(diagnosis.findings[0], rivals=(Rival((EffectAt("payload", None),), 0.12),))
+    ledger = tuple(replace(claim, judged_by=judged_by) for claim in diagnosis.ledger)
+    (sentence,) = said(replace(diagnosis, findings=(finding,), ledger=ledger), "payload")
+    assert f"these two cannot be separated by {data}" in sentence
+
+
+def test_what_poses_say_beside_torques_is_marked(diagnosis):
+    ledger = tuple(replace(claim, judged_by="poses") for claim in diagnosis.ledger)
+    (sentence,) = said(replace(diagnosis, ledger=ledger), "coulomb_friction")
+    assert sentence.startswith("Coulomb friction on joint j1 (judged by the measured poses) is named")
 
 
 def test_the_five_nearest_are_those_that_would_close_most(diagnosis):

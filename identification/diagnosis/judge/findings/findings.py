@@ -9,16 +9,16 @@ import numpy as np
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
-from identification.diagnosis.gates.least_size import large_enough
+from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
-from identification.diagnosis.judge.findings.shown import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.special_cases import implausible
+from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect

@@ -9,11 +9,11 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates import special_case
-from identification.diagnosis.gates.special_case import more_than_a_missing_part
 from identification.diagnosis.search.rival_sets import Place
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
+from identification.gates import special_case
+from identification.gates.special_case import more_than_a_missing_part
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.attached import Attached

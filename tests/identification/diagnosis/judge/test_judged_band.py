@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.gates.in_band import gap_is_there, visible
 from identification.diagnosis.judge.judged_band import Judge, growth_of_gap, growth_without, narrow_search
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.squares_left import squares_left
+from identification.gates.in_band import gap_is_there, visible
 
 
 def unfiltered(problem: Problem) -> Problem:

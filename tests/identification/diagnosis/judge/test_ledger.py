@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.gates import ORDER
 from identification.diagnosis.result import Diagnosis, EffectAt
+from identification.gates import ORDER
 from identification.pipeline import diagnose
 
 FRICTION = EffectAt("coulomb_friction", "elbow")

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.judge.findings.bench import Bench, State
 from identification.diagnosis.judge.findings.findings import (
     findings_without,
     remarks,
 )
-from identification.diagnosis.judge.findings.shown import Bench, State, in_band, shown_effects
+from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.noise.noise_floor import noise_floor

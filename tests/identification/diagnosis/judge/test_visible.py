@@ -8,7 +8,8 @@ import pytest
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.shown import Bench, State, in_band
+from identification.diagnosis.judge.findings.bench import Bench, State
+from identification.diagnosis.judge.findings.shown import in_band
 
 
 @pytest.fixture

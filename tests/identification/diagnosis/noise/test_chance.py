@@ -8,11 +8,11 @@ from scipy.stats import gumbel_r
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.gates import above_chance
 from identification.diagnosis.noise import chance
 from identification.diagnosis.noise.chance import _null_products, null_threshold
 from identification.diagnosis.search.search import Threshold, price
 from identification.engine.fits.held_out_gains import gains_on_residuals
+from identification.gates import above_chance
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
 

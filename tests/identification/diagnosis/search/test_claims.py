@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.search import search as search_module
-from identification.diagnosis.search.search import (
-    RowGaps,
-    claimed,
-    energy_by_block,
-    least_gain,
-)
+from identification.diagnosis.search import claims as claims_module
+from identification.diagnosis.search.claims import claimed, energy_by_block, least_gain
+from identification.diagnosis.search.search import RowGaps
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ def test_an_effect_that_is_zero_in_most_blocks_is_judged_where_it_acts(quiet, mo
         energy[block] = share
     for block, gain in gains.items():
         loss[block] -= gain
-    monkeypatch.setattr(search_module, "energy_by_block", lambda problem, terms: energy)
+    monkeypatch.setattr(claims_module, "energy_by_block", lambda problem, terms: energy)
     search, chosen = given(quiet, loss, 20.0)
     assert claimed(search, chosen, frozenset()) is claims
 

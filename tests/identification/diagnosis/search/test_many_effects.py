@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.search import claims, swaps
 from identification.diagnosis.search import search as search_module
-from identification.diagnosis.search import swaps
-from identification.diagnosis.search.search import dropped
+from identification.diagnosis.search.claims import dropped
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import swapped
 
@@ -42,7 +42,7 @@ def test_what_is_missed_least_is_what_a_fit_without_it_loses_least(made, monkeyp
     known = {term.place for term in made.search.terms}
     chosen = frozenset(made.term(*place) for place in (*needed, *needless) if place in known)
     assert len(chosen) > 4
-    monkeypatch.setattr(search_module, "_MOST_TRIED", tried)
+    monkeypatch.setattr(claims, "_MOST_TRIED", tried)
     assert {term.place for term in dropped(made.search, chosen)} == set(needed)
 
 
@@ -50,8 +50,8 @@ def test_what_is_missed_least_is_what_a_fit_without_it_loses_least(made, monkeyp
 def passes(monkeypatch) -> list[int]:
     """How many effects there are at each pass of elimination."""
     seen: list[int] = []
-    plain = search_module.least_missed
-    monkeypatch.setattr(search_module, "least_missed", lambda *given: seen.append(len(given[1])) or plain(*given))
+    plain = claims.least_missed
+    monkeypatch.setattr(claims, "least_missed", lambda *given: seen.append(len(given[1])) or plain(*given))
     return seen
 
 

@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.columns.terms import ordered
-from identification.diagnosis.gates import above_chance
-from identification.diagnosis.search import search as search_module
 from identification.diagnosis.search import stepwise
+from identification.diagnosis.search.claims import rows_of
+from identification.diagnosis.search.containment import contains, possible, relations, with_term
 from identification.diagnosis.search.record import Record
-from identification.diagnosis.search.search import (
-    contains,
-    possible,
-    price,
-    ranks_of,
-    relations,
-    with_term,
-)
+from identification.diagnosis.search.search import Threshold, price, ranks_of
 from identification.diagnosis.search.stepwise import explain, forward
 from identification.diagnosis.search.swaps import alternatives, replaced
+from identification.gates import above_chance
 from identification.stages import Announcement, Stage
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -285,7 +279,7 @@ class Outside:
 
     def __init__(self, problem, terms, scores):
         self.problem, self.terms, self.scores = problem, terms, scores
-        self.threshold, self.record = search_module.Threshold(5.0, {}), Record()
+        self.threshold, self.record = Threshold(5.0, {}), Record()
 
     def score(self, chosen):
         return self.scores[chosen]
@@ -308,10 +302,10 @@ def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(qu
     # Oracle: the statement itself. `claimed` says no to all that it is asked, so all that is doubted goes.
     problem, terms = quiet.search.problem, quiet.search.terms
     structure = next(term for term in terms if not term.named)
-    rows = search_module.rows_of(problem, structure)
+    rows = rows_of(problem, structure)
     friction = [term for term in terms if term.effect.name == "viscous_friction"]
-    here = next(term for term in friction if search_module.rows_of(problem, term) & rows)
-    elsewhere = next(term for term in friction if not search_module.rows_of(problem, term) & rows)
+    here = next(term for term in friction if rows_of(problem, term) & rows)
+    elsewhere = next(term for term in friction if not rows_of(problem, term) & rows)
     chosen, nothing = frozenset([here, elsewhere]), frozenset()
     scores = {chosen: 400.0, chosen | {structure}: 350.0, frozenset([structure, elsewhere]): 300.0}
     asked = []

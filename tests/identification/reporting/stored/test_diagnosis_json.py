@@ -149,6 +149,7 @@ class Entry(Strict):
     outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
     instead: list[At]
     figures: dict[str, float | None]
+    judged_by: Literal["torques", "poses", "rests"]
 
 
 class Document(Strict):

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from identification.diagnosis.judge.findings.shown import State, _without_exchanges
+from identification.diagnosis.judge.findings.bench import State
+from identification.diagnosis.judge.findings.shown import _without_exchanges
 
 
 @pytest.fixture

@@ -6,19 +6,13 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.gates.rivalry import likelier_than_rivals
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.shown import (
-    Bench,
-    State,
-    evened,
-    instead_of,
-    shown_effects,
-    together,
-)
+from identification.diagnosis.judge.findings.bench import Bench, State
+from identification.diagnosis.judge.findings.shown import evened, instead_of, shown_effects, together
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
+from identification.gates.rivalry import likelier_than_rivals
 from identification.pipeline import diagnose
 
 

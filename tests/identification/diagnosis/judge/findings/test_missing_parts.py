@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.gates.special_case import more_than_a_missing_part
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
     missing_shares,
@@ -16,6 +15,7 @@ from identification.diagnosis.judge.findings.missing_parts import (
     payload_of,
     share_without,
 )
+from identification.gates.special_case import more_than_a_missing_part
 from identification.words.note_words import sentences
 from phantom_dyn.model.attached import Attached
 

@@ -7,20 +7,20 @@ import inspect
 import numpy as np
 import pytest
 
-from identification.diagnosis.gates import GATES, ORDER, gate_name
-from identification.diagnosis.gates.above_chance import more_than_chance
-from identification.diagnosis.gates.coarse_reading import coarser_than_stated, rounding_matters
-from identification.diagnosis.gates.controller_gain import beyond_the_gain
-from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
-from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
-from identification.diagnosis.gates.in_band import gap_is_there, torque_is_there, visible
-from identification.diagnosis.gates.least_size import large_enough
-from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
-from identification.diagnosis.gates.over_blocks import in_enough_blocks
-from identification.diagnosis.gates.possible import possible_size
-from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
-from identification.diagnosis.gates.special_case import differs_from_simpler, more_than_a_missing_part
 from identification.engine.claims import GateResult
+from identification.gates import GATES, ORDER, gate_name
+from identification.gates.above_chance import more_than_chance
+from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.gates.controller_gain import beyond_the_gain
+from identification.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.gates.fair_part import fair_part_of_the_gap
+from identification.gates.in_band import gap_is_there, torque_is_there, visible
+from identification.gates.least_size import large_enough
+from identification.gates.moved_joints import shown_above_noise, shown_by_motion
+from identification.gates.over_blocks import in_enough_blocks
+from identification.gates.possible import possible_size
+from identification.gates.rivalry import likelier_than_rivals, plausible_size
+from identification.gates.special_case import both_are_there, differs_from_simpler, more_than_a_missing_part
 from identification.words.ledger_words import REASONS
 
 SIDES = [
@@ -34,6 +34,7 @@ SIDES = [
     (gap_is_there(0.03), gap_is_there(0.031)),
     (visible(0.029), visible(0.03)),
     (differs_from_simpler(0.949), differs_from_simpler(0.95)),
+    (both_are_there(0.99), both_are_there(0.991)),
     (more_than_a_missing_part(0.9), more_than_a_missing_part(0.89)),
     (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.0, "", rival_is=True)),
     (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.1, "kg", rival_is=False)),

@@ -1,4 +1,4 @@
-"""What a claim on the torque has to pass: one gate a function, in the order in which they are asked.
+"""What a claim has to pass: one gate a function, in the order in which they are asked.
 
 A gate is given the figures of a claim and says what it measured, what is needed, and whether that is enough. Its
 docstring is its question, and its thresholds stand beside it. ``python benchmarks/same_answers.py record --rule
@@ -9,19 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from identification.diagnosis.gates.above_chance import more_than_chance
-from identification.diagnosis.gates.coarse_reading import coarser_than_stated, rounding_matters
-from identification.diagnosis.gates.controller_gain import beyond_the_gain
-from identification.diagnosis.gates.exchange import explains_more_than_others, worth_its_numbers
-from identification.diagnosis.gates.fair_part import fair_part_of_the_gap
-from identification.diagnosis.gates.in_band import gap_is_there, torque_is_there, visible
-from identification.diagnosis.gates.least_size import large_enough
-from identification.diagnosis.gates.moved_joints import shown_above_noise, shown_by_motion
-from identification.diagnosis.gates.over_blocks import in_enough_blocks
-from identification.diagnosis.gates.possible import possible_size
-from identification.diagnosis.gates.rivalry import likelier_than_rivals, plausible_size
-from identification.diagnosis.gates.special_case import differs_from_simpler, more_than_a_missing_part
 from identification.engine.claims import GateResult
+from identification.gates.above_chance import more_than_chance
+from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.gates.controller_gain import beyond_the_gain
+from identification.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.gates.fair_part import fair_part_of_the_gap
+from identification.gates.in_band import gap_is_there, torque_is_there, visible
+from identification.gates.least_size import large_enough
+from identification.gates.moved_joints import shown_above_noise, shown_by_motion
+from identification.gates.over_blocks import in_enough_blocks
+from identification.gates.possible import possible_size
+from identification.gates.rivalry import likelier_than_rivals, plausible_size
+from identification.gates.special_case import both_are_there, differs_from_simpler, more_than_a_missing_part
 
 GATES: tuple[Callable[..., GateResult], ...] = (
     possible_size,
@@ -36,6 +36,7 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     visible,
     shown_above_noise,
     differs_from_simpler,
+    both_are_there,
     more_than_a_missing_part,
     plausible_size,
     likelier_than_rivals,

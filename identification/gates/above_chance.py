@@ -19,12 +19,13 @@ PARAMETER_PRICE = 5.0
 
 
 def more_than_chance(gain: float, chance: float) -> GateResult:
-    """Does it gain more on held-out data than chance does over the whole catalogue, or on its joint?
+    """Does it gain more than chance does over the whole catalogue, or on its joint?
 
     More of the same motion passes: the gain of a real effect grows with it, and that of chance does not.
 
     Args:
-        gain: The smaller of the gains on held-out data and in sample.
+        gain: Of torques the smaller of the gains on held-out data and in sample; of poses and rests, for which chance
+            is known by a distribution, the squares that it explains in sample.
         chance: What no effect reaches by chance.
     """
     return GateResult("more than chance", gain, chance, "gain", gain > chance)

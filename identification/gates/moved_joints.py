@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from identification.diagnosis.gates.in_band import VISIBLE_GROWTH
-from identification.diagnosis.gates.over_blocks import SIGNIFICANT_ERRORS
 from identification.engine.claims import GateResult, easiest
+from identification.gates.in_band import VISIBLE_GROWTH
+from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray

@@ -11,6 +11,9 @@ from identification.engine.claims import GateResult
 # together that do no better than one structure are the less likely cause.
 NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 
+# gain: less than that is rounding of the fits, by which no set takes the place of another.
+ROUNDING = 1e-6
+
 # share: of what a single named effect explains, which a structure with many shapes makes good for.
 NAMELESS_ACCURACY = 0.015
 

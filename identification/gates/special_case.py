@@ -10,6 +10,9 @@ from identification.engine.claims import GateResult
 # probability: (Wald's test) that a linear law has a size in the fit that states it.
 DIFFERS_FROM_ZERO = 0.95
 
+# probability: (Student's test) that play and spring of a joint are each more than nothing beside the other.
+BOTH_THERE = 0.99
+
 # share: of the squared torque that wrong inertial parameters explain, from which on a part of the model that would make
 # it by its absence is named; what is left of the amplitude is half.
 PART_SHARE = 0.75
@@ -28,6 +31,17 @@ def differs_from_simpler(certain: float) -> GateResult:
         certain: Probability that chance keeps its numbers nearer to the special case than they are.
     """
     return GateResult("differs from simpler", certain, DIFFERS_FROM_ZERO, "probability", certain >= DIFFERS_FROM_ZERO)
+
+
+def both_are_there(certain: float) -> GateResult:
+    """Of rests alone: is each of two causes in one joint more than nothing beside the other?
+
+    Rests under loads of more sizes pass, as these separate play from spring.
+
+    Args:
+        certain: Probability of the less certain one that chance keeps it below what it is.
+    """
+    return GateResult("both are there", certain, BOTH_THERE, "probability", certain > BOTH_THERE)
 
 
 def more_than_a_missing_part(share: float) -> GateResult:

@@ -1,0 +1,143 @@
+"""Where the loop over the gates is, and what claims are judged by; what is computed for a set is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+from identification.diagnosis.columns.session import Series
+from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.judged_band import Judge, growth_of_gap
+from identification.diagnosis.judge.moved_by_noise import loud_search
+from identification.diagnosis.search.record import Place, Record
+from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing, with_wide_tolerances
+from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.squares_left import squares_left
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Effects that are shown to the user, and their fits in the judged band.
+
+    Attributes:
+        plain: The search with plain fits in the judged band.
+        chosen: The effects, structures without a name among them.
+        joint_fit: Fit of all their numbers at once.
+        standings: Of each named one, compared beside all that the search has found. Effects that are too small to be
+            shown are included, so that no rival wins by explaining those.
+        beside: All that the search has found, with what took its place.
+    """
+
+    plain: Search
+    chosen: frozenset[Term]
+    joint_fit: JointFit
+    standings: dict[Term, Standing]
+    beside: frozenset[Term] = frozenset()
+
+    @property
+    def problem(self) -> Problem:
+        """The plain problem."""
+        return self.plain.problem
+
+    @property
+    def named(self) -> frozenset[Term]:
+        """Effects of the catalogue."""
+        return frozenset(term for term in self.chosen if term.named)
+
+    @property
+    def found(self) -> Fitted:
+        """Held-out fit of the named effects."""
+        return self.plain.evaluate(self.named)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where the loop is.
+
+    Attributes:
+        found: What the search has found, as far as nothing has taken its place: rivals are compared beside all of it.
+        shown: Effects among these that have passed all gates so far.
+        barred: Effects and joints that are no rivals.
+        nothing: Effects that have turned out to be no more than nothing.
+        searched_again: Whether others were looked for in the place of these.
+        outdone: Effects and joints that had to give way to a rival, and do not come back while it is there.
+        exchanged: What gave way to rivals, and these.
+        looked_at: Sets whose rivals were compared.
+        done: Whether the last of these is what is shown.
+    """
+
+    found: frozenset[Term]
+    shown: frozenset[Term]
+    barred: frozenset[Place] = NONE_BARRED
+    nothing: frozenset[Term] = frozenset()
+    searched_again: bool = False
+    outdone: frozenset[Place] = frozenset()
+    exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
+    looked_at: tuple[Shown, ...] = ()
+    done: bool = False
+
+    @classmethod
+    def of(cls, found: frozenset[Term]) -> State:
+        """The beginning."""
+        return cls(found, found)
+
+    def with_others(self, found: frozenset[Term]) -> State:
+        """The same with another set, of which all may be shown: what was hidden beside the first may be seen now."""
+        return replace(self, found=found, shown=found, nothing=frozenset())
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What claims are judged by; what is computed for a set is kept.
+
+    Attributes:
+        search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        noise: Of each log's torque.
+        judge_of: Floors of the joints beside a set of effects.
+    """
+
+    search: Search
+    plain: Search
+    noise: Series
+    judge_of: Callable[[frozenset[Term]], Judge]
+    _fits: dict[frozenset[Term], JointFit] = field(default_factory=dict)
+
+    @property
+    def record(self) -> Record:
+        """Where decisions are written down."""
+        return self.search.record
+
+    @cached_property
+    def gap(self) -> float:
+        """Growth of the gap over the noise, see `growth_of_gap`."""
+        return growth_of_gap(self.plain.problem, self.noise)
+
+    @cached_property
+    def again(self) -> tuple[Search, ...]:
+        """The rivals under what should not matter: another band and other tolerances."""
+        return self.plain, with_wide_tolerances(self.search)
+
+    @cached_property
+    def loud(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
+        """The search where the motion is far above the noise that a set leaves."""
+        # Nothing in it refers to this bench, whose memory could else not be freed at once.
+        plain, noise = self.plain, self.noise
+        return lru_cache(maxsize=1)(lambda found: loud_search(plain, found, found, noise))
+
+    @cached_property
+    def left(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], Sums]]:
+        """What subsets of a set leave in the judged band."""
+        plain = self.plain
+        return lru_cache(maxsize=1)(lambda found: squares_left(plain, found))
+
+    def fit(self, shown: frozenset[Term]) -> JointFit:
+        """Fit of all numbers of a set at once."""
+        if shown not in self._fits:
+            self._fits[shown] = joint_fit(self.plain.problem.of(shown), ordered(shown), self.plain.evaluate(shown))
+        return self._fits[shown]

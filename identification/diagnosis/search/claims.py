@@ -1,0 +1,141 @@
+"""What the gates of a claim say of effects in a set, and backward elimination of those that fail them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.fit.gap import row_counts
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.search.search import IMPOSSIBLE, Search
+from identification.engine.claims import GateResult, until_failed
+from identification.gates import above_chance, fair_part
+from identification.gates.above_chance import more_than_chance
+from identification.gates.fair_part import fair_part_of_the_gap
+from identification.gates.over_blocks import in_enough_blocks
+from identification.gates.possible import possible_size
+from phantom_dyn.array_types import Float
+
+Array = np.ndarray
+
+# Effects of a set without which it is fitted, those that it would miss least.
+_MOST_TRIED = 12
+
+
+def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
+    """Held-out gain that a claim of these effects needs: more than chance, on joints where it closes a fair part.
+
+    An effect may touch a joint with a large gap and act on another one: its gain counts only where it is a fair part of
+    the gap. Of that gap, laws beside it that rigid bodies obey exactly have taken their part, and leave no more for
+    what resembles them.
+
+    Args:
+        search: Thresholds of chance and gaps of the rows.
+        terms: What is claimed.
+        beside: Effects that are there without the claim.
+        by_row: How the gain is spread over the joints, in any unit, ``(nv,)``.
+    """
+    parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
+    fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
+    order = np.argsort(fair)
+    counted = np.maximum(np.cumsum(parts[order]), 1e-12)
+    least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
+    return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
+
+
+def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
+    """Gain on each row that is a fair part of its gap, ``(nv,)``."""
+    gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
+    if exact:
+        left = search.fits.row_losses(exact)
+        gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
+    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+
+
+def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+    """True if ``chosen`` passes the gates of a claim over ``without``, see `asked`."""
+    return asked(search, chosen, without)[-1].passed
+
+
+def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
+    """What the gates of a claim say of ``chosen`` beside ``without``, in their order, up to the first that fails.
+
+    Its sizes have to exist; the gain has to be more than chance gives, on held-out data and in sample; it has to be a
+    fair part of the gap; and it has to hold in enough blocks.
+    """
+    return until_failed(_questions(search, chosen, without))
+
+
+def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
+    yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
+    rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
+    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+    held_out = plain.total - rich.total
+    gain = min(held_out, plain.objective - rich.objective)
+    yield more_than_chance(gain, search.threshold.of(*new))
+    extra = search.price_of(chosen) - search.price_of(without)
+    by_row = plain.row_losses - rich.row_losses
+    needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
+    yield fair_part_of_the_gap(gain, needed)
+    yield in_enough_blocks(
+        plain.loss - rich.loss,
+        held_out,
+        gain,
+        needed,
+        lambda: energy_by_block(search.problem, new),
+        named=any(term.named for term in new),
+    )
+
+
+def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
+    """Energy of the columns of effects in each block over that in the block with most of it; one where there is none.
+
+    Zero, up to rounding, where an effect does not act at all.
+    """
+    columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
+    energy = problem.grams.core_a.diagonal(columns)
+    share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
+    return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
+
+
+def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Backward elimination: remove, one by one, effects that are no longer needed.
+
+    Of many effects only those are tried that the fit would miss least. On a robot of many joints several of these may
+    go in one step, as long as no two of them touch the same joint.
+    """
+    while chosen:
+        whole, touched = chosen, frozenset[int]()
+        for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
+            rows = rows_of(search.problem, term)
+            if rows.isdisjoint(touched):
+                results = asked(search, chosen, chosen - {term})
+                if not results[-1].passed:
+                    search.record.lost([term], *results)
+                    chosen, touched = chosen - {term}, touched | rows
+            if not touched or not search.many_joints:
+                break
+        if chosen == whole:
+            return chosen
+    return chosen
+
+
+def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
+    """The effects without which the loss in sample grows least, to second order; of a few effects all."""
+    terms = ordered(chosen)
+    if len(terms) <= _MOST_TRIED:
+        return terms
+    found = search.evaluate(chosen)
+    cov, missed = found.cov, {}
+    for term in terms:
+        own = np.searchsorted(found.active, term.columns)
+        x = found.theta[list(term.columns)]
+        missed[term] = float(x @ np.linalg.pinv(cov[np.ix_(own, own)], hermitian=True) @ x)
+    return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
+
+
+def rows_of(problem: Problem, term: Term) -> frozenset[int]:
+    """Joints whose torque a term touches."""
+    return problem.touched[term.columns[0]]

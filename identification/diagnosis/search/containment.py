@@ -1,0 +1,60 @@
+"""Which effect is a special case of which other one, and which sets may hold both."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from functools import cache
+
+from identification.diagnosis.columns.terms import Term
+
+
+def contains(rich: Term, simple: Term) -> bool:
+    """True if ``simple`` is a special case of ``rich``."""
+    if rich is simple:
+        return False
+    if simple.column_set < rich.column_set:
+        return True
+    if simple.effect.name in rich.effect.contains:
+        return simple.joint == rich.joint or simple.column_set == rich.column_set
+    return False
+
+
+def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+    """``chosen`` and ``term``, without its special cases and without the same effect of another shape."""
+    kept = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
+    return frozenset([*kept, term])
+
+
+def _exclude(one: Term, other: Term) -> bool:
+    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
+    if one.joint != other.joint:
+        return False
+    return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
+
+
+def possible(chosen: frozenset[Term], term: Term) -> bool:
+    """False if ``term`` is there already, or a special case of what is."""
+    return term not in chosen and not any(contains(other, term) for other in chosen)
+
+
+def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
+    """For one of these terms, those to which it gives way, itself among them, and those that contain it."""
+    near: dict[object, list[Term]] = defaultdict(list)
+    for term in terms:
+        # Only terms on one joint or with common columns have anything to do with each other.
+        for key in (("joint", term.joint), *term.columns):
+            near[key].append(term)
+
+    def related(term: Term) -> set[Term]:
+        return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
+
+    @cache
+    def displacing(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(other, term) or _exclude(other, term))
+
+    @cache
+    def covering(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(other, term))
+
+    return displacing, covering
