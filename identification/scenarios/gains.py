@@ -102,19 +102,6 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     return tuple(_of_joint(robot, j, samples[:, j], float(away[j])) for j in range(robot.nv))
 
 
-def suggested_gains(recording: Recording, robot: Robot) -> Float[Array, "2 nv"]:
-    """Gains kp and kd [N m/rad, N m s/rad; N/m, N s/m] of `estimated_gains`; NaN for a joint whose motion tells none.
-
-    Args:
-        recording: With references.
-        robot: The given model.
-
-    Raises:
-        LogError: If there are no references, one is not finite, or the recording is too short.
-    """
-    return np.array([(one.kp, one.kd) for one in estimated_gains((recording,), robot)]).T
-
-
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
     """The robot with controllers where it states none, and recordings whose notes say what was estimated.
 

@@ -154,7 +154,10 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
         return f"{capital(name)} is named: it passed all {len(claim.gates)} gates that it met{alone}."
     if claim.outcome == "minor":
         return f"{capital(name)} is seen, and listed as minor: {_reason(failed)}."
-    start = f"{would}; it is not named because" if would else f"{capital(name)} is not named because"
+    several = len(claim.effects) > 1
+    start = f"{would}; {'they are' if several else 'it is'} not named because"
+    if not would:
+        start = f"{capital(name)} {'are' if several else 'is'} not named because"
     if claim.outcome == "displaced" and claim.instead:
         return f"{start} {_instead(claim, _as_rival(diagnosis, claim))}."
     return f"{start} {_reason(failed)}."

@@ -14,7 +14,7 @@ from identification.diagnosis.result import EffectAt, Judgement, Value
 from identification.engine.claims import Claim
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
-from identification.scenarios.gains import suggested_gains
+from identification.scenarios.gains import estimated_gains
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.motion_only import commanded_torque, motion_robot, with_commanded_torque
 from identification.words.note_words import sentences
@@ -120,9 +120,9 @@ def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
 def test_the_gains_that_moved_the_true_model_are_suggested(pendulum):
     # 1 N m of dry friction that the model lacks is not taken for a gain.
     recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
-    kp, kd = suggested_gains(recording, replace(pendulum, actuators=(Actuator(),)))[:, 0]
-    assert kp == pytest.approx(KP, rel=0.02)
-    assert kd == pytest.approx(KD, rel=0.05)
+    (found,) = estimated_gains((recording,), replace(pendulum, actuators=(Actuator(),)))
+    assert found.kp == pytest.approx(KP, rel=0.02)
+    assert found.kd == pytest.approx(KD, rel=0.05)
 
 
 def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
@@ -130,12 +130,13 @@ def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
     assert recording.q_ref is not None
     short = replace(recording, t=recording.t[:9], q=recording.q[:9], q_ref=recording.q_ref[:9])
     with pytest.raises(LogError, match=r"moved\.csv is too short, or a reference is no number"):
-        suggested_gains(short, pendulum)
+        estimated_gains((short,), pendulum)
 
 
 def test_a_reference_that_never_leaves_the_joint_tells_no_gain(pendulum):
     recording, _ = moved(pendulum)
-    assert np.isnan(suggested_gains(replace(recording, q=recording.q_ref), pendulum)).all()
+    (found,) = estimated_gains((replace(recording, q=recording.q_ref),), pendulum)
+    assert np.isnan([found.kp, found.kd]).all()
 
 
 def test_without_references_the_refusal_says_what_is_needed(pendulum):

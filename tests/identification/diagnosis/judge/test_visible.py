@@ -7,7 +7,7 @@ import pytest
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.judge.findings import shown as shown_module
+from identification.diagnosis.judge.findings import bench as bench_module
 from identification.diagnosis.judge.findings.bench import Bench, State
 from identification.diagnosis.judge.findings.shown import in_band
 
@@ -25,8 +25,8 @@ def shown(quiet, monkeypatch):
             square = np.array(left["".join(sorted(names[term] for term in chosen)) or "nothing"])
             return Sums(square * counts, counts)
 
-        monkeypatch.setattr(shown_module, "squares_left", lambda plain, found: squares)
-        monkeypatch.setattr(shown_module, "growth_of_gap", lambda problem, noise: 1.0)
+        monkeypatch.setattr(bench_module, "squares_left", lambda plain, found: squares)
+        monkeypatch.setattr(bench_module, "growth_of_gap", lambda problem, noise: 1.0)
         bench = Bench(quiet.search, quiet.search, quiet.noise, lambda _: pytest.fail("no floor is needed"))
         return {names[term] for term in in_band(bench, State.of(frozenset(names))).shown}
 

@@ -13,6 +13,7 @@ from identification.reporting.page.explaining import explaining_variable, joint_
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.at_rest.giving_way import _probabilities
 from identification.scenarios.at_rest.rests import stills_under_load
+from identification.words.ledger_words import why
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError
@@ -65,6 +66,15 @@ def test_a_play_is_told_from_a_spring_by_loads_of_several_sizes(robot, rng):
     assert (finding.effect, finding.joint, finding.verdict) == ("backlash", "pin", "supported")
     assert gap == pytest.approx(GAP, abs=4 * std)
     assert std < 0.02 * GAP
+
+
+def test_the_ledger_says_why_a_spring_is_not_named(robot, rng):
+    # Known truth: the joint has a play and no spring.
+    found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, gap=GAP),))
+    (named,) = why(found, "backlash", "pin")[:1]
+    (spring,) = why(found, "transmission_compliance", "pin")[:1]
+    assert "is named: it passed all 2 gates that it met" in named.sentence
+    assert "it is not named because backlash on joint pin" in spring.sentence
 
 
 def test_a_spring_is_told_from_a_play_by_loads_of_several_sizes(robot, rng):
