@@ -25,11 +25,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Value:
-    """An estimate with its standard deviation and unit; lists for parameters that are lists (cogging orders)."""
+    """An estimate with its standard deviation and unit; lists for parameters that are lists (cogging orders).
+
+    A number that the recordings do not show has no finite deviation.
+    """
 
     value: float | list[float]
     std: float | list[float]
     unit: str
+
+    @property
+    def shown(self) -> bool:
+        """True if the recordings show the number, every one of a list."""
+        return bool(np.isfinite(self.std).all())
 
 
 @dataclass(frozen=True)

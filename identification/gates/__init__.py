@@ -14,6 +14,7 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
 from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
 from identification.gates.in_band import gap_is_there, torque_is_there, visible
 from identification.gates.least_size import large_enough
@@ -25,6 +26,7 @@ from identification.gates.special_case import both_are_there, differs_from_simpl
 
 GATES: tuple[Callable[..., GateResult], ...] = (
     possible_size,
+    bodies_can_exist,
     more_than_chance,
     fair_part_of_the_gap,
     in_enough_blocks,

@@ -113,9 +113,11 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 
 def _finding_line(finding: Finding) -> str:
     grown = growth_words(finding)
-    values = {name: value for name, value in finding.parameters.items() if not (grown and name == "ratio")}
-    sizes = _sizes(values)
-    size = (f": {sizes}" if sizes else "") + grown
+    known = words.shown_parameters(finding)
+    values = {name: value for name, value in known.items() if not (grown and name == "ratio")}
+    open_ = words.not_shown_words(finding)
+    sizes = _sizes(values) if values else ""
+    size = (f": {sizes}" if sizes else "") + grown + (f" ({open_})" if open_ else "")
     sure = f"{words.sureness(finding.probability)}, {words.of_the_gap(finding)}"
     instead = words.rivals_words(finding)
     rivals = f"; {instead}" if instead else ""

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.diagnosis.result import EffectAt, Finding
+from identification.diagnosis.result import EffectAt, Finding, Value
 from identification.engine import contract_levels
 from identification.geometry.terms import TOOL_POSE
 from identification.words.effect_words import (
     is_between_joints,
+    is_shared,
     regime_sentence,
     shortfall_words,
     size_words,
@@ -29,6 +30,8 @@ SURENESS = (
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 _BESIDE = " beside the others"
+# Numbers that a sentence lists by name at most.
+_MOST_OPEN = 4
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
@@ -135,10 +138,7 @@ def place(effect: str, joint: str | None) -> str:
         return "the whole robot"
     if effect == TOOL_POSE:
         return f"frame {joint}"
-    first, plus, second = joint.partition("+")
-    if plus and is_between_joints(effect):
-        return joints_words([first, second])
-    return joints_words([joint])
+    return joints_words(joint.split("+") if is_between_joints(effect) or is_shared(effect) else [joint])
 
 
 def joints_words(names: list[str]) -> str:
@@ -214,6 +214,21 @@ def of_the_gap(finding: Finding) -> str:
     if finding.share is not None and finding.share < 0.0:
         return f"{percent(finding.gap_closed)} of the gap{_BESIDE}"
     return f"{share_of_gap(finding)} of the gap"
+
+
+def shown_parameters(finding: Finding) -> dict[str, Value]:
+    """The numbers of a finding that the recordings show."""
+    return {name: value for name, value in finding.parameters.items() if value.shown}
+
+
+def not_shown_words(finding: Finding) -> str:
+    """``this motion does not show center y`` of numbers that the recordings leave open; empty if there are none."""
+    names = [parameter_name(name) for name, value in finding.parameters.items() if not value.shown]
+    if not names:
+        return ""
+    if len(names) > _MOST_OPEN:
+        return f"this motion does not show {len(names)} of its numbers"
+    return f"this motion does not show {joined(names, ' or ')}"
 
 
 def parameter_name(name: str) -> str:

@@ -81,6 +81,12 @@ def is_between_joints(effect: str) -> bool:
     return known is not None and known.scope == "pair"
 
 
+def is_shared(effect: str) -> bool:
+    """True if an effect of the catalogue may have one number on several joints."""
+    known = known_effect(effect)
+    return known is not None and known.shared
+
+
 def regime_words(regime: str | None) -> str:
     """Words for a regime; empty for None."""
     return "" if regime is None else REGIMES.get(regime, regime.replace("_", " "))
@@ -98,7 +104,7 @@ def size_words(finding: Finding) -> str:
     """What follows a finding's name, as in ``of 0.051 N m``; empty where a parameter is missing."""
     template = words_of(finding).size
     fields = [name for _, name, _, _ in string.Formatter().parse(template) if name]
-    if not fields or any(name not in finding.parameters for name in fields):
+    if not fields or any(name not in finding.parameters or not finding.parameters[name].shown for name in fields):
         return ""
     return template.format(**{name: _shown(finding.parameters[name]) for name in fields})
 

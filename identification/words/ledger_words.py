@@ -20,6 +20,7 @@ _CLEAR = 0.01  # noise floors: what closes less more closes as much
 # Of each gate, why what fails it is not named; `value` and `needed` are its figures.
 REASONS: dict[str, str] = {
     "possible size": "its fit ends on a size that nothing has",
+    "bodies can exist": "bodies that can exist make only {value} of what free inertial parameters gain there",
     "more than chance": "beside what is named it gains {value}, where chance alone may give {needed}",
     "fair part of the gap": "it gains {value} where a fair part of the gap, encoder noise and its own numbers ask for "
     "{needed}",
@@ -48,7 +49,14 @@ REASONS: dict[str, str] = {
 }
 
 _DATA: dict[Data, str] = {"torques": "this motion", "poses": "these poses", "rests": "these rests"}
-_SHARES = {"of the squared noise", "of the squared residual", "of the squared torque", "of the gap", "probability"}
+_SHARES = {
+    "of the gain",
+    "of the squared noise",
+    "of the squared residual",
+    "of the squared torque",
+    "of the gap",
+    "probability",
+}
 
 
 @dataclass(frozen=True)

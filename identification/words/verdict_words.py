@@ -15,7 +15,7 @@ from identification.words.diagnosis_words import (
     on_place,
     place,
 )
-from identification.words.effect_words import is_between_joints, regime_words
+from identification.words.effect_words import is_between_joints, is_shared, regime_words
 from identification.words.numbers_and_names import number, percent
 
 _SEVERAL = 3  # joints from which all of a robot are named by their number
@@ -83,7 +83,8 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
     for finding in diagnosis.findings:
         # What has no joint, or two, stands for itself, and so does what is less than modelled.
-        own = finding.joint is None or is_between_joints(finding.effect)
+        several = is_between_joints(finding.effect) or (is_shared(finding.effect) and "+" in (finding.joint or ""))
+        own = finding.joint is None or several
         by_effect.setdefault((finding_name(finding), finding.recording, own), []).append(finding)
     by_place: dict[object, list[list[Finding]]] = {}
     for number_of, (key, found) in enumerate(by_effect.items()):

@@ -212,6 +212,14 @@ class Rival(ABC):
         return "whole joint" in self.made_of
 
     @property
+    def shared(self) -> bool:
+        """True if one cause may give it one number on several joints, as a wrong current scale of drives of one kind.
+
+        It then also sits on several joints, their names joined by ``+``.
+        """
+        return self.scales_joint
+
+    @property
     def on_link(self) -> bool:
         """True if its torque is on the link, so that the transmission passes it."""
         return self.acts_as == "load"
@@ -362,7 +370,10 @@ class Effect(Rival):
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
         """True if a device can have it there, also where no search tries it."""
-        return joint in self.places(robot)
+        places = self.places(robot)
+        if self.shared and joint is not None and "+" in joint:
+            return all(one in places for one in joint.split("+"))
+        return joint in places
 
     def from_coefficients(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape

@@ -17,6 +17,7 @@ from identification.data.checks.against_model import (
 from identification.data.checks.certain_faults import certain_faults, load_or_current_words
 from identification.data.checks.drive_loops import check_computed, check_controllers
 from identification.data.checks.filtered_torques import check_filtered, filtered_joints
+from identification.data.checks.one_line import check_one_line
 from identification.data.checks.positions import (
     check_coarse_step,
     check_frozen,
@@ -130,6 +131,7 @@ def _check_against_model(
     if found:
         return list(swapped)
     return [
+        *check_one_line(robot, smooth),
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
         *check_lag(felt, robot, smooth, steep=filtered),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis.columns.common_causes import together
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import SERIES, FoundEffect, Term, shapes_of
 from phantom_dyn.effects.effect import Rival, Shape
@@ -53,7 +54,9 @@ def lay_out(
     terms: list[Term] = []
     local: list[Local] = []
     start = _first(operation)
-    for effect, joint, shapes in shapes_of(robot, operation, found, resonances, session.differences.own):
+    for effect, joint, shapes in shapes_of(
+        robot, operation, found, resonances, session.differences.own, together(session, operation)
+    ):
         if effect.inertial is not None:
             columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
             size = 4 if effect.inertial == "point mass" else len(columns)

@@ -99,6 +99,7 @@ def shapes_of(
     found: tuple[FoundEffect, ...],
     seen: tuple[FoundEffect, ...] = (),
     own: tuple[Effect, ...] = (),
+    together: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
     """Effects, places and shapes to try in a recording that can show them.
 
@@ -108,11 +109,12 @@ def shapes_of(
         found: By the last fit; shapes near these take the place of the effect's grid.
         seen: By an experiment of its own; these stand beside the grid.
         own: Effects that act in one of several recordings only.
+        together: Joints, their names joined by ``+``, on which one cause may have one number.
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
     for effect in (*catalogue.effects_of(robot), *own, *STRUCTURES):
-        for joint in effect.places(robot):
+        for joint in (*effect.places(robot), *(together if effect.shared else ())):
             if effect.untestable(robot, operation, joint) is not None:
                 continue
             point = near.get((effect.name, joint))

@@ -13,9 +13,10 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
-from identification.engine.fits.minimum import minimum_of
+from identification.engine.fits.minimum import Minimum, minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 
@@ -39,6 +40,7 @@ class Fitted:
         objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
+        denied: Loss that bodies which cannot exist would have taken off beyond this fit, in sample.
     """
 
     problem: Problem
@@ -49,6 +51,7 @@ class Fitted:
     objective: float
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
+    denied: float = 0.0
 
     @property
     def total(self) -> float:
@@ -180,9 +183,10 @@ def fit(
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
     # A torque constant multiplies everything else on its row: refit about the last gain.
     columns = [term.columns[0] for term in scaled]
-    rows = [next(j for j, row in enumerate(problem.columns.rows) if column in row) for column in columns]
+    rows = [sorted(problem.touched[column]) for column in columns]
     scalings = () if point is None else point.scalings
-    gains = np.array([scaling.gain for scaling in scalings]) if scalings else np.ones(len(scaled))
+    known = {scaling.column: scaling.gain for scaling in scalings}
+    gains = np.array([known.get(column, 1.0) for column in columns])
     for _ in range(0 if scalings else 4):
         found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
         # About the next gain hardly any bound binds that did not.
@@ -192,7 +196,9 @@ def fit(
         theta = found.theta.copy()
         theta[columns] = 0.0
         scalings = tuple(
-            Scaling(row, column, float(gain), theta) for row, column, gain in zip(rows, columns, gains, strict=True)
+            Scaling(row, column, float(gain), theta)
+            for own, column, gain in zip(rows, columns, gains, strict=True)
+            for row in own
         )
         if np.all(np.abs(step) < 1e-3):
             break
@@ -246,7 +252,8 @@ def _fit_at_point(
     products = products_of(problem, active, scalings, held_out)
     if payload is not None and load is None:
         load = Load(payload, _point_mass(problem, active, replace(products, held_out=None), payload, near))
-    return _fit_linear(problem, active, products, Point(scalings, load), near)
+    bodies = bodies_of_terms(problem.session.robot, terms)
+    return _fit_linear(problem, active, products, Point(scalings, load), near, bodies)
 
 
 def _point_mass(
@@ -300,8 +307,9 @@ def _fit_linear(
     products: Products,
     point: Point,
     near: Near,
+    bodies: tuple[Body, ...] = (),
 ) -> Fitted:
-    """Fit with every coefficient linear; a payload through `load_map` about its estimate."""
+    """Fit with every coefficient linear; a payload through `load_map` about its estimate, free bodies possible ones."""
     load, folded, kept, held_out = point.payload, None, active, products.held_out
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
@@ -313,17 +321,60 @@ def _fit_linear(
         mass = len(kept) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
+    denied = -found.objective
+    found = _with_possible_bodies(found, square, line, precision, (lower, upper), folds, _places(bodies, kept))
+    denied += found.objective
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
     if held_out is None:
         none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none)
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)
     fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x)
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied)
+
+
+def _places(bodies: tuple[Body, ...], kept: Int[Array, " n"]) -> list[tuple[Body, Int[Array, " 10"]]]:
+    """Bodies with the places of their changes among what is fitted."""
+    return [(body, np.searchsorted(kept, body.columns)) for body in bodies]
+
+
+def _with_possible_bodies(
+    found: Minimum,
+    square: Float[Array, "n n"],
+    line: Float[Array, " n"],
+    precision: Float[Array, " n"],
+    bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
+    folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
+    bodies: list[tuple[Body, Int[Array, " 10"]]],
+) -> Minimum:
+    """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
+
+    A fit whose bodies exist is the best of all that do, so that nothing is computed there.
+    """
+
+    def exist(x: Float[Array, " n"]) -> bool:
+        return all(body.exists(x[at]) for body, at in bodies)
+
+    with_prior = square + np.diag(precision)
+    x, objective = found.x, found.objective
+    if not exist(x):
+        x = possible_minimum(with_prior, line, bounds, x, bodies)
+        objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
+    without = found.without.copy()
+    for k in range(len(without)):
+        if folds is not None and not exist(without[k]):
+            less, other = with_prior - folds[0][k], line - folds[1][k]
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies)
+    return Minimum(x, objective, without)
+
+
+def _loss_of(a: Float[Array, "n n"], b: Float[Array, " n"], x: Float[Array, " n"]) -> float:
+    """Loss of coefficients, up to what no coefficient changes."""
+    return float(x @ a @ x - 2.0 * b @ x)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:

@@ -14,6 +14,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.repeated_error import equations, repeated_variance
 from identification.diagnosis.fit.whole_model import (
@@ -198,10 +199,15 @@ def _descended(
     """Gauss-Newton steps within the bounds as long as they lower the loss; the model and its products at the end."""
     model = linearised(layout, x)
     products = _products(layout, model)
+    bodies = _bodies(layout)
     for _ in range(_STEPS):
         a, b, c = products
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
         step = bounded_solve(total, gradient, lower - x, upper - x)
+        if not all(body.exists((x + step)[at]) for body, at in bodies):
+            shown = np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0)
+            held = total + np.diag(shown)
+            step = possible_minimum(held, gradient + held @ x, (lower, upper), x + step, bodies) - x
         if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
             break
         loss = c.sum() + precision @ x**2
@@ -215,6 +221,19 @@ def _descended(
         else:
             break
     return x, model, products
+
+
+def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
+    """Bodies whose inertial parameters are free, with the places of their changes among the numbers."""
+    terms = [place.term for place in layout.places if place.term.effect.inertial == "free"]
+    where = {
+        column: place.coefficients.start + k
+        for place in layout.places
+        if place.term.effect.inertial == "free"
+        for k, column in enumerate(place.term.columns)
+    }
+    robot = layout.problem.session.robot
+    return [(body, np.array([where[column] for column in body.columns])) for body in bodies_of_terms(robot, terms)]
 
 
 def _by_model(

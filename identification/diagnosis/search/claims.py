@@ -13,6 +13,7 @@ from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.engine.claims import GateResult, until_failed
 from identification.gates import above_chance, fair_part
 from identification.gates.above_chance import more_than_chance
+from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
 from identification.gates.over_blocks import in_enough_blocks
 from identification.gates.possible import possible_size
@@ -62,8 +63,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
 def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
     """What the gates of a claim say of ``chosen`` beside ``without``, in their order, up to the first that fails.
 
-    Its sizes have to exist; the gain has to be more than chance gives, on held-out data and in sample; it has to be a
-    fair part of the gap; and it has to hold in enough blocks.
+    Its sizes and bodies have to exist; the gain has to be more than chance gives, on held-out data and in sample; it
+    has to be a fair part of the gap; and it has to hold in enough blocks.
     """
     return until_failed(_questions(search, chosen, without))
 
@@ -71,6 +72,9 @@ def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> 
 def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
     yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
     rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
+    if any(term.effect.inertial == "free" for term in new):
+        possible = plain.objective - rich.objective
+        yield bodies_can_exist(possible, possible + rich.denied)
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)

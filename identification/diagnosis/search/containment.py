@@ -9,6 +9,11 @@ from functools import cache
 from identification.diagnosis.columns.terms import Term
 
 
+def joints_of(term: Term) -> tuple[str, ...]:
+    """The joints that a term sits on; none of an effect of the whole robot."""
+    return () if term.joint is None else tuple(term.joint.split("+"))
+
+
 def contains(rich: Term, simple: Term) -> bool:
     """True if ``simple`` is a special case of ``rich``."""
     if rich is simple:
@@ -27,7 +32,12 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 
 
 def _exclude(one: Term, other: Term) -> bool:
-    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
+    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better.
+
+    A joint has one torque constant, its own or one that several joints have in common.
+    """
+    if one.effect.scales_joint and other.effect.scales_joint and one is not other:
+        return not set(joints_of(one)).isdisjoint(joints_of(other))
     if one.joint != other.joint:
         return False
     return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
@@ -43,11 +53,11 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
     near: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
         # Only terms on one joint or with common columns have anything to do with each other.
-        for key in (("joint", term.joint), *term.columns):
+        for key in _keys(term):
             near[key].append(term)
 
     def related(term: Term) -> set[Term]:
-        return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
+        return {other for key in _keys(term) for other in near[key]}
 
     @cache
     def displacing(term: Term) -> frozenset[Term]:
@@ -58,3 +68,9 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
         return frozenset(other for other in related(term) if contains(other, term))
 
     return displacing, covering
+
+
+def _keys(term: Term) -> tuple[object, ...]:
+    """What two terms have in common if they have anything to do with each other: a joint, or a column."""
+    shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
+    return ("joint", term.joint), *shared, *term.columns

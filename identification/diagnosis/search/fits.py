@@ -10,9 +10,10 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
+from identification.diagnosis.fit.possible_bodies import bodies_of_terms, impossible
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import products_of
-from identification.engine.fits.near_fits import NearFits
+from identification.engine.fits.near_fits import LinearFit, NearFits
 from identification.engine.fits.projection import gains_beside
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Float
@@ -92,10 +93,11 @@ class Fits:
         No losses are computed and nothing is kept, as many subsets are asked for, each once.
         """
         problem, count = self.problem, len(self.problem.precision)
-        if self._near is not None or self._where_read is not None or not _linear(terms):
+        free = any(term.effect.inertial == "free" for term in terms)
+        if self._near is not None or self._where_read is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
-                if self._near is not None and _linear(chosen) and chosen not in self._held_out:
+                if self._near is not None and _linear(chosen) and not free and chosen not in self._held_out:
                     return self._near.coefficients(active_columns(problem, ordered(chosen)))
                 found = self.held_out(chosen)
                 return np.vstack([found.fold_theta, found.theta])
@@ -129,7 +131,9 @@ class Fits:
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
-            return Fitted(self.problem, Point(), *found)
+            bodies = bodies_of_terms(self.problem.session.robot, chosen)
+            if not any(impossible(bodies, theta) for theta in (found.theta, *_of_folds(found))):
+                return Fitted(self.problem, Point(), *found)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
@@ -160,6 +164,13 @@ class Fits:
             return start
         alone = fit(self.problem, (load,), held_out=False, near=start)
         return Near(start.theta, start.after(alone, (load,)).payload)
+
+
+def _of_folds(found: LinearFit) -> Float[Array, "F K"]:
+    """All coefficients of the fit without each fold."""
+    out = np.zeros((len(found.fold_active), len(found.theta)))
+    out[:, found.active] = found.fold_active
+    return out
 
 
 def _linear(chosen: Chosen) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import claimed, dropped, rows_of
-from identification.diagnosis.search.containment import contains, possible, with_term
+from identification.diagnosis.search.containment import contains, joints_of, possible, with_term
 from identification.diagnosis.search.search import Search, price
 from identification.engine.claims import GateResult
 from identification.engine.numerics.bounded import solve
@@ -112,6 +112,23 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             search.record.lost(chosen - best, worth, instead=best - chosen)
             search.record.kept(best - chosen)
             chosen = best
+    return _with_one_number(search, chosen)
+
+
+def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The same set with one number for several joints in place of one each, where it explains as much."""
+    single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
+    for term in search.terms:
+        own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
+        if len(own) < 2 or len(own) < len(joints_of(term)) or not chosen.issuperset(own):
+            continue
+        other = with_term(chosen, term)
+        allowed = fair_part.ACCURACY * sum(explained(search, chosen, one) for one in own)
+        worth = worth_its_numbers(search.score(other) - search.score(chosen), allowed)
+        if not worth.passed:
+            search.record.lost(chosen - other, worth, instead=[term])
+            search.record.kept([term])
+            chosen = other
     return chosen
 
 

@@ -99,8 +99,17 @@ def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
 def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
     """The same with further findings; raises as `corrected_model`."""
     for effect in effects:
-        corrected = _with_effect(corrected, effect)
+        for one in on_single_joints(corrected.given, effect):
+            corrected = _with_effect(corrected, one)
     return corrected
+
+
+def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ...]:
+    """An effect with one number on several joints as one effect a joint; any other as it is."""
+    shared = effect_named(effect.effect, robot).shared and effect.joint not in robot.joint_names
+    if not shared or effect.joint is None:
+        return (effect,)
+    return tuple(replace(effect, joint=joint) for joint in effect.joint.split("+"))
 
 
 def numbers_of_effect(robot: Robot, effect: KnownEffect) -> ModelNumbers:

@@ -104,7 +104,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
 
 def _size(findings: tuple[Finding, ...]) -> str:
     if len(findings) == 1:
-        values = findings[0].parameters
+        values = words.shown_parameters(findings[0])
         if len(values) > _MOST_SIZES:
             return ""
         alone = len(values) == 1

@@ -36,6 +36,10 @@ class RegimeShare:
     stands_out: bool
 
 
+NOT_SHOWN = "not shown by this motion"
+"""In the place of a number that the recordings leave open."""
+
+
 @dataclass(frozen=True)
 class DetectableSize:
     """Size from which one parameter of an effect would have been seen: in short, and place by place."""
@@ -49,7 +53,7 @@ class DetectableSize:
 def parameter_rows(finding: Finding) -> list[Row]:
     """Parameter, value with its standard deviation and unit, and what it means."""
     return [
-        (words.parameter_name(name), value_cell(value), meaning_of(finding, name))
+        (words.parameter_name(name), value_cell(value) if value.shown else NOT_SHOWN, meaning_of(finding, name))
         for name, value in finding.parameters.items()
     ]
 

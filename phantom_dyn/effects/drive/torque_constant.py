@@ -1,14 +1,15 @@
 """A wrong torque constant: the true torque is ``ratio`` times the logged one.
 
-Everything of that joint is scaled, gravity and friction included. The column is the modelled torque, not the
-measured one, whose noise would bias the fit. A wrong mass of all links behind the joint looks alike; a known mass, or
-friction that is trusted, separates the two. URDF has no place for it; MJCF: actuator ``gear``.
+Everything of that joint is scaled, gravity and friction included. The column is the modelled torque, not the measured
+one, whose noise would bias the fit. A wrong mass of all links behind the joint looks alike; a known mass, or friction
+that is trusted, separates the two. Drives of one kind may have one ratio in common, as by a current sensor that is
+scaled wrongly; one ratio on all drives leaves what all inertias and frictions leave together. URDF has no place for it;
+MJCF: actuator ``gear``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.effects.support.rows import rows_of
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -69,9 +70,9 @@ class TorqueConstant(Effect):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque; its coefficient is ``1/ratio - 1``."""
-        row = row_of(robot, joint)
-        signature = on_one_joint(robot, joint, excess=(operation.tau[:, row], "1"))
-        return replace(signature, steps=operation.own_friction[:, row][:, None, None])
+        rows = rows_of(robot, joint)
+        steps = operation.own_friction[:, rows][:, :, None]
+        return Signature(rows, operation.tau[:, rows][:, :, None], ("excess",), ("1",), steps=steps)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Beyond a factor of ten either way a drive measures something else."""
@@ -104,16 +105,18 @@ class TorqueConstant(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
-        needed = operation.tau[:, row_of(robot, joint)]
-        return torque_on_joint(robot, joint, needed * (1.0 - 1.0 / theta[0]))
+        rows = list(rows_of(robot, joint))
+        out = np.zeros_like(operation.tau)
+        out[:, rows] = operation.tau[:, rows] * (1.0 - 1.0 / theta[0])
+        return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The drive gives ``ratio`` times what is asked of it."""
-        scale, row = np.ones(robot.nv), row_of(robot, joint)
-        scale[row] = theta[0]
-        law = Law(scaled_law, row, (float(theta[0]),))
+        scale, rows = np.ones(robot.nv), rows_of(robot, joint)
+        scale[list(rows)] = theta[0]
+        laws = tuple(Law(scaled_law, row, (float(theta[0]),)) for row in rows)
         return Simulated(
-            command=lambda state, dt, tau: (state, scale * tau), series=lambda t, tau: scale * tau, laws=(law,)
+            command=lambda state, dt, tau: (state, scale * tau), series=lambda t, tau: scale * tau, laws=laws
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:

@@ -2,8 +2,9 @@
 """A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
 
 It is negative where the model carries a part that the robot does not. Where that is about a body on a fixed or locked
-joint (a hand), it stands for that body, whose own inertia goes with it. Where the mass may be zero, a finding states
-first moments ``moment_x``, ``moment_y`` and ``moment_z`` in place of the centre.
+joint (a hand), it stands for that body, whose own inertia goes with it. Where the interval of the mass is wider than a
+half of it, a finding states first moments ``moment_x``, ``moment_y``, ``moment_z`` in place of the centre: a pendulum
+shows these, and hardly how they are made of mass and lever.
 
 It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
 last link with four numbers instead of ten; on a pendulum the two are the same thing.
@@ -42,6 +43,8 @@ _HEAVIEST, _FARTHEST = 1000.0, 3.0
 _MATCHES, _NEAR = 1.25, 0.02
 # Squared radius of gyration [m^2] that is rounding, and share of a link that can be taken away.
 _ROUNDING, _LEFT = 1e-8, 0.999
+# Deviations of a mass from zero, from which on its interval of 95 % is narrower than a half of it.
+_CERTAIN = 2 * 1.96 / 0.5
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
 _CENTERS = ("center_x", "center_y", "center_z")
 
@@ -131,8 +134,8 @@ class Payload(Effect):
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """Mass and centre; first moments in place of the centre where the mass may be zero, as no centre is known."""
-        if abs(coefficients[0]) >= 2.0 * std[0]:
+        """Mass and centre; first moments in place of the centre where these are known better than the mass is."""
+        if abs(coefficients[0]) > _CERTAIN * std[0]:
             return super().stated_law(robot, joint, shape, std, coefficients)
         names = (Parameter(f"moment_{axis}", "kg m") for axis in "xyz")
         return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]

@@ -23,6 +23,13 @@ def row_of(robot: Robot, joint: str | None) -> int:
     return robot.joint_names.index(joint)
 
 
+def rows_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
+    """Indices of one joint, or of several whose names are joined by ``+``, among the robot's velocities."""
+    if joint in robot.joint_names:
+        return (row_of(robot, joint),)
+    return tuple(row_of(robot, one) for one in (joint or "").split("+"))
+
+
 def on_one_joint(robot: Robot, joint: str | None, **columns: tuple[Float[Array, " N"], str]) -> Signature:
     """Signature of an effect that touches one joint only: ``name=(column, unit)`` for each coefficient."""
     return Signature(

@@ -13,6 +13,7 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
 from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
+from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
 from identification.gates.in_band import gap_is_there, torque_is_there, visible
 from identification.gates.least_size import large_enough
@@ -25,6 +26,7 @@ from identification.words.ledger_words import REASONS
 
 SIDES = [
     (possible_size(1), possible_size(0)),
+    (bodies_can_exist(5.0, 10.0), bodies_can_exist(5.1, 10.0)),
     (more_than_chance(20.0, 20.0), more_than_chance(20.1, 20.0)),
     (fair_part_of_the_gap(30.0, 30.0), fair_part_of_the_gap(30.1, 30.0)),
     (explains_more_than_others(0.0), explains_more_than_others(0.1)),

@@ -14,9 +14,12 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.shown_numbers import only_shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
+from identification.diagnosis.search.claims import rows_of
+from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by
 from identification.diagnosis.search.special_cases import implausible
 from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said
@@ -72,6 +75,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
     drawn = drawn_blocks(within)
     once = np.ones((1, len(within.counts)))
     shares = shares_of(judge, plain, shown.named)
+    lines = along_lines(problem.session)
     out = []
     for term in ordered(chosen):
         if not term.named:
@@ -86,12 +90,14 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         standing = shown.standings[term]
+        if not lines.isdisjoint(rows_of(problem, term)):
+            standing = beside_imitation(standing, imitated_by(plain, chosen, term))
         low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
-            parameters=finding_parameters(robot, term, fitted),
+            parameters=only_shown(finding_parameters(robot, term, fitted), problem.session, term.joint),
             gap_closed=float(closed(once)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=standing.probability,

@@ -1,0 +1,133 @@
+"""What a motion can tell of the links: joints that move along one line, and combinations of inertias that it separates.
+
+If several joints follow one profile, their torques are functions of one variable: friction can be found, and of the
+inertias few combinations, as most of them leave the same torque there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from identification.data.checks.smoothed_copy import Smooth
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# Correlation of two velocities from which on two joints move along one line. Joints that a planner starts and stops
+# together come to 0.6 to 0.9; those that follow one profile, some milliseconds apart, to 0.99 and more.
+_ALONG = 0.97
+# Share of its fastest joint's speed below which a joint hardly moves.
+_STILL = 1e-3
+# Samples of the regressor.
+_ROWS = 400
+# Share of a joint's torque that a combination of parameters as large as the links' own makes, from which on it shows:
+# what links may be wrong by.
+_SHOWN = 0.05
+# Share of the largest singular value below which a combination makes no torque in any motion.
+_STRUCTURAL = 1e-6
+
+
+class Separated(NamedTuple):
+    """Combinations of inertial parameters that a motion tells apart.
+
+    Attributes:
+        shown: Those that change the torque of the joints by a twentieth, if they are as large as the links' own.
+        all: Those that make a torque in any motion (base parameters).
+        condition: Of the base parameters' columns, each divided by its norm.
+    """
+
+    shown: int
+    all: int
+    condition: float
+
+
+def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
+    """Groups of joints whose velocities are proportional, each of two or more, by their indices.
+
+    Args:
+        v: Velocities, one row a sample.
+    """
+    size = np.sqrt(np.mean(v**2, axis=0))
+    moving = np.flatnonzero(size > _STILL * max(float(size.max(initial=0.0)), 1e-300))
+    unit = v[:, moving] / size[moving] if len(moving) else v[:, :0]
+    along = np.abs(unit.T @ unit / max(len(v), 1)) > _ALONG
+    left, out = set(range(len(moving))), []
+    while left:
+        group, new = set(), {min(left)}
+        while new:
+            group |= new
+            new = {k for k in left for one in new if along[one, k]} - group
+        left -= group
+        if len(group) > 1:
+            out.append(tuple(int(moving[k]) for k in sorted(group)))
+    return tuple(out)
+
+
+def separated(robot: Robot, motion: Motion) -> Separated:
+    """Rank and condition of the base parameters on a motion.
+
+    How many there are in any motion is seen from the same motion with each joint moved at another time.
+
+    Args:
+        robot: The given model.
+        motion: Samples of a recording.
+    """
+    count = len(motion.t)
+    rows = np.linspace(0, count - 1, min(count, _ROWS)).astype(int)
+    shifts = [int(count * (joint * 0.381966 % 1.0)) for joint in range(robot.nv)]
+    here = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+    apart = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
+    w, free = rigid_body_regressor(robot, here), rigid_body_regressor(robot, apart)
+    usual = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
+    usual = np.where(usual > 0.0, usual, max(float(usual.max()), 1e-300))[None, :, None]
+    w, free = ((part / usual).reshape(-1, part.shape[2]) for part in (w, free))
+    values = _singular(free / np.maximum(np.linalg.norm(free, axis=0), 1e-300))
+    rank = int(np.sum(values > _STRUCTURAL * values[0]))
+    plain = _singular(w / np.maximum(np.linalg.norm(w, axis=0), 1e-300))[:rank]
+    shown = _singular(w * _units(robot)) / np.sqrt(len(rows))
+    condition = float(plain[0] / max(float(plain[-1]), 1e-12 * float(plain[0])))
+    return Separated(min(int(np.sum(shown > _SHOWN)), rank), rank, condition)
+
+
+def _units(robot: Robot) -> Float[Array, " p"]:
+    """Unit of each parameter: the mass of its link, times its radius of gyration about the joint, or its square."""
+    bodies = standard_parameters(robot).reshape(-1, 10)
+    mass = np.maximum(bodies[:, 0], 1e-3 * max(float(bodies[:, 0].max()), 1e-300))
+    radius = np.sqrt(np.maximum(0.5 * (bodies[:, 4] + bodies[:, 6] + bodies[:, 9]), 0.0) / mass)
+    radius = np.maximum(radius, 1e-3 * max(float(radius.max()), 1e-300))[:, None]
+    return (mass[:, None] * np.hstack([radius**0, *[radius] * 3, *[radius**2] * 6])).ravel()
+
+
+def _singular(w: Float[Array, "m p"]) -> Float[Array, " p"]:
+    return np.linalg.svd(w, compute_uv=False)
+
+
+def _shifted(x: Float[Array, "N nv"], shifts: list[int]) -> Float[Array, "N nv"]:
+    return np.column_stack([np.roll(column, shift) for column, shift in zip(x.T, shifts, strict=True)])
+
+
+def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+    """A warning for each group of joints that move along one line."""
+    if robot.chain is not None or robot.model.nq != robot.nv:
+        return ()
+    inside = smooth.inside
+    lines = lines_of(smooth.v[inside])
+    if not lines:
+        return ()
+    found = separated(robot, Motion(smooth.t[inside], smooth.q[inside], smooth.v[inside], smooth.a[inside]))
+    return tuple(one_line_words([robot.joint_names[row] for row in line], found) for line in lines)
+
+
+def one_line_words(names: list[str], found: Separated) -> str:
+    """The warning on one group of joints."""
+    joints = ", ".join(names[:-1]) + f" and {names[-1]}"
+    return (
+        f"{joints} move along one line (their velocities are proportional): of the {found.all} base parameters of the "
+        f"links {found.shown} show (condition {found.condition:.0f}). Friction can be found there, but no payload, no "
+        "single link and no torque scale with certainty: record joints that move independently of each other."
+    )

@@ -1,0 +1,219 @@
+# pyright: reportAttributeAccessIssue=false
+"""Least squares with bodies that can exist: pseudo-inertias without a negative eigenvalue, centres within reach.
+
+A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_, by Clarabel's
+interior-point method. Other coefficients that no bound holds are eliminated.
+
+References:
+    .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
+       parameter identification, IEEE Robotics and Automation Letters 3(1), 2018. The minima are checked against cvxpy
+       in tests/identification/diagnosis/fit/test_possible_bodies.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.diagnosis.columns.terms import Term
+from identification.engine.numerics.bounded import bounded_solve, solve
+from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, pseudo_inertia, reference_body
+from phantom_dyn.array_types import Float, Int
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Share of a body by which an eigenvalue may lie below zero: rounding of files.
+_ROUNDING = 1e-6
+# Loss that a change as large as the given body itself costs, in squared deviations: it decides what no data show.
+_HELD = 1e-4
+# Half widths of the box about a link by which it is widened, and the shortest one as a share of the longest.
+_WIDER, _THINNEST = 1.5, 0.5
+# Reach of a link of a robot without any length [m].
+_SOME_LENGTH = 0.3
+# Accuracy of the solver, in squared deviations and of the cone.
+_ACCURACY = 1e-8
+# Times that the other coefficients are found again beside the bodies.
+_ROUNDS = 4
+# Order of the entries of a symmetric matrix in Clarabel's cone: columns of the upper triangle.
+_TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
+_ROOT_TWO = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _TRIANGLE])
+# Ten parameters of a body in the cone's order, ``(10, 10)``.
+_CONE = np.stack([PSEUDO[:, i, j] for i, j in _TRIANGLE], axis=1).T * _ROOT_TWO[:, None]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body whose ten parameters a fit changes, and which of these changes make a body that can exist.
+
+    Attributes:
+        name: Of the joint that moves it.
+        columns: Of its changes, among those of a fit.
+        given: The body of the model, the nearest possible one where that cannot exist.
+        reach: Rows ``reach @ parameters >= 0`` of bodies whose centre is within reach.
+    """
+
+    name: str
+    columns: tuple[int, ...]
+    given: Reference
+    reach: Float[Array, "F 10"]
+
+    def exists(self, change: Float[Array, " 10"]) -> bool:
+        """True if the given body with this change can exist, to rounding."""
+        parameters = (self.given.standard + change) / self.given.scale
+        least = np.linalg.eigvalsh(pseudo_inertia(parameters))[0]
+        within = self.reach * self.given.scale @ parameters
+        return bool(least >= -_ROUNDING and np.all(within >= -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)))
+
+
+def bodies_of_terms(robot: Robot, terms: Iterable[Term]) -> tuple[Body, ...]:
+    """Bodies whose inertial parameters some effects set free, each once."""
+    out: dict[int, Body] = {}
+    for term in terms:
+        if term.effect.inertial != "free":
+            continue
+        own = term.effect.regressor_columns(robot, term.joint)
+        for at in range(0, len(own), 10):
+            index = own[at] // 10 + 1
+            out[index] = body_of(robot, index, term.columns[at : at + 10])
+    return tuple(out[index] for index in sorted(out))
+
+
+def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
+    """The body of a joint by Pinocchio's index, with the columns of its changes.
+
+    Its centre lies in the box about its own joint, the next ones and the given centre, with the sides widened by half;
+    a last link reaches as far as the longest link of the robot.
+    """
+    model = robot.model
+    given = model.inertias[index]
+    points = [np.zeros(3), np.array(given.lever) if given.mass > 0 else np.zeros(3)]
+    points += [model.jointPlacements[child].translation for child in model.children[index]]
+    longest = max((float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements), default=0.0)
+    longest = longest or float(np.abs(points[1]).max()) or _SOME_LENGTH
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    half = 0.5 * (high - low)
+    half = np.maximum(half, _THINNEST * half.max())
+    if len(model.children[index]) == 0:
+        half = np.maximum(half, longest)
+    middle, half = 0.5 * (low + high), _WIDER * np.maximum(half, 1e-3)
+    reach = np.zeros((6, 10))
+    for axis in range(3):
+        reach[2 * axis, [0, 1 + axis]] = middle[axis] + half[axis], -1.0
+        reach[2 * axis + 1, [0, 1 + axis]] = half[axis] - middle[axis], 1.0
+    return Body(model.names[index], columns, _given(robot, index), reach)
+
+
+def _given(robot: Robot, index: int) -> Reference:
+    """The body of the model with units; one without mass is measured by the mean of the others."""
+    masses = np.array([inertia.mass for inertia in robot.model.inertias[1:]])
+    mass = float(masses[index - 1])
+    usual = float(masses[masses > 0].mean()) if np.any(masses > 0) else 1.0
+    return reference_body(robot.model.inertias[index].toDynamicParameters(), mass=mass if mass > 0 else usual)
+
+
+def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
+    """Names of the bodies that cannot exist with these coefficients of all columns."""
+    return tuple(body.name for body in bodies if not body.exists(theta[list(body.columns)]))
+
+
+def possible_minimum(
+    a: Float[Array, "k k"],
+    b: Float[Array, " k"],
+    bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
+    x: Float[Array, " k"],
+    bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
+) -> Float[Array, " k"]:
+    """Minimum of ``x a x / 2 - b x`` within bounds, with bodies that can exist.
+
+    Args:
+        a: Quadratic part, positive definite.
+        b: Linear part.
+        bounds: Lower and upper bounds; infinite for the bodies' coefficients.
+        x: The minimum within the bounds alone.
+        bodies: Each with the places of its changes among the coefficients.
+    """
+    at = np.concatenate([places for _, places in bodies])
+    rest = np.ones(len(b), dtype=bool)
+    rest[at] = False
+    others = np.flatnonzero(rest)
+    lower, upper = bounds
+    x, near = x.copy(), np.zeros(len(b), dtype=bool)
+    for _ in range(_ROUNDS):
+        at_bound = rest & ((x <= lower) | (x >= upper))
+        if not np.any(at_bound & ~near) and near.any():
+            break
+        near |= at_bound
+        near[at] = True
+        kept, free = np.flatnonzero(near), np.flatnonzero(~near)
+        cross = a[np.ix_(free, kept)]
+        made = solve(a[np.ix_(free, free)], np.column_stack([cross, b[free]]))
+        square, left = a[np.ix_(kept, kept)] - cross.T @ made[:, :-1], b[kept] - cross.T @ made[:, -1]
+        own = [(body, np.searchsorted(kept, places)) for body, places in bodies]
+        x[kept] = _in_cone(square, left, (lower[kept], upper[kept]), own)
+        x[others] = bounded_solve(
+            a[np.ix_(others, others)], b[others] - a[np.ix_(others, at)] @ x[at], lower[others], upper[others]
+        )
+    return x
+
+
+def _in_cone(
+    a: Float[Array, "m m"],
+    b: Float[Array, " m"],
+    bounds: tuple[Float[Array, " m"], Float[Array, " m"]],
+    bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
+) -> Float[Array, " m"]:
+    """Changes of bodies that can exist, and other coefficients within bounds, at the minimum of ``x a x / 2 - b x``."""
+    import clarabel
+    from scipy import sparse
+
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
+    held = np.zeros(len(b))
+    for body, at in bodies:
+        scale[at], held[at] = body.given.scale, _HELD
+    square = a * np.outer(scale, scale) + np.diag(held)
+    # In coordinates in which the loss is half their square about the minimum without a cone: what data show well and
+    # what they do not show differ by twelve orders of magnitude.
+    root = np.linalg.cholesky(0.5 * (square + square.T))
+    back = np.linalg.solve(root.T, np.eye(len(b)))
+    start = back @ np.linalg.solve(root, b * scale)
+    rows, least, cones = [], [], []
+    for sign, bound in ((1.0, bounds[0]), (-1.0, bounds[1])):
+        ends = np.flatnonzero(np.isfinite(bound))
+        rows.append(-sign * back[ends])
+        least.append(sign * (start - bound / scale)[ends])
+        cones.append(clarabel.NonnegativeConeT(len(ends)))
+    for body, at in bodies:
+        here = body.given.standard / body.given.scale + start[at]
+        reach = body.reach * body.given.scale
+        reach = reach / np.abs(reach).max(axis=1, keepdims=True)
+        for cone, kind in ((reach, clarabel.NonnegativeConeT(len(reach))), (_CONE, clarabel.PSDTriangleConeT(4))):
+            rows.append(-cone @ back[at])
+            least.append(cone @ here)
+            cones.append(kind)
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _ACCURACY
+    solver = clarabel.DefaultSolver(
+        sparse.identity(len(b), format="csc"),
+        np.zeros(len(b)),
+        sparse.csc_matrix(np.concatenate(rows)),
+        np.concatenate(least),
+        cones,
+        settings,
+    )
+    found = np.array(solver.solve().x)
+    x = start + back @ found if np.isfinite(found).all() else np.zeros(len(b))
+    for body, at in bodies:
+        x[at] = _inside(x[at], body)
+    return x * scale
+
+
+def _inside(x: Float[Array, " 10"], body: Body) -> Float[Array, " 10"]:
+    """The same change of a body, in its units, shortened by what the solver left outside of the cone."""
+    shorter = 1.0
+    while shorter > 0.0 and not body.exists(shorter * x * body.given.scale):
+        shorter = shorter - 1e-4 if shorter > 0.999 else shorter - 0.05
+    return max(shorter, 0.0) * x

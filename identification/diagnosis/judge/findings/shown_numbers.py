@@ -1,0 +1,89 @@
+# pyright: reportAttributeAccessIssue=false
+"""Which numbers of a finding a motion shows at all: those whose deviation is smaller than what a robot may have.
+
+A law may have numbers that leave nothing in a recording, as where a load is along the axis of every joint. Its fit
+gives them a value and a deviation of metres; that is no measurement, and is not stated as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.result import Value
+from phantom_dyn.array_types import Float
+from phantom_dyn.model.inertia import payload_body
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Share of what a robot may have, beyond which a deviation says that a number is not known.
+_UNKNOWN = 0.5
+# Share of a mass that its interval of 95 % may be wide, both sides together; beyond it the first moments are what is
+# known.
+_NARROW, _SIDES = 0.5, 2 * 1.96
+
+
+def only_shown(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
+    """The same numbers, those that the recordings do not show without a deviation (infinity).
+
+    Args:
+        values: Parameters of a finding.
+        session: Robot and recordings.
+        joint: Where it sits.
+    """
+    limits = _plausible(session, joint)
+    out = {name: _known(value, limits.get(value.unit)) for name, value in values.items()}
+    mass = out.get("mass")
+    if mass is not None and "moment_x" in out and not _is_narrow(mass):
+        out["mass"] = replace(mass, std=np.inf)
+    return out
+
+
+def moments_instead(mass: float, std: float) -> bool:
+    """True if a mass is so uncertain that first moments are stated in the place of its centre."""
+    return _SIDES * std >= _NARROW * abs(mass)
+
+
+def _is_narrow(mass: Value) -> bool:
+    value, std = np.ravel(mass.value)[0], np.ravel(mass.std)[0]
+    return not moments_instead(float(value), float(std))
+
+
+def _known(value: Value, limit: float | None) -> Value:
+    if limit is None:
+        return value
+    std = np.atleast_1d(np.asarray(value.std, dtype=float))
+    shown = np.where(std > limit, np.inf, std)
+    return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
+
+
+def _plausible(session: Session, joint: str | None) -> dict[str, float]:
+    """Largest deviation of a number that is known, by its unit."""
+    robot = session.robot
+    reach, mass = reach_of(robot), float(sum(inertia.mass for inertia in robot.model.inertias[1:]))
+    out = {"m": reach, "kg m": mass * reach, "kg": mass, "kg m^2": mass * reach**2, "rad": np.pi, "1": 2.0}
+    rows = [robot.joint_names.index(one) for one in (joint or "").split("+") if one in robot.joint_names]
+    if rows:
+        torque = max(_largest([log.tau[:, row] for log in session.logs]) for row in rows)
+        speed = max(_largest([log.motion.v[:, row] for log in session.logs]) for row in rows)
+        # A linear joint has its own range in place of the robot's.
+        for force, damping in (("N m", "N m s/rad"), ("N", "N s/m")):
+            out |= {force: torque, damping: torque / max(speed, 1e-9)}
+    return {unit: _UNKNOWN * size for unit, size in out.items() if size > 0.0}
+
+
+def _largest(series: list[Float[Array, " n"]]) -> float:
+    return max((float(np.abs(one).max()) for one in series if len(one)), default=0.0)
+
+
+def reach_of(robot: Robot) -> float:
+    """How far a robot reaches [m]: the links to the joint that carries a load, and as much again as its longest one."""
+    model, joint = robot.model, payload_body(robot)
+    lengths = [float(np.linalg.norm(model.jointPlacements[one].translation)) for one in range(1, model.njoints)]
+    reach = sum(lengths[one - 1] for one in model.supports[joint] if one > 0)
+    lever = max((float(np.linalg.norm(inertia.lever)) for inertia in model.inertias[1:]), default=0.0)
+    return reach + max([*lengths, 2.0 * lever])

@@ -1,0 +1,123 @@
+"""What else makes the torque of a finding where joints move along one line: several effects together, sizes free.
+
+There the torque of every joint is a function of one variable, and sums of laws imitate others. A comparison of single
+effects does not see that. So those few effects are looked for that make what a finding makes, beside the other findings
+whose sizes may change with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.checks.one_line import lines_of
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.claims import rows_of
+from identification.diagnosis.search.containment import contains, possible
+from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.search import Search
+from identification.engine.numerics.bounded import solve
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+# Effects that imitate one together, at most.
+_MOST = 3
+
+
+def along_lines(session: Session) -> frozenset[int]:
+    """Joints that move along one line with others in all recordings, by their indices."""
+    velocities = [log.motion.v[log.valid] for log in session.logs]
+    return frozenset(row for line in lines_of(np.concatenate(velocities)) for row in line)
+
+
+def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
+    """Effects that make the torque of one to a tenth of its amplitude, with the others of a set in any size.
+
+    None if no few effects do; none of them where the others of the set do so by themselves.
+
+    Args:
+        search: Rivals, and their products.
+        chosen: The set.
+        term: One of it.
+    """
+    a, precision = search.problem.total_a, search.problem.precision
+    columns = np.array(term.columns)
+    theta = search.evaluate(chosen).theta[columns]
+    energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
+    if energy <= 0.0:
+        return None
+    others = [column for other in ordered(chosen) if other is not term for column in other.columns]
+    rows = rows_of(search.problem, term)
+    pool = [
+        other
+        for other in search.terms
+        if other.named
+        and not other.shape
+        and possible(chosen - {term}, other)
+        and other.place != term.place
+        and not (contains(other, term) or contains(term, other))
+        and not rows.isdisjoint(rows_of(search.problem, other))
+    ]
+    taken: tuple[Term, ...] = ()
+    for _ in range(_MOST + 1):
+        by = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
+        left, across = _left(a, precision, columns, theta, by)
+        if left < rules.SAME_CAUSE * energy:
+            return taken
+        if len(taken) == _MOST or not pool:
+            return None
+        gains = [_gain(a, precision, np.array(one.columns), by, across) for one in pool]
+        taken = (*taken, pool.pop(int(np.argmax(gains))))
+    return None
+
+
+def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> Standing:
+    """The standing of a finding beside effects that make the same: each is as likely as the other.
+
+    Args:
+        standing: Compared with single rivals.
+        imitation: See `imitated_by`.
+    """
+    if imitation is None:
+        return standing
+    known = {frozenset(rival.effects) for rival in standing.rivals}
+    effects = tuple(EffectAt(one.effect.name, one.joint) for one in imitation)
+    if frozenset(effects) in known:
+        return standing
+    half = 0.5 * standing.probability
+    rivals = (*standing.rivals, Rival(effects, half)) if effects else standing.rivals
+    ranked = tuple(sorted(rivals, key=lambda rival: -rival.probability))
+    return replace(standing, probability=half, rivals=ranked)
+
+
+def _left(
+    a: Float[Array, "K K"],
+    precision: Float[Array, " K"],
+    columns: Int[Array, " k"],
+    theta: Float[Array, " k"],
+    by: Int[Array, " m"],
+) -> tuple[float, Float[Array, " K"]]:
+    """Squared torque that some columns leave of others, and the products of all columns with what they leave."""
+    target = a[:, columns] @ theta
+    x = solve(a[np.ix_(by, by)] + np.diag(precision[by]), target[by])
+    energy = float(theta @ target[columns])
+    return energy - float(target[by] @ x), target - a[:, by] @ x
+
+
+def _gain(
+    a: Float[Array, "K K"],
+    precision: Float[Array, " K"],
+    columns: Int[Array, " k"],
+    by: Int[Array, " m"],
+    across: Float[Array, " K"],
+) -> float:
+    """Squared torque that further columns would take off what is left."""
+    inner = a[np.ix_(by, by)] + np.diag(precision[by])
+    cross = a[np.ix_(by, columns)]
+    own = a[np.ix_(columns, columns)] + np.diag(precision[columns]) - cross.T @ solve(inner, cross)
+    return float(across[columns] @ solve(own, across[columns]))

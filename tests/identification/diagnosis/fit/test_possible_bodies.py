@@ -1,0 +1,112 @@
+# pyright: reportAttributeAccessIssue=false
+"""Bodies that can exist. Oracles: cvxpy on the same cone, known bodies, and a fit without constraints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cvxpy as cp
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.possible_bodies import bodies_of_terms, body_of, impossible, possible_minimum
+from identification.engine.numerics.bounded import bounded_solve
+from identification.estimators.consistent.consistent_bodies import PSEUDO
+from phantom_dyn.model.inertia import point_mass_parameters
+
+
+def made_up(rng, bodies, others=4):
+    """A quadratic whose minimum belongs to no body, in which each body's unit changes about as much as the others."""
+    scale = np.concatenate([*(body.given.scale for body in bodies), np.ones(others)])
+    x = rng.standard_normal((3 * len(scale), len(scale))) * 10.0 ** rng.uniform(-1, 2, len(scale)) / scale
+    wanted = 2.0 * rng.standard_normal(len(scale)) * scale
+    low, high = np.full(len(scale), -np.inf), np.full(len(scale), np.inf)
+    low[-others:], high[-others:] = -0.5, 0.5
+    return x.T @ x, x.T @ (x @ wanted), (low, high)
+
+
+def by_cvxpy(a, b, bounds, bodies):
+    scale = 1.0 / np.sqrt(np.diag(a))
+    root = np.linalg.cholesky(a * np.outer(scale, scale))
+    u = cp.Variable(len(b))
+    x, limits = cp.multiply(scale, u), []
+    for k, body in enumerate(bodies):
+        own = (body.given.standard + x[10 * k : 10 * k + 10]) / body.given.scale
+        limits += [sum(own[i] * PSEUDO[i] for i in range(10)) >> 0, (body.reach * body.given.scale) @ own >= 0]
+    bounded = np.flatnonzero(np.isfinite(bounds[0]))
+    limits += [x[bounded] >= bounds[0][bounded], x[bounded] <= bounds[1][bounded]]
+    cost = cp.sum_squares(root.T @ u - np.linalg.solve(root, b * scale))
+    cp.Problem(cp.Minimize(cost), limits).solve(solver=cp.CLARABEL)
+    return np.array(u.value) * scale
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_minimum_is_that_of_cvxpy_on_the_same_cone(planar2, rng, count):
+    bodies = [body_of(planar2, k + 1, tuple(range(10 * k, 10 * k + 10))) for k in range(count)]
+    a, b, bounds = made_up(rng, bodies)
+    free = bounded_solve(a, b, *bounds)
+    assert any(not body.exists(free[list(body.columns)]) for body in bodies)
+    found = possible_minimum(a, b, bounds, free, [(body, np.array(body.columns)) for body in bodies])
+    wanted = by_cvxpy(a, b, bounds, bodies)
+
+    def loss(x):
+        return x @ a @ x - 2.0 * b @ x
+
+    assert all(body.exists(found[list(body.columns)]) for body in bodies)
+    assert np.all((found >= bounds[0] - 1e-9) & (found <= bounds[1] + 1e-9))
+    assert loss(found) - loss(wanted) < 1e-3 * (loss(wanted) - loss(free))
+
+
+def test_a_load_within_reach_makes_a_body_that_exists_and_its_absence_none(planar2):
+    body = body_of(planar2, 2, tuple(range(10)))
+    own = planar2.model.inertias[2]
+    assert body.exists(np.zeros(10))
+    assert body.exists(point_mass_parameters(0.5 * own.mass, own.lever))
+    assert not body.exists(point_mass_parameters(-1.5 * own.mass, own.lever))
+
+
+def test_the_centre_of_a_body_stays_within_reach(planar2):
+    body = body_of(planar2, 1, tuple(range(10)))
+    longest = np.linalg.norm(planar2.model.jointPlacements[2].translation)
+    mass = 10.0 * planar2.model.inertias[1].mass
+    assert body.exists(point_mass_parameters(mass, np.array([0.0, 0.0, 0.0])))
+    assert not body.exists(point_mass_parameters(mass, np.full(3, 3.0 * longest)))
+
+
+def test_an_impossible_given_body_is_replaced_by_the_nearest_possible_one(planar2):
+    model = planar2.model.copy()
+    # Its principal inertias break the triangle inequality, as those of many vendors' files do.
+    model.inertias[1] = pin.Inertia(1.0, np.array([0.1, 0.0, 0.0]), np.diag([1e-3, 1e-3, 5e-3]))
+    assert body_of(replace(planar2, model=model), 1, tuple(range(10))).exists(np.zeros(10))
+
+
+@pytest.fixture(scope="module")
+def odd(lab, planar2):
+    """The arm with a torque on its elbow that falls with acceleration: an inertia below zero would explain it."""
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    inertia = float(planar2.model.inertias[2].toDynamicParameters()[6])
+    torque = 30.0 * inertia * motion.a * [0.0, 1.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def of_elbow(prepared):
+    return next(t for t in prepared.columns.terms if t.place == ("inertial_parameters", "elbow"))
+
+
+def test_a_fit_states_bodies_that_exist_and_what_impossible_ones_would_have_gained(odd, planar2):
+    term = of_elbow(odd)
+    found, nothing = fit(odd.problem, (term,)), fit(odd.problem, ())
+    bodies = bodies_of_terms(planar2, (term,))
+    assert impossible(bodies, found.theta) == ()
+    assert all(impossible(bodies, theta) == () for theta in found.fold_theta)
+    assert found.denied > nothing.objective - found.objective
+
+
+def test_a_wrong_link_that_exists_costs_nothing(lab, planar2):
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    load = lab.acting(planar2, motion, "payload", None, 1.0, 0.1, 0.0, -0.2)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, load),))
+    found = fit(prepared.problem, (of_elbow(prepared),))
+    assert found.denied < 30.0 < fit(prepared.problem, ()).objective - found.objective
