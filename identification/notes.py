@@ -38,6 +38,7 @@ class Code(Enum):
     # Findings, and the next experiment.
     IMPLAUSIBLE_SIZE = auto()
     MISSING_PART = auto()
+    MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()
     NO_EXPERIMENT = auto()
     NOT_SEPARATED = auto()

@@ -30,6 +30,7 @@ from identification.scenarios.gain_or_load import either, scales_by_friction, wi
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
 from identification.scenarios.motion_limits import limited_to_motion
+from identification.scenarios.one_difference import beside_the_model_in_common, judged_by_difference
 from identification.scenarios.torque_or_motion import Reader, moved_by_controllers, torque_or_motion
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn import __version__
@@ -70,6 +71,7 @@ def diagnose(
     if not motion:
         used = prepared(driven, given, held_out=held_out, known=known, changes=changes)
         del given  # hours of samples are not kept while a few minutes of them are diagnosed
+        used = beside_the_model_in_common(used) if judged_by_difference(changes) else used
         return _by_torque(used, progress)
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 

@@ -25,6 +25,7 @@ from identification.cli.terminal.percentage import BATCH, DIAGNOSIS
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.cli.terminal.stage_times import StageTimes
+from identification.data.change_kinds import KINDS
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 
@@ -60,6 +61,12 @@ def parser() -> argparse.ArgumentParser:
     add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml of an earlier diagnosis")
     add_effects(out)
     out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
+    out.add_argument(
+        "--changed",
+        metavar="NAME[,NAME]",
+        help="what differs between the first LOG and the others, by an amount that is to be found "
+        f"({', '.join(KINDS)}); all else is in common. With payload links and friction are fitted to the first LOG",
+    )
     out.add_argument(
         "--motion-only",
         action="store_true",
@@ -112,6 +119,12 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
         )
     if arguments.motion_only and (arguments.each or arguments.recordings is not None):
         raise UsageError("--motion-only does not go with --each or --recordings; diagnose the recordings one by one")
+    if arguments.changed is not None and arguments.recordings is not None:
+        raise UsageError(
+            "--changed was given with --recordings, which says what changed as well: leave out one of the two"
+        )
+    if arguments.changed is not None and (arguments.each or arguments.motion_only):
+        raise UsageError("--changed does not go with --each or --motion-only: give two or more LOGs with torques")
     if arguments.each and arguments.hold_out:
         raise UsageError(
             "--hold-out was given with --each, which diagnoses every recording by itself, so that there is nothing to "
@@ -138,7 +151,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     with Progress(Stage.READING, sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
-        if arguments.recordings is None:
+        if arguments.recordings is None and arguments.changed is None:
             diagnosis = _diagnosis_of_logs(arguments, robot, known, excluded, progress)
         else:
             diagnosis = _diagnosis_of_changes(arguments, robot, known, excluded, progress)
@@ -171,13 +184,16 @@ def _diagnosis_of_changes(
     excluded: tuple[tuple[float, float], ...],
     progress: Progress,
 ) -> Diagnosis:
-    """Diagnosis of recordings, each read with what ``--recordings`` says of it."""
+    """Diagnosis of recordings, each read with what ``--recordings`` or ``--changed`` says of it."""
     from identification.data.changes import Change
     from identification.pipeline import diagnose
-    from identification.scenarios.recordings_file import read_changed, read_changes
+    from identification.scenarios.recordings_file import changed_from_first, read_changed, read_changes
 
     paths = (*arguments.logs, *arguments.hold_out)
-    changes = read_changes(arguments.recordings, paths, robot.joint_names)
+    if arguments.changed is None:
+        changes = read_changes(arguments.recordings, paths, robot.joint_names)
+    else:
+        changes = changed_from_first(arguments.changed, paths)
 
     def read(path: str, change: Change) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))

@@ -113,6 +113,9 @@ def export_texts(
     if diagnosis.poses_alone:
         texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
+    if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
+        # The findings are beside a model that was fitted, which is not the one whose files would be changed.
+        return {}, diagnosis
     stated = _written(diagnosis, robot, folder, known, config)
     best = stated
     for numbers in diagnosis.numbers:

@@ -149,8 +149,8 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     return tuple(out)
 
 
-def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> Robot:
-    """``robot`` with the load of one fit, as the inertial parameters that the fit has seen.
+def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> Robot:
+    """``robot`` with the load of one fit in a recording, as the inertial parameters that the fit has seen.
 
     The fit of a point mass is linearised: its mass alone need not be the one that its inertia is of, where the motion
     tells the inertia and not the mass.
@@ -159,7 +159,8 @@ def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> 
         RobotError: If a link would weigh nothing or less.
     """
     for term in terms:
-        if term.effect.inertial == "point mass":
+        elsewhere = isinstance(term.effect, OwnEffect) and term.effect.recording != recording
+        if term.effect.inertial == "point mass" and not elsewhere:
             added = np.zeros_like(standard_parameters(robot))
             added[list(term.effect.regressor_columns(robot, term.joint))] = theta[list(term.columns)]
             robot = with_parameters(robot, added)
@@ -190,7 +191,7 @@ def corrected_model(
     values = theta[: len(moves)]
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
-    robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
+    robot = loaded(moved_robot(operation.robot, values, given), terms, theta, operation.recording)
     soft = tuple(
         (str(move.place), float(x)) for x, move in zip(values, moves, strict=True) if move.kind == "softness" and x
     )

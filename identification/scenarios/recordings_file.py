@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from identification.data.changes import KINDS, Change, Kind, KnownPayload, robot_in
+from identification.data.change_kinds import KINDS, Kind
+from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.scenarios.motion_only import states_controllers, with_asked_torque
-from phantom_dyn.errors import ParameterError, known_names, shortened
+from phantom_dyn.errors import ParameterError, UsageError, known_names, shortened
 from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.model.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
 
@@ -56,6 +57,30 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
         seen[at] = key
         out[at] = replace(change, file=out[at].file)
     return tuple(out)
+
+
+def changed_from_first(names: str, logs: Sequence[str | Path]) -> tuple[Change, ...]:
+    """Changes of recordings that differ from the first one by unknown amounts.
+
+    Args:
+        names: What differs, separated by commas.
+        logs: The recordings of the diagnosis, those held out at the end.
+
+    Raises:
+        UsageError: If there is nothing to compare the first one with, or a name is no kind of change.
+    """
+    kinds = [name.strip() for name in names.split(",")]
+    for kind in kinds:
+        if kind not in KINDS:
+            raise UsageError(
+                f"--changed names {shortened(kind) or 'nothing'}, {known_names(kind, KINDS, 'kinds of change')}"
+            )
+    if len(logs) < 2:
+        raise UsageError(
+            "--changed was given with one LOG: give the one to compare with first, and the changed one behind it"
+        )
+    stated: tuple[Kind, ...] = tuple(one for one in KINDS if one in kinds)
+    return tuple(Change(Path(log).name, changed=stated if k else ()) for k, log in enumerate(logs))
 
 
 def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:

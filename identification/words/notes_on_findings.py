@@ -91,6 +91,15 @@ def _missing_part(note: Note) -> str:
     )
 
 
+def _model_in_common(note: Note) -> str:
+    files = " and ".join(note.numbers["files"])
+    return (
+        f"Links, friction and constant torques were fitted to {files} first: what is said here is how the other "
+        "recordings differ from that, and not how they differ from the given model. Files of a corrected model are "
+        "not written; diagnose the recordings without a load by themselves for these."
+    )
+
+
 def _zeros_compared(note: Note) -> str:
     n = note.numbers
     sizes = f"{n['by_torque']:.3g} {n['unit']} by the torques and {n['by_pose']:.3g} {n['unit']} by the poses"
@@ -101,6 +110,7 @@ def _zeros_compared(note: Note) -> str:
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
     Code.MISSING_PART: _missing_part,
+    Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,
     Code.NO_EXPERIMENT: _no_experiment,
     Code.NOT_SEPARATED: _not_separated,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.columns.common_causes import together
+from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import SERIES, FoundEffect, Term, shapes_of
 from phantom_dyn.effects.effect import Rival, Shape
@@ -57,7 +58,7 @@ def lay_out(
     for effect, joint, shapes in shapes_of(
         robot, operation, found, resonances, session.differences.own, together(session, operation)
     ):
-        if effect.inertial is not None:
+        if effect.inertial is not None and not isinstance(effect, OwnEffect):
             columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
             size = 4 if effect.inertial == "point mass" else len(columns)
             free = (np.inf,) * len(columns)
@@ -73,6 +74,7 @@ def lay_out(
             bounds = effect.bounds_in(robot, operation, joint, shape) or ((-np.inf, np.inf),) * count
             lower, upper = zip(*bounds, strict=True)
             size = count + (0 if effect.shape_is_estimate else len(shape))
+            size = 4 if effect.inertial == "point mass" else size
             terms.append(Term(effect, joint, shape, columns, size, lower, upper))
             local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
     return tuple(terms), tuple(local)

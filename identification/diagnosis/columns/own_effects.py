@@ -6,11 +6,13 @@ columns are zero in all other recordings. A known load or controller makes a mod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.data.changes import Change, Kind, robot_in
+from identification.data.change_kinds import KINDS, Kind
+from identification.data.changes import Change, robot_in
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
@@ -22,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 
-# What each kind of change may change, by `Effect.changes_with`; a payload has to be known.
+# What each kind of change may change, by `Effect.changes_with`; an unknown payload is a point mass of its recording.
 _CHANGES: dict[Kind, tuple[str, ...]] = {
     "friction": ("friction",),
     "temperature": ("friction", "temperature"),
@@ -46,6 +48,7 @@ class OwnEffect(Effect):
         self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
         # A gain of one recording scales nothing in the others, and a shape is that of this recording.
         self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
+        self.inertial, self.shows_with = inner.inertial, inner.shows_with
         self.fitted = "plain" if inner.fitted == "shape held" else inner.fitted
 
     @property
@@ -77,6 +80,24 @@ class OwnEffect(Effect):
         """As the effect."""
         return self.inner.untestable(robot, operation, joint)
 
+    def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
+        """Those of the effect: they are zero in the other recordings, and columns of its own."""
+        return self.inner.regressor_columns(robot, joint)
+
+    def lightest(self, robot: Robot) -> float:
+        """As the effect."""
+        return self.inner.lightest(robot)
+
+    def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
+        """As the effect."""
+        return self.inner.own_inertia(robot, mass)
+
+    def stated_law(
+        self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
+    ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
+        """As the effect."""
+        return self.inner.stated_law(robot, joint, shape, std, coefficients)
+
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Those of the effect: what this recording has more than the others, of which nothing is known beforehand."""
         return tuple(replace(one, plausible=None) for one in self.inner.parameters(robot, joint))
@@ -102,6 +123,8 @@ class OwnEffect(Effect):
 
 def changed_effects(kind: Kind, robot: Robot) -> tuple[Effect, ...]:
     """Effects that a kind of change between two recordings of a robot may change."""
+    if kind == "payload":
+        return tuple(effect for effect in effects_of(robot) if effect.inertial == "point mass")
     return tuple(effect for change in _CHANGES[kind] for effect in effects_of(robot) if effect.changes_with == change)
 
 
@@ -150,8 +173,7 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
         fitted: How many recordings fits see.
 
     Raises:
-        LogError: If an unknown amount is asked for that no fit can see, or an unknown payload of one recording, whose
-            place and mass fits do not hold apart.
+        LogError: If an unknown amount is asked for that no fit can see, or unknown payloads of several recordings.
     """
     if not changes:
         return ALIKE
@@ -161,19 +183,19 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
                 f"{change.file} is held out, so no fit sees what changed in it: give it as LOG, or take "
                 f"{', '.join(change.unknown)} out of what changed."
             )
-    for change in changes:
-        if "payload" in change.unknown:
-            raise LogError(
-                f"{change.file}: the payload that changed has no value: give its mass and center under payload, or "
-                "diagnose that recording by itself."
-            )
+    unknown_loads = [change.file for change in changes if "payload" in change.unknown]
+    if len(unknown_loads) > 1:
+        raise LogError(
+            f"{' and '.join(unknown_loads)} each have a payload without a value, and fits find one of them at a time: "
+            "give mass and center of the others under payload, or leave these recordings out."
+        )
     if fitted == 1 and changes[0].unknown:
         raise LogError(
             f"{changes[0].file} is the only recording that fits see, so {', '.join(changes[0].unknown)} cannot have "
             "changed: give another LOG to compare it with, or leave changed out."
         )
     own = {}
-    for kind in _CHANGES:
+    for kind in KINDS:
         effects = changed_effects(kind, robot)
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
         for k in stated[1:] if len(stated) == fitted else stated:

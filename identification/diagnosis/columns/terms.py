@@ -113,7 +113,12 @@ def shapes_of(
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    for effect in (*catalogue.effects_of(robot), *own, *STRUCTURES):
+    # A fit has one point mass: that of a recording takes the place of one that all recordings would have.
+    loads = {effect.inertial for effect in own}
+    common = tuple(
+        effect for effect in catalogue.effects_of(robot) if not _is_load(effect) or "point mass" not in loads
+    )
+    for effect in (*common, *own, *STRUCTURES):
         for joint in (*effect.places(robot), *(together if effect.shared else ())):
             if effect.untestable(robot, operation, joint) is not None:
                 continue
@@ -125,6 +130,10 @@ def shapes_of(
                 shapes = effect.refined(point.coefficients, point.shape)
             out.append((effect, joint, tuple(shapes)))
     return tuple(out)
+
+
+def _is_load(effect: Effect) -> bool:
+    return effect.inertial == "point mass"
 
 
 def untestable_places(

@@ -79,10 +79,10 @@ def test_friction_that_stayed_is_not_said_to_have_changed(pendulum, swing, recor
     assert [(finding.effect, finding.recording) for finding in found.findings] == [("coulomb_friction", None)]
 
 
-def test_a_payload_without_a_value_is_refused(pendulum):
-    changes = (Change("a.csv"), Change("b.csv", changed=("payload",)))
-    with pytest.raises(LogError, match=r"b\.csv: the payload that changed has no value: give its mass and center"):
-        differences_of(changes, pendulum, 2)
+def test_payloads_without_a_value_in_two_recordings_are_refused(pendulum):
+    changes = (Change("a.csv"), Change("b.csv", changed=("payload",)), Change("c.csv", changed=("payload",)))
+    with pytest.raises(LogError, match=r"b\.csv and c\.csv each have a payload without a value"):
+        differences_of(changes, pendulum, 3)
 
 
 def test_a_known_mass_alone_is_no_gap(pendulum, swing, recorded):

@@ -5,8 +5,8 @@ import re
 import pytest
 
 from identification.data.changes import Change, KnownPayload
-from identification.scenarios.recordings_file import read_changes
-from phantom_dyn.errors import ParameterError
+from identification.scenarios.recordings_file import changed_from_first, read_changes
+from phantom_dyn.errors import ParameterError, UsageError
 from phantom_dyn.model.robot import Controller
 
 LOGS = ("data/a.csv", "data/b.csv")
@@ -112,3 +112,20 @@ def test_a_name_that_two_recordings_have_wants_a_path(said):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="cannot be read"):
         read_changes(tmp_path / "none.yaml", LOGS, JOINTS)
+
+
+def test_all_recordings_but_the_first_have_what_changed():
+    a, b = changed_from_first("friction, payload", LOGS)
+    assert (a, b) == (Change("a.csv"), Change("b.csv", changed=("payload", "friction")))
+
+
+@pytest.mark.parametrize(
+    ("names", "logs", "match"),
+    [
+        ("mass", LOGS, "--changed names mass, the kinds of change are payload, friction"),
+        ("payload", LOGS[:1], "--changed was given with one LOG"),
+    ],
+)
+def test_what_cannot_have_changed_is_refused(names, logs, match):
+    with pytest.raises(UsageError, match=match):
+        changed_from_first(names, logs)

@@ -1,0 +1,79 @@
+"""Bare and loaded: a model of what recordings have in common, so that the difference is judged and not the given model.
+
+The recordings that carry nothing say what the robot is: links, friction and constant torques of all joints are fitted
+to them, among bodies that can exist, drawn to the given ones where nothing is shown. The diagnosis of all recordings
+then begins at that model, and what a weak model lacks in each of them is no part of what changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.changes import Change
+from identification.data.recording import Recording
+from identification.data.signals import process_all, within_limits
+from identification.diagnosis.columns.prepared import Prepared
+from identification.diagnosis.columns.terms import KnownEffect
+from identification.estimators.consistent.consistent import fit_consistent
+from identification.estimators.consistent.consistent_program import Prior
+from identification.notes import Code, Note
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# One sigma of the links as a share of the given ones: a weak model, where the recordings show nothing else.
+_WEAK = 0.5
+_OFFSET = "torque_offset"
+_FRICTION = ("viscous_friction", "coulomb_friction")
+
+
+def judged_by_difference(changes: tuple[Change, ...]) -> bool:
+    """True if a load without a value is what changed between recordings."""
+    return any("payload" in change.unknown for change in changes)
+
+
+def beside_the_model_in_common(given: Prepared) -> Prepared:
+    """The same recordings, judged against the model that those without an unknown load show; raises as below."""
+    robot, offsets, note = model_in_common(given.robot, given.seen, given.changes)
+    return replace(given, robot=robot, known=(*given.known, *offsets), notes=(note, *given.notes))
+
+
+def model_in_common(
+    robot: Robot, recordings: tuple[Recording, ...], changes: tuple[Change, ...]
+) -> tuple[Robot, tuple[KnownEffect, ...], Note]:
+    """The robot as the recordings without an unknown load show it, constant torques of its joints, and a note on it.
+
+    Args:
+        robot: The given model.
+        recordings: Of the diagnosis, in the order of the changes.
+        changes: What is known of each.
+
+    Raises:
+        LogError: If every recording carries an unknown load.
+    """
+    pairs = zip(recordings, changes, strict=False)
+    bare = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)
+    if not bare:
+        raise LogError(
+            f"{changes[0].file}: every recording carries a load without a value, so that there is nothing to compare "
+            "it with: add a recording without a load."
+        )
+    zero = np.zeros(robot.nv)
+    plain = replace(robot, viscous_friction=zero, coulomb_friction=zero)
+    logs, _ = process_all(bare, plain)
+    logs = tuple(replace(log, tau=within_limits(log.tau, plain)) for log in logs)
+    effects = [(effect_named(name), joint) for joint in robot.joint_names for name in (*_FRICTION, _OFFSET)]
+    found = fit_consistent(plain, logs, effects, prior=Prior(1.0 / _WEAK**2))
+    count = len(standard_parameters(plain))
+    out = with_parameters(plain, found.pi[:count] - standard_parameters(plain))
+    offsets = []
+    for joint, (viscous, coulomb, offset) in zip(robot.joint_names, found.pi[count:].reshape(robot.nv, 3), strict=True):
+        out = with_friction(out, joint, viscous=float(viscous), coulomb=float(coulomb))
+        offsets.append(KnownEffect(_OFFSET, joint, (float(offset),)))
+    return out, tuple(offsets), Note(Code.MODEL_IN_COMMON, None, {"files": [one.file for one in bare]})
