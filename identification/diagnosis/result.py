@@ -87,6 +87,10 @@ class Finding:
     words: EffectWords | None = field(default=None, compare=False, repr=False)
 
 
+# Share of a residual that three printed digits show.
+_PRINTED = 0.005
+
+
 @dataclass(frozen=True)
 class JointGap:
     """Gap of one joint on held-out data, in the joint's torque unit.
@@ -133,6 +137,11 @@ class JointGap:
         They are fitted to all joints at once, and give way to what is missing on others.
         """
         return bool(self.rms_before <= self.allowed < self.tolerated)
+
+    @property
+    def worse_within(self) -> bool:
+        """True if the given model's moves within the tolerances leave more than the given model, by what is printed."""
+        return bool(self.tolerated > (1.0 + _PRINTED) * self.rms_before)
 
     @property
     def without_findings(self) -> float:

@@ -16,7 +16,7 @@ from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
-from identification.words.verdict_words import verdict_sentence
+from identification.words.verdict_words import moves_carry, verdict_sentence
 from phantom_dyn.errors import printable
 
 WIDTH = 100
@@ -83,12 +83,14 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     if gap.closed is None or not diagnosis.findings:
         return []
     share = percent(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
+    moved = moves_carry(diagnosis)
+    by = "" if moved is None else f" ({percent(gap.closed - moved)} by the findings)"
     worst = max(
         diagnosis.joints, key=lambda joint: joint.without_findings / joint.noise_floor if joint.noise_floor else 0.0
     )
     where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([worst.joint])
     return [
-        f"{words.capital(share)} of the gap is closed, {where}: {number(worst.without_findings)} -> "
+        f"{words.capital(share)} of the gap is closed{by}, {where}: {number(worst.without_findings)} -> "
         f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
     ]
 
@@ -160,7 +162,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
 
 def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
     """Why a joint may be worse in tolerance than given; nothing where none is."""
-    worse = [joint.joint for joint in joints if joint.gives_way]
+    worse = [joint.joint for joint in joints if joint.worse_within]
     if not worse:
         return []
     return [

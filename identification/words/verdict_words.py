@@ -21,6 +21,7 @@ from identification.words.numbers_and_names import number, percent
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 _MOVES = 3  # moves within tolerance that a sentence names
+_CARRIED = 0.1  # share of the gap from which on what moves within tolerance carry is told
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -119,10 +120,13 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
-    """What a verdict without a gap, or with all of it explained, cannot exclude."""
+    """What a verdict without a gap, or with all of it explained, cannot exclude; and what moves carry of any gap."""
+    moved = moves_carry(diagnosis)
+    carried = [] if moved is None else [f"Moves within the tolerances carry {percent(moved)} of the gap."]
+    limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
-        return []
-    out = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
+        return [*carried, *limits] if carried else []
+    out = [*carried, *limits]
     limits_only = [gap.joint for gap in diagnosis.joints if gap.noise_floor_source == "predictors"]
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
@@ -151,6 +155,20 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             "where joints stand, creep or turn about and friction is in doubt."
         )
     return out
+
+
+def moves_carry(diagnosis: Diagnosis) -> float | None:
+    """Share of the gap that moves within the tolerances close and no finding does; None if it is next to nothing.
+
+    Of what is closed, shares of findings say their part. A size that turned out to be within a tolerance, as that of a
+    controller's gain, is no finding, and what it closes is none's.
+    """
+    shares = [finding.share for finding in (*diagnosis.findings, *diagnosis.minor)]
+    known = [share for share in shares if share is not None]
+    if diagnosis.gap.closed is None or len(known) < len(shares):
+        return None
+    carried = diagnosis.gap.closed - sum(known)
+    return carried if carried > _CARRIED else None
 
 
 def _at_limits(moves: list[Adjusted]) -> list[str]:

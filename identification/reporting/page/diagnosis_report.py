@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from identification.diagnosis.result import Diagnosis, Finding, Gap
+from identification.diagnosis.result import Diagnosis, Finding
 from identification.export.file_names import MJCF, URDF, YAML
 from identification.notes import Note, Said
 from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
@@ -32,7 +32,7 @@ from identification.reporting.page.report_tables import (
     rollout_rows,
     untestable_rows,
 )
-from identification.reporting.page.robot_scene import gap_shares, joint_colours, robot_scene
+from identification.reporting.page.robot_scene import joint_colours, robot_scene, shares_of
 from identification.reporting.page.time_curves import time_curves
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
@@ -40,7 +40,7 @@ from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.numbers_and_names import percent
-from identification.words.verdict_words import headline, hidden_words, left_over, reservations
+from identification.words.verdict_words import headline, hidden_words, left_over, moves_carry, reservations
 from phantom_dyn.model.robot import Robot
 
 VERDICTS = {
@@ -151,7 +151,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
-        closed=_closed(diagnosis.gap),
+        closed=_closed(diagnosis),
         minor=words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor]),
         adjusted=[
             (
@@ -179,11 +179,19 @@ def _on_model_files(said: Said) -> bool:
     return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
 
 
-def _closed(gap: Gap) -> str:
+def _closed(diagnosis: Diagnosis) -> str:
     """What all findings close together, in a sentence; empty where there is no gap to close."""
+    gap = diagnosis.gap
     if gap.closed is None or gap.interval is None:
         return ""
-    return f"All findings together close {words.share_words(gap.closed, gap.interval)} of the gap."
+    moved = moves_carry(diagnosis)
+    share = words.share_words(gap.closed, gap.interval)
+    if moved is None:
+        return f"All findings together close {share} of the gap."
+    return (
+        f"The findings close {percent(gap.closed - moved)} of the gap, and moves within the tolerances "
+        f"{percent(moved)}: {share} together."
+    )
 
 
 def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:
@@ -203,17 +211,17 @@ def _title(finding: Finding) -> str:
 
 
 def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
-    shares = gap_shares(diagnosis.joints)
+    shares = shares_of(diagnosis)
     ranked = np.argsort(-shares, kind="stable").tolist()
     named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings[:_FIGURES]}
     telling = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
     return [
         JointView(
             name=gap.joint,
-            share=percent(float(shares[k])),
+            share=percent(float(shares[k])) if shares.any() else "",
             torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
             clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
-            regimes=regime_table(diagnosis, k),
+            regimes=regime_table(diagnosis, k) if shares.any() else [],
             unfolded=k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _SOME),
             telling=bool(shares[k] > _SOME or k == ranked[0]),
         )
@@ -234,9 +242,9 @@ def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -
 
 def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
     scene = robot_scene(robot, diagnosis)
-    shares = gap_shares(diagnosis.joints)
+    shares = shares_of(diagnosis)
     legend = [
-        (gap.joint, percent(float(share)), colour)
+        (gap.joint, percent(float(share)) if shares.any() else "", colour)
         for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
     figure = _inside_script(scene.figure)

@@ -65,8 +65,9 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     origins = np.array([place.translation for place in data.oMi][1:])
     size = extent(np.concatenate([*(mesh.points for mesh in links + rails), origins]))
     joints = [_placed(joint_solid(model, k, size), data.oMi[k]) for k in range(1, model.njoints)]
-    shares = dict(zip((gap.joint for gap in diagnosis.joints), gap_shares(diagnosis.joints).tolist(), strict=True))
-    strengths = dict(zip(shares, relative(gap_shares(diagnosis.joints)).tolist(), strict=True))
+    own = shares_of(diagnosis)
+    shares = dict(zip((gap.joint for gap in diagnosis.joints), own.tolist(), strict=True))
+    strengths = dict(zip(shares, relative(own).tolist(), strict=True))
     solids = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
     for name, link, joint in zip(list(model.names)[1:], links[1:], joints, strict=True):
         share, text = strengths.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
@@ -161,7 +162,15 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
 def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
     found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
     what = "passive joint" if share is None else f"{percent(share)} of the gap"
+    if diagnosis.verdict == "no_gap":
+        return name
     return "\n".join((f"{name}: {what}", *found))
+
+
+def shares_of(diagnosis: Diagnosis) -> Float[Array, " nv"]:
+    """Share of each joint in the gap; of a model that fits none, as what is left there is noise."""
+    shares = gap_shares(diagnosis.joints)
+    return np.zeros_like(shares) if diagnosis.verdict == "no_gap" else shares
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:

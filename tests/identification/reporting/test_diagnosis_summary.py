@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from identification.diagnosis.result import Gap, Value
+from identification.diagnosis.result import Gap, Hidden, Value
 from identification.reporting.diagnosis_summary import summary, written_lines
 
 
@@ -79,6 +79,30 @@ def test_a_joint_that_is_worse_in_tolerance_than_given_is_explained_and_does_not
     assert "is closed, most on joint j2:" in text
     assert "In tolerance joint j1 is worse than given: moves within the tolerances are fitted to all joints" in text
     assert "is worse than given" not in summary(made)
+
+
+def carried_by_moves(made_up):
+    """Everything is closed, a quarter of it by the finding; the mass of a link has moved as far as it may."""
+    made = made_up()
+    finding = dataclasses.replace(made.findings[0], share=0.25)
+    limit = dataclasses.replace(made.adjusted[0], change=0.1, at_limit=True, hides=Hidden("change", 0.1))
+    return dataclasses.replace(made, findings=(finding,), gap=Gap(0.984, (0.97, 0.99)), adjusted=(limit,))
+
+
+@pytest.mark.parametrize("verdict", ["explained", "partly_explained", "unknown"])
+def test_what_moves_within_tolerance_carry_is_in_the_sentence_of_the_verdict(made_up, verdict):
+    # By hand: 98.4 % are closed, 25 % of them by the finding.
+    text = " ".join(summary(dataclasses.replace(carried_by_moves(made_up), verdict=verdict)).split())
+    assert "Moves within the tolerances carry 73 % of the gap. The move of link2 mass ends at the limit" in text
+    assert "98 % (97 to 99 %) of the gap is closed (25 % by the findings), most on" in text
+
+
+def test_what_findings_carry_alone_needs_no_word_on_moves(made_up):
+    made = carried_by_moves(made_up)
+    finding = dataclasses.replace(made.findings[0], share=0.97)
+    text = summary(dataclasses.replace(made, findings=(finding,)))
+    assert "carry" not in text
+    assert "by the findings" not in text
 
 
 def test_without_a_gap_there_is_no_line_about_it(made_up):

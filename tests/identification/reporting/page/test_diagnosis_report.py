@@ -161,7 +161,7 @@ def test_ids_on_the_page_are_unique(shown):
 
 
 def test_regimes_of_joints_without_a_gap_are_folded_away(made_up):
-    diagnosis = made_up(findings=0, samples=400)
+    diagnosis = dataclasses.replace(made_up(findings=0, samples=400), verdict="unknown")
     flat = dataclasses.replace(diagnosis.joints[1], rms_within_tolerance=diagnosis.joints[1].noise_floor)
     text = page(dataclasses.replace(diagnosis, joints=(diagnosis.joints[0], flat))).text
     assert text.index("j1 Regime") < text.index("Joints with almost no gap") < text.index("j2 Regime")
@@ -308,3 +308,14 @@ def test_without_a_ledger_the_page_has_no_such_section(made_up):
     assert "Why not something else?" not in report_html(
         dataclasses.replace(made_up(findings=1, samples=400), ledger=())
     )
+
+
+def test_a_page_of_a_model_that_fits_paints_no_joint_and_gives_no_share(made_up, planar2):
+    joints = tuple(dataclasses.replace(gap, rms_before=3.0 * gap.noise_floor) for gap in made_up().joints)
+    made = dataclasses.replace(made_up(("shoulder", "elbow")), verdict="no_gap", findings=())
+    joints = tuple(dataclasses.replace(own, joint=gap.joint) for own, gap in zip(joints, made.joints, strict=True))
+    text = report_html(dataclasses.replace(made, joints=joints), robot=planar2)
+    assert "The model fits: no joint holds a part of a gap." in Page(text).text
+    assert not re.search(r"Joint \w+, ", Page(text).text)
+    colours = set(re.findall(r'<i style="background: (#[0-9a-f]{6})">', text))
+    assert colours == {"#d3dae3"}

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from identification.diagnosis.result import JointGap
-from identification.reporting.page.robot_scene import gap_shares, joint_colours
+from identification.reporting.page.robot_scene import gap_shares, joint_colours, shares_of
 
 
 def gaps(*ratios: float, floor: float = 0.1) -> tuple[JointGap, ...]:
@@ -18,6 +20,12 @@ def test_shares_are_mean_squares_beyond_the_noise_floor():
 
 def test_without_a_gap_no_joint_has_a_share():
     assert gap_shares(gaps(1.0, 0.8)).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(("verdict", "shares"), [("explained", [3 / 11, 8 / 11]), ("no_gap", [0, 0])])
+def test_what_a_model_that_fits_leaves_is_noise_and_no_share(made_up, verdict, shares):
+    made = dataclasses.replace(made_up(), verdict=verdict, joints=gaps(2.0, 3.0))
+    assert shares_of(made) == pytest.approx(shares)
 
 
 @pytest.mark.parametrize("floor", [0.0, np.nan])
