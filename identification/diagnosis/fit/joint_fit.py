@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
@@ -23,12 +24,14 @@ from identification.diagnosis.fit.whole_model import (
     Place,
     by_other_law,
     change_by_model,
+    in_band,
     law_of,
     lay_out,
     linearised,
 )
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
+from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.effect import OtherLaw
 from phantom_dyn.random_streams import random_stream
 
@@ -47,6 +50,9 @@ _DRAWS = 4
 # Sets of numbers drawn to see which are possible within the tolerances, and of those so many that a deviation of them
 # is known to a tenth.
 _TRUNCATED, _LEAST_INSIDE = 2000, 100
+# Name of what a rotor that the model lacks is found as, its size where the model states none as a share of what the
+# joint carries, one sigma, and postures in which that is looked at.
+_ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
 # Correlation with a size from which on the end of a move's tolerance matters to it.
 _EXCHANGED = 0.1
 
@@ -110,13 +116,15 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
     cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
-    by_law = []
+    by_law, rotors = [], by_rotors(layout, model, a.sum(axis=0) + np.diag(precision))
     for place in layout.places:
         laws = (
             _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             for law in place.term.effect.other_laws
         )
         by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(place, x), *laws)))
+        if place.term.effect.inertial == "point mass" and not isinstance(place.term.effect, OwnEffect):
+            by_law[-1] = by_law[-1] + only_at(place.coefficients, rotors)
     return JointFit(layout.places, x, cov + sum(by_law), tuple(by_law))
 
 
@@ -187,6 +195,40 @@ def _by_law(
         )
         shift = solve(total, _products(layout, model, less)[1].sum(axis=0))
     return shift
+
+
+def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
+    """What rotors that the model does not state add to the covariance of all numbers: a load has an inertia as well.
+
+    Models often lack the rotor, and behind a gear it is of the size of the links. What a motion shows of a load by its
+    inertia alone, as its mass beside the first moment on a pendulum, is then not known. A rotor that the model states
+    has its tolerance, and one that was found its own deviation.
+    """
+    robot = layout.problem.session.robot
+    found = {place.term.joint for place in layout.places if place.term.effect.name == _ROTOR}
+    beside = total.copy()
+    for row, joint in enumerate(robot.joint_names):
+        if robot.rotor_inertia[row] > 0.0 or joint in found:
+            continue
+        less = []
+        for log, operation in enumerate(layout.operations):
+            some = operation.q[:: max(len(operation.q) // _POSTURES, 1)]
+            carried = float(np.mean(mass_matrix(robot, some)[:, row, row]))
+            torque = np.zeros_like(operation.a)
+            torque[:, row] = _UNSTATED * carried * operation.a[:, row]
+            less.append(in_band(layout, log, torque))
+        # A column more, with a deviation of one beforehand, eliminated.
+        _, across, own = _products(layout, model, tuple(less))
+        beside -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
+    identity = np.eye(layout.size)
+    return solve(beside, identity) - solve(total, identity)
+
+
+def only_at(places: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
+    """The part of a covariance that is of some numbers alone."""
+    out = np.zeros_like(cov)
+    out[places, places] = cov[places, places]
+    return out
 
 
 def _descended(

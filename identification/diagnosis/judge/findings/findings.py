@@ -13,6 +13,7 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
+from identification.diagnosis.judge.findings.other_tolerances import with_other_tolerances
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown
 from identification.diagnosis.judge.judged_band import Judge
@@ -68,7 +69,8 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         judge: Of the gap.
         within: What the best moves within the tolerances leave.
     """
-    plain, chosen, fitted = shown.plain, shown.chosen, shown.joint_fit
+    plain, chosen = shown.plain, shown.chosen
+    fitted = with_other_tolerances(shown.joint_fit, plain, chosen)
     robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
