@@ -55,6 +55,8 @@ def test_a_load_is_found_beside_a_weak_model(planar2, recordings):
     (payload,) = (one for one in found.findings if one.effect == "payload")
     assert payload.recording == "loaded.csv"
     mass = payload.parameters["mass"]
+    assert isinstance(mass.value, float)
+    assert isinstance(mass.std, float)
     assert abs(mass.value - LOAD.mass) < 3 * mass.std < 0.3 * LOAD.mass
     assert found.verdict == "explained"
 
