@@ -339,7 +339,9 @@ def _fit_linear(
 
 def _places(bodies: tuple[Body, ...], kept: Int[Array, " n"]) -> list[tuple[Body, Int[Array, " 10"]]]:
     """Bodies with the places of their changes among what is fitted."""
-    return [(body, np.searchsorted(kept, body.columns)) for body in bodies]
+    # A load's columns come last, so that what is fitted is not in the order of its columns.
+    order = np.argsort(kept)
+    return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
 
 
 def _with_possible_bodies(

@@ -62,6 +62,8 @@ def smallest_seen(
         for term in problem.columns.terms
         if isinstance(term.effect, Effect)
         and term.place not in found
+        # A number that joints have in common is bounded by those of each.
+        and term.joint in term.effect.places(robot)
         and not any(contains(other, term) for other in chosen)
     }
     probes = {
