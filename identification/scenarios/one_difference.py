@@ -16,8 +16,6 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all, within_limits
 from identification.diagnosis.columns.prepared import Prepared
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.estimators.consistent.consistent import fit_consistent
-from identification.estimators.consistent.consistent_program import Prior
 from identification.notes import Code, Note
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -57,6 +55,10 @@ def model_in_common(
     Raises:
         LogError: If every recording carries an unknown load.
     """
+    # With all that solves convex programs, which few runs need.
+    from identification.estimators.consistent.consistent import fit_consistent
+    from identification.estimators.consistent.consistent_program import Prior
+
     pairs = zip(recordings, changes, strict=False)
     bare = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)
     if not bare:
