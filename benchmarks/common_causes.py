@@ -6,7 +6,7 @@
     python -m benchmarks.common_causes load --seeds 0:20      # bare and loaded, links wrong by up to a half
     python -m benchmarks.common_causes load --seeds 0:20 --null
 
-The arms are the UR3, UR5 and UR10 with random motions, friction, rates and sizes. The torques are those of Pinocchio's
+The arms are the UR5, the UR10 and the Panda with random motions, friction, rates and sizes. The torques are those of Pinocchio's
 own algorithm, and nothing of the diagnosis makes them. Printed for each case: wrong names that are certain (above 0.9),
 and intervals of 95 % that do not hold the truth; at the end the counts of `Score`.
 """
@@ -28,7 +28,7 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-ARMS = ("example:ur3", "example:ur5", "example:ur10")
+ARMS = ("example:ur5", "example:ur10", "example:panda")
 SECONDS = 30.0
 CERTAIN, SIDES = 0.9, 1.96
 FRICTION = ("coulomb_friction", "viscous_friction", "load_dependent_friction", "direction_dependent_friction")
