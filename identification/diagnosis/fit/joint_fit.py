@@ -24,6 +24,7 @@ from identification.diagnosis.fit.whole_model import (
     Place,
     by_other_law,
     change_by_model,
+    columns_of,
     in_band,
     law_of,
     lay_out,
@@ -53,6 +54,9 @@ _TRUNCATED, _LEAST_INSIDE = 2000, 100
 # Name of what a rotor that the model lacks is found as, its size where the model states none as a share of what the
 # joint carries, one sigma, and postures in which that is looked at.
 _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
+# Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and places of the three moments of
+# inertia among the ten parameters of a body.
+_GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
 # Correlation with a size from which on the end of a move's tolerance matters to it.
 _EXCHANGED = 0.1
 
@@ -123,8 +127,11 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
             for law in place.term.effect.other_laws
         )
         by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(place, x), *laws)))
-        if place.term.effect.inertial == "point mass" and not isinstance(place.term.effect, OwnEffect):
-            by_law[-1] = by_law[-1] + only_at(place.coefficients, rotors)
+        if place.term.effect.inertial == "point mass":
+            shift = by_extent(layout, model, x, place, a.sum(axis=0) + np.diag(precision))
+            # What a load is compared with between recordings has the rotors, too.
+            more = 0.0 if isinstance(place.term.effect, OwnEffect) else rotors
+            by_law[-1] = by_law[-1] + only_at(place.coefficients, np.outer(shift, shift) + more)
     return JointFit(layout.places, x, cov + sum(by_law), tuple(by_law))
 
 
@@ -222,6 +229,19 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
         beside -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
     identity = np.eye(layout.size)
     return solve(beside, identity) - solve(total, identity)
+
+
+def by_extent(
+    layout: ModelLayout, model: Linearised, x: Float[Array, " p"], place: Place, total: Float[Array, "p p"]
+) -> Float[Array, " p"]:
+    """Shift of all numbers if a load is no point, but has an inertia about its own centre as loads have."""
+    mass = float(x[place.coefficients][0])
+    own = np.array(place.term.columns)[_MOMENTS_OF_INERTIA]
+    less = tuple(
+        mass * _GYRATION**2 * columns_of(layout.problem, tuple(own.tolist()), log).sum(axis=2)
+        for log in range(len(layout.operations))
+    )
+    return solve(total, _products(layout, model, less)[1].sum(axis=0))
 
 
 def only_at(places: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:

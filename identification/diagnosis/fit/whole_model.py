@@ -155,7 +155,7 @@ def _one_log(
     moves = np.arange(problem.nuisances)
     n, nv = problem.white.residual[log].shape
     slopes = np.zeros((n, nv, layout.size))
-    slopes[:, :, moves] = _columns(problem, tuple(moves.tolist()), log)
+    slopes[:, :, moves] = columns_of(problem, tuple(moves.tolist()), log)
     torque = slopes[:, :, moves] @ x[moves]
     gains = [place for place in layout.places if place.term.effect.scales_joint]
     for place in layout.places:
@@ -168,7 +168,7 @@ def _one_log(
             torque += own
     for place in gains:
         # A torque constant scales the whole of its row, what is found beside it included.
-        column = _columns(problem, place.term.columns, log)[:, :, 0]
+        column = columns_of(problem, place.term.columns, log)[:, :, 0]
         rows = np.any(column != 0, axis=0)
         gain = x[place.coefficients][0]
         slopes[:, rows] *= 1.0 + gain
@@ -183,7 +183,7 @@ def _with_slopes(
     """Torque of one term and its Jacobian to coefficients and shape."""
     effect = place.term.effect
     if effect.inertial == "point mass":
-        columns = _columns(layout.problem, place.term.columns, log)
+        columns = columns_of(layout.problem, place.term.columns, log)
         slope_of_mass = columns @ load_map(layout.problem.session.robot, place.term, own)
         return slope_of_mass @ own, slope_of_mass
 
@@ -222,7 +222,7 @@ def _law(
     return _at_shape(layout, place, at, log) @ own
 
 
-def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
+def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
     """Columns of the problem in the judged band, zero on rows that they do not touch."""
     white = problem.white
     out = np.zeros((*white.residual[log].shape, len(wanted)))
@@ -238,7 +238,7 @@ def _at_shape(layout: ModelLayout, place: Place, shape: Shape, log: int) -> Floa
     """Columns of an effect at a shape, in the judged band."""
     term = place.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
-        return _columns(layout.problem, term.columns, log)
+        return columns_of(layout.problem, term.columns, log)
     operation = layout.operation_of(place, log)
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
     narrow = in_band(layout, log, signature.columns)

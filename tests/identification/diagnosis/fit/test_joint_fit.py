@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
+from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis.columns.nuisances import moves_of
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.terms import FoundEffect
@@ -12,9 +13,10 @@ from identification.diagnosis.fit.joint_fit import covariance, free_numbers, joi
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.judged_band import narrow_search
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.friction.presliding_friction import dahl
+from phantom_dyn.effects.support.changed_robot import with_parameters, with_rotor_inertia
 
 
 def judged(lab, robot, motion, torque, near, *, seed=0):
@@ -192,3 +194,39 @@ def test_the_pull_on_a_number_that_a_bound_holds_is_no_scatter():
 
     one, other = (known(pull) for pull in pulls)
     np.testing.assert_allclose(one, other)
+
+
+def test_the_deviations_of_a_load_count_that_it_may_be_no_point(lab, planar2, trusted):
+    planar2 = trusted(planar2)
+    # Oracle: the same fit of a load of 1 kg that has a radius of gyration of 4 cm about its own centre.
+    motion = lab.motion(2, 4, seconds=20.0, swing=1.5)
+    load = KnownPayload(1.0, (0.05, 0.0, -0.3))
+    ball = np.zeros_like(standard_parameters(planar2))
+    ball[[14, 16, 19]] = load.mass * 0.04**2
+    point = with_payload(planar2, load)
+    fits = []
+    for robot in (point, with_parameters(point, ball)):
+        torque = inverse_dynamics(planar2, motion) - inverse_dynamics(robot, motion)
+        prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque, noise=1e-3, seed=1),), white=False)
+        term = next(t for t in prepared.columns.terms if t.place == ("payload", None))
+        fits.append((fitted_with(planar2, prepared, prepared.problem, term), term))
+    (of_point, own), (of_ball, other) = fits
+    moved = np.abs(of_ball.coefficients(other) - of_point.coefficients(own))
+    place = of_point.place(own).coefficients
+    deviations = np.sqrt(np.diag(of_point.cov)[place])
+    assert moved[3] > 1e-4
+    assert np.all(deviations[[0, 1, 3]] > 0.8 * moved[[0, 1, 3]])
+
+
+@pytest.mark.parametrize(("rotor", "known"), [(0.0, False), (1e-3, True)])
+def test_a_rotor_that_no_model_states_leaves_the_mass_on_a_pendulum_open(lab, pendulum, trusted, rotor, known):
+    # By hand: the moment shows by its weight; the mass by an inertia, which a rotor of half of what is carried makes.
+    robot = with_rotor_inertia(trusted(pendulum), "pin", rotor) if rotor else trusted(pendulum)
+    motion = lab.motion(1, 4, seconds=20.0, swing=1.5)
+    torque = lab.acting(robot, motion, "payload", None, 0.5, 0.0, 0.0, -0.5)
+    prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, noise=1e-3),), white=False)
+    term = next(t for t in prepared.columns.terms if t.place == ("payload", None))
+    fitted = fitted_with(robot, prepared, prepared.problem, term)
+    mass, _, _, moment = np.sqrt(np.diag(fitted.cov)[fitted.place(term).coefficients])
+    assert moment < 0.1 * 0.25
+    assert (mass < 0.5 / 8) == known
