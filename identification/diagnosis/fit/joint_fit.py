@@ -129,9 +129,7 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(place, x), *laws)))
         if place.term.effect.inertial == "point mass":
             shift = by_extent(layout, model, x, place, a.sum(axis=0) + np.diag(precision))
-            # What a load is compared with between recordings has the rotors, too.
-            more = 0.0 if isinstance(place.term.effect, OwnEffect) else rotors
-            by_law[-1] = by_law[-1] + only_at(place.coefficients, np.outer(shift, shift) + more)
+            by_law[-1] = by_law[-1] + only_at(place.coefficients, np.outer(shift, shift) + rotors)
     return JointFit(layout.places, x, cov + sum(by_law), tuple(by_law))
 
 
@@ -209,13 +207,15 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
 
     Models often lack the rotor, and behind a gear it is of the size of the links. What a motion shows of a load by its
     inertia alone, as its mass beside the first moment on a pendulum, is then not known. A rotor that the model states
-    has its tolerance, and one that was found its own deviation.
+    has its tolerance, and one that was found its own deviation. Between recordings rotors are the same, but what else
+    is late or lags with the torque makes an inertia as well.
     """
     robot = layout.problem.session.robot
     found = {place.term.joint for place in layout.places if place.term.effect.name == _ROTOR}
+    between = any(isinstance(place.term.effect, OwnEffect) for place in layout.places)
     beside = total.copy()
     for row, joint in enumerate(robot.joint_names):
-        if robot.rotor_inertia[row] > 0.0 or joint in found:
+        if joint in found or (robot.rotor_inertia[row] > 0.0 and not between):
             continue
         less = []
         for log, operation in enumerate(layout.operations):
