@@ -92,6 +92,8 @@ class Robot:
         chain: How the passive joints of a closed chain follow the active ones, or None.
         config: The ``robot.yaml`` that was named for it; None: the one beside its file, where there is one.
         user_effects: Effects beside the catalogue that the user brought for it, see `phantom_dyn.effects.user`.
+        carried: Standard parameters that an earlier diagnosis has found on the link of a payload, ``(10,)``:
+            so much may be taken off. None: none.
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
     """
@@ -116,6 +118,7 @@ class Robot:
     config: Path | None = None
     user_effects: tuple[UserEffect, ...] = ()
     soft_friction: tuple[SoftFriction | None, ...] = ()
+    carried: Float[Array, " 10"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

@@ -7,6 +7,7 @@ first.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Rival
+from phantom_dyn.effects.load.payload import carrying
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
 from phantom_dyn.effects.support.rows import modelled_friction_of
@@ -62,6 +64,16 @@ def motion_of(log: Log) -> Motion:
     """
     moves = ~standing_still(log).all(axis=0)
     return Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
+
+
+def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
+    """The robot whose last link carries the payloads of earlier diagnoses, so that they may be taken off again.
+
+    Args:
+        robot: The given model.
+        known: Effects that belong to it already.
+    """
+    return carrying(robot, [np.array(one.theta) for one in known if one.effect == "payload"])
 
 
 def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:

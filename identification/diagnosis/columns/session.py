@@ -12,7 +12,7 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed_where, within_limits
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import carrying_known, operate
 from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
 from identification.diagnosis.columns.soft_friction import rubs_softly
 from identification.diagnosis.columns.structure import STRUCTURES
@@ -110,6 +110,7 @@ def session_of(
         EffectError: If an effect that the user brought has a name that stands for something nameless here.
     """
     _require_free_names(robot)
+    robot = carrying_known(robot, known)
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)

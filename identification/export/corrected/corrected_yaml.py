@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from identification.diagnosis.columns.known_geometry import OF_POSES
+from identification.diagnosis.columns.operations import carrying_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from identification.geometry.pins import loops_of
@@ -208,7 +209,12 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
     for k, file in enumerate(files):
         if places[k] in places[:k]:
             raise UsageError(f"{file} is given twice, and its effects would be added twice: give every model once.")
-    return tuple(known_effect(entry, robot, file) for file in files for entry in read_corrected(file).effects)
+    out: list[KnownEffect] = []
+    for file in files:
+        for entry in read_corrected(file).effects:
+            # A load that one file has found, a later one may take off.
+            out.append(known_effect(entry, carrying_known(robot, out), file))
+    return tuple(out)
 
 
 def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:

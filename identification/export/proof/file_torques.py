@@ -13,7 +13,7 @@ import yaml
 
 from identification.data.log import Log
 from identification.diagnosis.columns.known_geometry import of_torques
-from identification.diagnosis.columns.operations import motion_of, operate, with_known
+from identification.diagnosis.columns.operations import carrying_known, motion_of, operate, with_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
@@ -124,7 +124,7 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
         known: Effects that belong to it already.
     """
     with unnamed_file(text.encode(), suffix=".yaml") as path:
-        found = known_effects((path,), robot)
+        found = known_effects((path,), carrying_known(robot, known))
         moved = moved_by(robot, read_corrected(path).adjusted)
     return torque_of_model(replay, moved, (*known, *of_torques(found)))
 

@@ -13,7 +13,8 @@ URDF and MJCF: an inertial element more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,6 +46,8 @@ _MATCHES, _NEAR = 1.25, 0.02
 _ROUNDING, _LEFT = 1e-8, 0.999
 # Deviations of a mass from zero, from which on its interval of 95 % is narrower than a half of it.
 _CERTAIN = 2 * 1.96 / 0.5
+# Radius of gyration of a load over its lever: a fifth, as that of a ball at half its distance.
+_EXTENT = 0.2
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
 _CENTERS = ("center_x", "center_y", "center_z")
 
@@ -83,9 +86,9 @@ class Payload(Effect):
             "mass",
             "kg",
             least,
-            plausible=(max(least, -_MATCHES * max((part.mass for part in parts), default=0.0)), _HEAVIEST),
+            plausible=(max(least, -_MATCHES * max((*(part.mass for part in parts), _carried_mass(robot)))), _HEAVIEST),
             plausible_because="the strongest arms lift a tonne, and what a robot lacks is a part that its model "
-            "carries on a fixed or locked joint",
+            "carries on a fixed or locked joint, or a load that an earlier diagnosis has found",
         )
         centers = (
             Parameter(
@@ -109,8 +112,8 @@ class Payload(Effect):
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
     def lightest(self, robot: Robot) -> float:
-        """Minus the mass of the link that carries it."""
-        return -float(robot.model.inertias[payload_body(robot)].mass)
+        """Minus the mass of the link that carries it, with what an earlier diagnosis found there."""
+        return -float(_link(robot)[0])
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
         """That of the part which may be missing."""
@@ -183,6 +186,39 @@ class Payload(Effect):
         return Simulated(robot=lambda moved: with_parameters(moved, added))
 
 
+def _link(robot: Robot) -> Float[Array, " 10"]:
+    """Standard parameters of the link that carries a payload, with what an earlier diagnosis found there."""
+    own = np.array(robot.model.inertias[payload_body(robot)].toDynamicParameters())
+    return own if robot.carried is None else own + robot.carried
+
+
+def _extent_of_carried(robot: Robot) -> float:
+    """Mass times squared radius of gyration [kg m^2] that loads of an earlier diagnosis may have along each axis.
+
+    They were found as points, which they are not.
+    """
+    mass = _carried_mass(robot)
+    if robot.carried is None or mass == 0.0:
+        return 0.0
+    return float(_EXTENT**2 * np.sum(np.square(robot.carried[1:4])) / mass)
+
+
+def _carried_mass(robot: Robot) -> float:
+    return 0.0 if robot.carried is None else max(float(robot.carried[0]), 0.0)
+
+
+def carrying(robot: Robot, thetas: Sequence[Float[Array, " 4"]]) -> Robot:
+    """The robot on whose last link an earlier diagnosis has found payloads.
+
+    Args:
+        robot: The given model, which stays as it is.
+        thetas: Mass and centre of each.
+    """
+    if not thetas:
+        return robot
+    return replace(robot, carried=np.sum([_added(robot, np.asarray(theta)) for theta in thetas], axis=0))
+
+
 def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
     """Ten parameters of a point mass, or of a part that is missing."""
     mass = float(theta[0])
@@ -215,11 +251,11 @@ def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
     What is left has a positive semidefinite pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)``, which it has up to
     ``m = 1 / (p^T P^-1 p)``.
     """
-    mass, own, inertia = central_parameters(robot.model.inertias[payload_body(robot)].toDynamicParameters())
+    mass, own, inertia = central_parameters(_link(robot))
     spread = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     heart, point = np.append(own, 1.0), np.append(center, 1.0)
     pseudo = mass * np.outer(heart, heart)
     pseudo[:3, :3] += spread
     # Of a file's rounding, and of a link without extent, nothing else can be taken.
-    rest = pseudo + _ROUNDING * mass * np.diag([1.0, 1.0, 1.0, 0.0])
+    rest = pseudo + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
     return float(min(1.0 / (point @ np.linalg.solve(rest, point)), _LEFT * mass))

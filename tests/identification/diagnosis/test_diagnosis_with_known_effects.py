@@ -5,11 +5,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from identification.diagnosis.columns.operations import with_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
@@ -112,3 +114,16 @@ def test_a_load_is_all_that_is_left_of_a_loaded_robot_whose_friction_is_known(di
     loaded = diagnose(planar2, (lacking(friction, load),), known=known)
     assert [(f.effect, f.joint) for f in loaded.findings] == [("payload", None)]
     assert loaded.findings[0].parameters["mass"].value == pytest.approx(0.6, rel=0.1)
+
+
+def test_friction_under_load_is_that_of_the_load_that_is_left(lab, planar2):
+    # Known truth: of 0.9 kg that an earlier diagnosis found, 0.6 are taken off, and the friction they made with them.
+    center, rubs = (0.0, 0.0, -0.4), KnownEffect("load_dependent_friction", "shoulder", (0.3,))
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    true = with_known(planar2, Operation.of(planar2, motion), (KnownEffect("payload", None, (0.3, *center)), rubs))
+    recording = lab.recording(planar2, motion, Operation.of(planar2, motion).tau - true.tau)
+    found = diagnose(planar2, (recording,), known=(KnownEffect("payload", None, (0.9, *center)), rubs))
+    # Free parameters of the last link are a payload with more numbers: either is the load.
+    assert len(found.findings) == 1
+    assert found.findings[0].effect in ("payload", "inertial_parameters")
+    assert found.verdict == "explained"

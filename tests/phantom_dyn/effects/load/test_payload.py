@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.effects.load.payload import Payload, most_removed
+from phantom_dyn.effects.load.payload import Payload, carrying, most_removed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
@@ -181,3 +181,27 @@ def test_a_payload_is_probed_and_sized_at_the_center_of_the_last_link(arm, opera
     assert name == "mass"
     np.testing.assert_allclose(direction, pin.Inertia(1.0, center, np.zeros((3, 3))).toDynamicParameters(), atol=1e-15)
     assert Payload().sized(arm, None, "mass", 0.7, np.zeros(3)) == (0.7, *center)
+
+
+def test_a_load_that_was_found_before_may_be_taken_off(arm):
+    # By hand: the link's own mass and 2 kg more, of which all may go; without an earlier diagnosis no more than its own.
+    center = np.array([0.1, -0.05, 0.2])
+    loaded = carrying(arm, [np.array([2.0, *center])])
+    own = arm.model.inertias[payload_body(arm)].mass
+    assert Payload().lightest(loaded) == pytest.approx(-(own + 2.0))
+    moments = np.array([-1.5, *(-1.5 * center), *np.zeros(6)])
+    assert Payload().from_coefficients(loaded, None, moments, ())[0] == pytest.approx(-1.5)
+    assert Payload().from_coefficients(arm, None, moments, ())[0] > -1.5
+
+
+def test_what_was_found_before_is_a_plausible_size_to_lose(arm):
+    loaded = carrying(arm, [np.array([2.0, 0.1, -0.05, 0.2])])
+    ranges = [Payload().parameters(robot, None)[0].plausible for robot in (arm, loaded)]
+    assert ranges[0] is not None
+    assert ranges[1] is not None
+    assert ranges[0][0] > -2.0
+    assert ranges[1][0] <= -2.0
+
+
+def test_a_robot_that_carries_nothing_is_itself(arm):
+    assert carrying(arm, []) is arm
