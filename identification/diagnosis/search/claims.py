@@ -52,7 +52,8 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     if exact:
         left = search.fits.row_losses(exact)
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
-    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+    fair = np.minimum(fair_part.LEAST_SHARE_OF_GAP * gap, fair_part.MINOR * row_counts(search.problem))
+    return fair + search.rows.accuracy
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
