@@ -59,6 +59,11 @@ def test_rotor_inertia_becomes_the_armature(load):
     assert load("joints: {tilt: {rotor_inertia: 1e-3}}").model.armature.tolist() == [0, 1e-3, 0]
 
 
+@pytest.mark.parametrize(("text", "hold"), [("reference_hold: zoh", "zoh"), ("gravity: [0, 0, -9.81]", None)])
+def test_references_are_held_where_it_is_said(load, text, hold):
+    assert load(text).reference_hold == hold
+
+
 def test_the_file_beside_the_robot_is_read(tmp_path):
     (tmp_path / "robot.urdf").write_bytes((ROBOTS / "pendulum.urdf").read_bytes())
     (tmp_path / "robot.yaml").write_text("torque_hold: zoh")

@@ -86,6 +86,11 @@ def test_an_episode_is_a_recording_of_its_own_rows(dataset, columns, episode):
     np.testing.assert_allclose(table.columns["t"], np.arange(N) / 30, rtol=1e-6)
 
 
+def test_actions_act_until_the_next_frame(dataset, columns):
+    # LeRobot sends one action a frame; a map of names does not change that.
+    assert read_table(dataset / "episode_000000", columns=columns).references_held
+
+
 def test_the_file_of_an_episode_of_format_2_is_that_episode(tmp_path, columns):
     path = tmp_path / "old" / "data" / "chunk-000" / "episode_000001.parquet"
     path.parent.mkdir(parents=True)
