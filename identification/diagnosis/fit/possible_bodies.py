@@ -34,7 +34,7 @@ _WIDER, _THINNEST = 1.5, 0.5
 # Reach of a link of a robot without any length [m].
 _SOME_LENGTH = 0.3
 # Accuracy of the solver, in squared deviations and of the cone.
-_ACCURACY = 1e-8
+_ACCURACY = 1e-6
 # Times that the other coefficients are found again beside the bodies.
 _ROUNDS = 4
 # Order of the entries of a symmetric matrix in Clarabel's cone: columns of the upper triangle.

@@ -27,6 +27,8 @@ Array = np.ndarray
 
 # Effects that imitate one together, at most.
 _MOST = 3
+# Probability of a load, of links and of torque scales, at most: sums of more laws than are tried imitate these.
+_UNCERTAIN = 0.85
 
 
 def along_lines(session: Session) -> frozenset[int]:
@@ -60,7 +62,9 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
         and not other.shape
         and possible(chosen - {term}, other)
         and other.place != term.place
-        and not (contains(other, term) or contains(term, other))
+        and not contains(other, term)
+        # A load and other causes together may be what free bodies take up; of a law of friction that is no news.
+        and (term.effect.inertial == "free" or not contains(term, other))
         and not rows.isdisjoint(rows_of(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
@@ -93,6 +97,13 @@ def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> 
     rivals = (*standing.rivals, Rival(effects, half)) if effects else standing.rivals
     ranked = tuple(sorted(rivals, key=lambda rival: -rival.probability))
     return replace(standing, probability=half, rivals=ranked)
+
+
+def on_a_line(standing: Standing, term: Term) -> Standing:
+    """The standing of a finding where joints move along one line: what has columns of every motion is not certain."""
+    if term.effect.inertial is None and not term.effect.scales_joint:
+        return standing
+    return replace(standing, probability=min(standing.probability, _UNCERTAIN))
 
 
 def _left(

@@ -20,7 +20,7 @@ from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_of
-from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by
+from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
 from identification.diagnosis.search.special_cases import implausible
 from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said
@@ -93,7 +93,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
 
         standing = shown.standings[term]
         if not lines.isdisjoint(rows_of(problem, term)):
-            standing = beside_imitation(standing, imitated_by(plain, chosen, term))
+            standing = on_a_line(beside_imitation(standing, imitated_by(plain, chosen, term)), term)
         low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by
+from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
 from identification.diagnosis.search.rival_sets import Standing
 from phantom_dyn.motion import Motion
 
@@ -53,3 +53,12 @@ def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     assert found.probability == 0.45
     assert found.rivals == (Rival((EffectAt("load_dependent_friction", "elbow"),), 0.45), known)
     assert beside_imitation(Standing(0.9, (known,)), None) == Standing(0.9, (known,))
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "most"),
+    [("payload", None, 0.85), ("torque_constant", "elbow", 0.85), ("viscous_friction", "elbow", 0.99)],
+)
+def test_no_load_and_no_torque_scale_is_certain_along_a_line_and_friction_is(in_line, name, joint, most):
+    assert on_a_line(Standing(0.99, ()), term(in_line, name, joint)).probability == most
+    assert on_a_line(Standing(0.5, ()), term(in_line, name, joint)).probability == 0.5
