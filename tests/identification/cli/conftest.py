@@ -150,6 +150,7 @@ class Entry(Strict):
     gates: list[Gate]
     outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
     instead: list[EffectAt]
+    judged_by: Literal["torques", "poses", "rests"]
     figures: dict[str, float | None]
 
 
