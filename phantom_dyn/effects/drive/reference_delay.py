@@ -110,6 +110,15 @@ class ReferenceDelay(Effect):
             return "the torque was not computed from references: it was measured, or no controller or drive is known"
         return None
 
+    def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
+        """That a reference which is held looks the same, where nobody has said whether it is."""
+        if robot.reference_hold is not None:
+            return ""
+        return (
+            f"A reference that is held until the next one looks as if it were half of that time late: if references "
+            f"come every {2e3 * theta.item():.3g} ms, state reference_hold: zoh in robot.yaml, and this is no gap."
+        )
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives less than it would with the reference as it was sent."""
         rows = driven_rows(robot, joint)

@@ -123,3 +123,10 @@ def test_a_controller_without_tables_is_refused(law):
 def test_model_files_get_it_as_a_delay_of_references(arm):
     numbers = EFFECT.model_numbers(arm, None, np.array([0.03]))
     assert (numbers.whole, numbers.reference_delay, numbers.delay) == (True, 0.03, None)
+
+
+def test_a_held_reference_is_told_as_what_looks_the_same(arm):
+    # Closed form: held for 40 ms, it is 20 ms late on average.
+    said = EFFECT.remark(arm, None, np.array([0.02]))
+    assert "every 40 ms" in said
+    assert EFFECT.remark(replace(arm, reference_hold="zoh"), None, np.array([0.02])) == ""
