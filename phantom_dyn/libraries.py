@@ -34,7 +34,6 @@ OPTIONAL = (
     Library("xarray", "xarray", "tables", "An array with coordinates"),
     Library("netCDF4", "netcdf4", "maps", "Writing a map as NetCDF"),
     Library("xarray", "xarray", "maps", "Writing a map as NetCDF"),
-    Library("mujoco", "mujoco", "mujoco", "Loading a corrected MJCF again"),
     Library("dask", "dask", "cluster", "Work on a Dask cluster"),
     Library("distributed", "distributed", "cluster", "Work on a Dask cluster"),
     Library("example_robot_data", "example-robot-data", "examples", "A robot of example:NAME"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import (
     TOLERANCE,
     mujoco_difference,
@@ -22,7 +23,6 @@ from identification.identify.identification import Export
 from identification.identify.identified_model import FullModel
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import EstimationError, PhantomDynError
-from phantom_dyn.libraries import missing_library
 from phantom_dyn.model.loading import CONFIG_NAME
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
@@ -84,9 +84,7 @@ def _checked_export(
     except PhantomDynError as error:
         return Export(name, "", "", float("nan"), TOLERANCE, (f"Not written: {error}",))
     if np.isnan(difference):
-        return Export(
-            name, text, "", difference, TOLERANCE, (*left_out, f"Not loaded again. {missing_library('mujoco')}")
-        )
+        return Export(name, text, "", difference, TOLERANCE, (*left_out, f"Not loaded again: {mujoco_problem(text)}."))
     if difference > TOLERANCE:
         raise EstimationError(
             f"{name}, loaded again with {loaded_with}, needs torques that differ by {difference:.2g} of the largest "

@@ -102,6 +102,16 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
 _LEAST_ROWS = 20
 
 
+def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:
+    """Gains kp and kd of the joints whose actuator in the robot's file states them."""
+    stated = zip(robot.joint_names, robot.actuators, strict=True)
+    return {
+        joint: (a.controller.kp, a.controller.kd)
+        for joint, a in stated
+        if joint in robot.gains_of_file and a.controller
+    }
+
+
 def motion_robot(robot: Robot) -> Robot:
     """The robot whose torque is a command, whatever was said of torque columns: there are none."""
     return replace(robot, torque_source="command")
@@ -123,7 +133,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         if actuator.actuated and (actuator.controller is None or actuator.controller.kp <= 0)
     ]
     if recording.q_ref is not None and not lacking:
-        numbers = {"file": recording.file, "has_torque": recording.tau is not None}
+        numbers = {"file": recording.file, "has_torque": recording.tau is not None, "gains": gains_of_file(robot)}
         tau = commanded_torque(recording, robot)
         note = Note(Code.MOTION_ONLY, numbers=numbers)
         return _computed(replace(recording, tau=tau, notes=(*recording.notes, note)), robot)

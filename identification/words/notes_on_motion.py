@@ -22,8 +22,20 @@ def _motion_only(note: Note) -> str:
     unused = " The torque of the log is not used." if n["has_torque"] else ""
     return (
         f"{files}: positions and references only: the torque is what the controllers ask for at the recorded motion, "
-        f"so that findings are as good as their gains.{unused}"
+        f"so that findings are as good as their gains{_gains_stated(n.get('gains', {}))}.{unused}"
     )
+
+
+def _gains_stated(gains: Mapping[str, tuple[float, float]]) -> str:
+    """Which gains are those of the robot's file, by joint or once for all."""
+    if not gains:
+        return ""
+    if len(set(gains.values())) == 1:
+        kp, kd = next(iter(gains.values()))
+        said = f"{', '.join(gains)} kp {kp:.4g}, kd {kd:.4g}"
+    else:
+        said = "; ".join(f"{joint} kp {kp:.4g}, kd {kd:.4g}" for joint, (kp, kd) in gains.items())
+    return f", which the actuators of the robot's file state ({said})"
 
 
 def _gains_estimated(note: Note) -> str:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """From a robot file and its robot.yaml to a `Robot`.
 
-Pinocchio's parsers print what they refuse, and pass over some of what they do not read: both are turned into sentences.
+MuJoCo reads MJCF, Pinocchio URDF. What Pinocchio's parser prints, or passes over, is turned into sentences.
 """
 
 from __future__ import annotations
@@ -14,39 +14,39 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
-from xml.etree import ElementTree
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.arguments import or_none, path_of, takes
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.model.held_joints import held_and_following, hold
 from phantom_dyn.model.inertia import breaks_triangle, impossible_because
-from phantom_dyn.model.mjcf import add_loop_frames, drawn_configuration, mjcf_facts
+from phantom_dyn.model.mjcf import add_loop_frames, check_mjcf, mjcf_facts
+from phantom_dyn.model.mjcf_compiler import compiled_mjcf
+from phantom_dyn.model.mjcf_tree import tree_of_mjcf
 from phantom_dyn.model.robot import Actuator, Controller, Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.model.robot_xml import RobotXml, read_root, require_finite, urdf_facts
+from phantom_dyn.model.robot_xml import Drive, RobotXml, read_root, require_finite, urdf_facts
+from phantom_dyn.model.ros2_control import Ros2Config, is_ros2_control, ros2_config
+from phantom_dyn.model.settings_file import load_mapping
 from phantom_dyn.model.stated_loops import closed_chain
-from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import linear_joints
 
 CONFIG_NAME = "robot.yaml"
-_AT_REST = "world_at_rest"
-"""Name of the body that is added so that every body of an MJCF world hangs on one."""
-_POSE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes that place a body of MJCF."""
-_SEVERAL = "several joints on one body"
+_BALL = "a ball joint"
 _KINDS = {
     "JointModelFreeFlyer": "a floating base",
     "JointModelPlanar": "a planar joint",
-    "JointModelSpherical": "a ball joint",
-    "JointModelSphericalZYX": "a ball joint",
-    "JointModelComposite": _SEVERAL,
+    "JointModelSpherical": _BALL,
+    "JointModelSphericalZYX": _BALL,
 }
 """What Pinocchio's joints of more than one velocity are called in a message."""
+_GYRATION, _TIMES_SIZE = 1.0, 3.0
+"""Radius of gyration [m], and in lengths of the robot, beyond which an inertia is told to be a placeholder."""
 _DRIVE = (
     "gear_ratio",
     "torque_constant",
@@ -78,35 +78,61 @@ def load_robot(source: str | Path, *, config: str | Path | None = None) -> Robot
         RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
     """
     path = find_robot(source)
-    facts = _facts(path)
     config_path = path.with_name(CONFIG_NAME) if config is None else Path(config)
-    stated = read_robot_config(config_path) if config is not None or config_path.is_file() else RobotConfig()
-    full = parse_model(path, facts.kind)
+    stated = _config(config_path) if config is not None or config_path.is_file() else RobotConfig()
+    facts, full = read_model(path)
     if facts.gravity is not None:
         full.gravity = pin.Motion(np.array(facts.gravity), np.zeros(3))
     _check_names(full, stated, config_path)
-    carried = add_loop_frames(full, facts.loops, path)
-    model, locked = _hold(full, stated, facts)
+    carried = add_loop_frames(full, facts.loops)
+    held, loops = held_and_following(full, stated, facts)
+    model, locked = hold(full, held)
     _require_simple_joints(model, path)
     _check_payload_frame(model, stated, config_path)
     idle = frozenset(model.names) - facts.driven if facts.driven and facts.loops else frozenset()
-    chain = closed_chain(model, stated, config_path if stated.loops else path, carried=carried, without_drive=idle)
+    whole = msgspec.structs.replace(stated, loops=[*stated.loops, *loops])
+    chain = closed_chain(model, whole, config_path if stated.loops else path, carried=carried, without_drive=idle)
     robot = _robot(model, str(source), path, facts, stated, locked, chain)
     return replace(robot, config=None if config is None else Path(config))
 
 
-def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
-    """Pinocchio's model of a file, meshes not read.
+def _config(path: Path) -> RobotConfig:
+    """Content of a robot.yaml, or of a ros2_control file."""
+    content = load_mapping(path, RobotError)
+    return ros2_config(content, path) if is_ros2_control(content) else read_robot_config(path)
+
+
+def read_model(path: Path) -> tuple[RobotXml, pin.Model]:
+    """Facts of a robot file and Pinocchio's model of it, with all joints that the file has; meshes are not read.
+
+    Raises:
+        RobotError: If the file cannot be read, or states what no robot has.
+    """
+    root, sha256 = read_root(path)
+    if root.tag == "mujoco":
+        check_mjcf(root, path)
+        require_finite(root, path)
+        compiled = compiled_mjcf(path, root).model
+        return mjcf_facts(root, sha256, path, compiled), tree_of_mjcf(compiled)
+    facts = urdf_facts(root, sha256, path)
+    require_finite(root, path)
+    for body in facts.bodies:
+        reason = impossible_because(body.mass, body.central_inertia)
+        if reason and body.moves:
+            raise RobotError(f"{path}: {body.name} cannot exist, {reason}: correct its <inertial>.")
+    return facts, parsed_urdf(path)
+
+
+def parsed_urdf(path: Path) -> pin.Model:
+    """Pinocchio's model of a URDF, meshes not read.
 
     Raises:
         RobotError: If Pinocchio refuses it, or its parser drops the inertia of a link.
     """
-    build = pin.buildModelFromUrdf if kind == "urdf" else pin.buildModelFromMJCF
     model, reason = None, ""
     with _captured_output() as printed:
         try:
-            with _whole_tree(path, kind) as whole:
-                model = build(str(whole))
+            model = pin.buildModelFromUrdf(str(path))
         except Exception as problem:  # Boost.Python turns C++ exceptions into several Python ones
             # Pinocchio puts its source position in front of the message.
             reason = str(problem).rpartition("message:")[2].strip()
@@ -116,31 +142,6 @@ def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
         reason = "; ".join(re.sub(r"\s+", " ", text).rstrip(".") for text in errors or [reason])
         raise RobotError(f"{path} is not a robot that Pinocchio can read ({reason}): correct the file.")
     return model
-
-
-@contextmanager
-def _whole_tree(path: Path, kind: Literal["urdf", "mjcf"]) -> Iterator[Path]:
-    """The file, or one in which every body of the world hangs on a body at rest.
-
-    Pinocchio 4.1 reads the first body of a ``<worldbody>`` and drops the others without a word; of a first body without
-    a joint, such as a base on a wall, it drops the pose.
-    """
-    root = ElementTree.parse(path).getroot()
-    bodies = [(world, body) for world in root.iter("worldbody") for body in world.findall("body")]
-    if kind == "urdf" or (len(bodies) < 2 and not any(_fixed_elsewhere(body) for _, body in bodies)):
-        yield path
-        return
-    rest = ElementTree.SubElement(bodies[0][0], "body", {"name": _AT_REST})
-    for world, body in bodies:
-        world.remove(body)
-        rest.append(body)
-    with unnamed_file(ElementTree.tostring(root, encoding="utf-8"), suffix=path.suffix) as whole:
-        yield whole
-
-
-def _fixed_elsewhere(body: ElementTree.Element) -> bool:
-    moves = body.find("joint") is not None or body.find("freejoint") is not None
-    return not moves and any(body.get(key) is not None for key in _POSE)
 
 
 @contextmanager
@@ -161,18 +162,6 @@ def _captured_output() -> Iterator[list[str]]:
                 os.close(original)
             sink.seek(0)
             lines.extend(sink.read().decode(errors="replace").splitlines())
-
-
-def _facts(path: Path) -> RobotXml:
-    """Facts of the file, its inertias found possible."""
-    root, sha256 = read_root(path)
-    facts = urdf_facts(root, sha256, path) if root.tag == "robot" else mjcf_facts(root, sha256, path)
-    require_finite(root, path)
-    for body in facts.bodies:
-        reason = impossible_because(body.mass, body.central_inertia)
-        if reason:
-            raise RobotError(f"{path}: {body.name} cannot exist, {reason}: correct its <inertial>.")
-    return facts
 
 
 def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
@@ -214,50 +203,33 @@ def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) ->
         )
 
 
-def _hold(model: pin.Model, stated: RobotConfig, facts: RobotXml) -> tuple[pin.Model, tuple[str, ...]]:
-    """Model without its locked and following joints, and their names."""
-    in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
-    following = facts.followers.keys() - in_loops
-    base = _moving_bases(model) if stated.base == "fixed" else frozenset()
-    held = [name for name in list(model.names)[1:] if name in base or name in stated.lock or name in following]
-    if not held:
-        return model, ()
-    q, drawn = pin.neutral(model), drawn_configuration(model)
-    for name in held:
-        joint = model.joints[model.getJointId(name)]
-        if joint.nv > 1:
-            q[joint.idx_q : joint.idx_q + joint.nq] = drawn[joint.idx_q : joint.idx_q + joint.nq]
-        elif joint.nq == 1 and name not in stated.lock:
-            q[joint.idx_q] = facts.followers[name][1]
-    return pin.buildReducedModel(model, [model.getJointId(name) for name in held], q), tuple(held)
-
-
-def _moving_bases(model: pin.Model) -> frozenset[str]:
-    """Joints of more than one velocity that hang on the world."""
-    joints = zip(list(model.names)[1:], list(model.joints)[1:], list(model.parents)[1:], strict=True)
-    return frozenset(name for name, joint, parent in joints if parent == 0 and joint.nv > 1)
-
-
 def _require_simple_joints(model: pin.Model, path: Path) -> None:
     if model.njoints == 1:
         raise RobotError(f"{path} has no joint that moves: give a robot with at least one revolute or linear joint.")
-    bases = _moving_bases(model)
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        if joint.nv == 1:
+    for index, name in enumerate(list(model.names)[1:], start=1):
+        if model.joints[index].nv == 1:
             continue
-        kind = _KINDS.get(joint.shortname(), joint.shortname())
+        kind = _KINDS.get(model.joints[index].shortname(), model.joints[index].shortname())
+        on_world = model.parents[index] == 0
+        carries_all = on_world and len(model.subtrees[index]) == model.njoints - 1
         fixed = f"write base: fixed into {CONFIG_NAME}"
-        if name in bases and kind != _SEVERAL:
+        lock = f"hold it with lock: [{name}] in {CONFIG_NAME}"
+        if carries_all and kind != _BALL:
             raise RobotError(
                 f"{path}: {name} is {kind}, and only robots on a fixed base are taken: if the robot hangs on a rig, or "
                 f"its base is held otherwise, {fixed}."
             )
-        held = (
-            f"{fixed} if the robot is held there" if name in bases else f"hold it with lock: [{name}] in {CONFIG_NAME}"
-        )
+        if on_world and kind != _BALL:
+            raise RobotError(
+                f"{path}: {name} lets a body move freely beside the robot, and only robots on a fixed base are taken: "
+                f"{lock}, or leave that body out."
+            )
+        held = f"{fixed} if the robot is held there" if carries_all else lock
+        hinges = ""
+        if kind == _BALL:
+            hinges = "write two or three hinges in its place (a rod between ball joints needs two), or "
         raise RobotError(
-            f"{path}: {name} is {kind}, and only revolute, continuous and linear joints are taken: give it one joint "
-            f"per body, or {held}."
+            f"{path}: {name} is {kind}, and only revolute, continuous and linear joints are taken: {hinges}{held}."
         )
     inertias = [inertia.toDynamicParameters() for inertia in model.inertias]
     placements = [placement.homogeneous for placement in model.jointPlacements]
@@ -265,19 +237,24 @@ def _require_simple_joints(model: pin.Model, path: Path) -> None:
         raise RobotError(f"{path} gives a model that is not finite: look for a zero axis, quaternion or vector in it.")
 
 
-def _actuator(stated: JointConfig, armature: float) -> Actuator:
-    controller = stated.controller
+def _actuator(stated: JointConfig, armature: float, own: Drive) -> Actuator:
+    """The drive as robot.yaml states it, else as the robot's file does."""
+    controller = stated.controller and Controller(
+        stated.controller.kind, stated.controller.kp, stated.controller.kd, stated.controller.delay
+    )
+    if controller is None and own.kp is not None:
+        controller = Controller("pd", own.kp, own.kd or 0.0)
     return Actuator(
         rotor_inertia=armature if stated.rotor_inertia is None else stated.rotor_inertia,
-        gear_ratio=stated.gear_ratio,
+        gear_ratio=stated.gear_ratio if stated.gear_ratio != 1.0 else own.gear_ratio or 1.0,
         torque_constant=stated.torque_constant,
-        torque_limit=stated.torque_limit,
+        torque_limit=own.torque_limit if stated.torque_limit is None else stated.torque_limit,
         encoder_counts=stated.encoder_counts,
         encoder_side=stated.encoder_side,
         actuated=stated.actuated,
         resistance=stated.resistance,
         voltage_limit=stated.voltage_limit,
-        controller=controller and Controller(controller.kind, controller.kp, controller.kd, controller.delay),
+        controller=controller,
     )
 
 
@@ -289,20 +266,26 @@ def _has_drive(stated: JointConfig) -> bool:
 def _warnings(
     facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], chain: ClosedChain | None, path: Path
 ) -> tuple[str, ...]:
-    broken = [body.name for body in facts.bodies if breaks_triangle(body.central_inertia)]
-    sentences = list(facts.warnings)
+    impossible = [(body, impossible_because(body.mass, body.central_inertia)) for body in facts.bodies]
+    broken = [body.name for body, why in impossible if why is None and breaks_triangle(body.central_inertia)]
+    sentences = [*facts.warnings, *(stated.sentences if isinstance(stated, Ros2Config) else ())]
+    sentences += [
+        f"{path}: {body.name} cannot exist, {why}; it never moves, so that nothing depends on it."
+        for body, why in impossible
+        if why is not None
+    ]
     if broken:
         sentences.append(
             f"{path}: no rigid body has the inertia of {', '.join(broken)}, where one principal value exceeds "
             "the sum of the others; it is used as it is."
         )
-    following = [
-        f"{name} (follows {facts.followers[name][0]})"
+    still = [
+        f"{name} ({_why_held(facts, name)})"
         for name in locked
-        if name in facts.followers and name not in stated.lock
+        if (name in facts.followers or name in facts.play) and name not in stated.lock
     ]
-    if following:
-        sentences.append(f"{path}: joints that follow another are held fixed: {', '.join(following)}.")
+    if still:
+        sentences.append(f"{path}: held fixed: {', '.join(still)}.")
     unused = [name for name in locked if name in stated.joints]
     if unused:
         sentences.append(f"The drives stated for {', '.join(unused)} are not used, as these joints are held fixed.")
@@ -311,6 +294,34 @@ def _warnings(
     if idle:
         sentences.append(f"Of the drives of {', '.join(idle)} only the rotors count, as these joints are passive.")
     return tuple(sentences)
+
+
+def _why_held(facts: RobotXml, name: str) -> str:
+    if name in facts.play:
+        joint, width = facts.play[name]
+        return f"the play of {joint}, {width:.3g} wide; write it under joints in {CONFIG_NAME} if it is a joint"
+    leader = facts.followers[name].leader
+    return "its equality holds it" if leader is None else f"follows {leader}, which is held"
+
+
+def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[str, ...]:
+    """A sentence on bodies whose inertia asks for mass far outside of the robot, as placeholders do."""
+    size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
+    size += max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
+    least = max(_GYRATION, _TIMES_SIZE * size)
+    found = [
+        f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)"
+        for body in facts.bodies
+        if body.moves and body.mass > 0
+        for top in [float(np.linalg.eigvalsh(body.central_inertia)[-1])]
+        if top > body.mass * least**2
+    ]
+    if not found:
+        return ()
+    return (
+        f"{path}: the inertia of {', '.join(found)} is that of the same mass more than {least:.2g} m away from its "
+        "centre, far outside of the robot: it looks like a placeholder; correct its <inertial>.",
+    )
 
 
 def _idle_links(model: pin.Model, chain: ClosedChain | None, path: Path) -> tuple[str, ...]:
@@ -343,7 +354,10 @@ def _robot(
 ) -> Robot:
     names = tuple(model.names)[1:]
     drives = [stated.joints.get(name, JointConfig()) for name in names]
-    actuators = tuple(_actuator(drive, float(model.armature[k])) for k, drive in enumerate(drives))
+    actuators = tuple(
+        _actuator(drive, float(model.armature[k]), facts.drives.get(name, Drive()))
+        for k, (name, drive) in enumerate(zip(names, drives, strict=True))
+    )
     model.armature = np.array([actuator.rotor_inertia for actuator in actuators])
     if stated.gravity is not None:
         model.gravity = pin.Motion(np.array(stated.gravity), np.zeros(3))
@@ -365,8 +379,17 @@ def _robot(
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
         payload_frame=stated.payload_frame,
-        warnings=(*_warnings(facts, stated, locked, chain, path), *_idle_links(model, chain, path)),
+        warnings=(
+            *_warnings(facts, stated, locked, chain, path),
+            *_idle_links(model, chain, path),
+            *_too_large_inertias(model, facts, path),
+        ),
         locked=locked,
         chain=chain,
         soft_friction=tuple(soft.get(names[k]) for k in rows) if soft else (),
+        gains_of_file=tuple(
+            names[k]
+            for k in rows
+            if drives[k].controller is None and facts.drives.get(names[k], Drive()).kp is not None
+        ),
     )

@@ -1,20 +1,20 @@
 # pyright: reportAttributeAccessIssue=false
-"""Facts of a MJCF file that Pinocchio drops: gravity, equalities, loops, and features that would make the model wrong.
+"""Facts of a MJCF file beside its tree of joints: gravity, loops, followers, drives, and what the model leaves out.
 
-Loops that the file closes with ``<connect>`` and ``<weld>`` are placed on the frames of the bodies here, because
-`buildModelAndConstraintsFromMJCF` of Pinocchio 4.1 misplaces an anchor on a body whose joint has a ``pos``, and closes
-loops that ``active="false"`` opens.
+All is read from MuJoCo's compiled model, so that classes, frames and units of angles are MuJoCo's own.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.errors import RobotError, known_names, shortened
+from phantom_dyn.model.mjcf_drives import driven_joints, drives_of
+from phantom_dyn.model.mjcf_followers import followers_of, play_of
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
 from phantom_dyn.model.robot_xml import (
     Body,
@@ -31,112 +31,133 @@ from phantom_dyn.model.robot_xml import (
 )
 from phantom_dyn.model.stated_loops import frame_index
 
+if TYPE_CHECKING:
+    import mujoco
+
 Array = np.ndarray
 
-
-_POSES = (("pos", 3), ("quat", 4), ("euler", 3), ("axisangle", 4), ("xyaxes", 6), ("zaxis", 3))
-"""Attributes that place a body, and how many numbers each has."""
-_REFERENCE, _IMPEDANCE = (0.02, 1.0), (0.9, 0.95)
-"""MuJoCo's own ``solreffriction`` and the first two of its ``solimpfriction``."""
-_STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
-"""Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
-_LEFT_OUT = (
-    ("compiler", "settotalmass"),
-    ("compiler", "boundmass"),
-    ("compiler", "boundinertia"),
-    ("compiler", "balanceinertia"),
-    ("compiler", "inertiafromgeom"),
-    ("joint", "stiffness"),
-    ("body", "gravcomp"),
-    ("fixed", "stiffness"),
-    ("fixed", "damping"),
-    ("spatial", "stiffness"),
-    ("spatial", "damping"),
-    ("option", "density"),
-    ("option", "viscosity"),
-    ("option", "wind"),
-)
-"""Attributes that act on the torques of MuJoCo and that Pinocchio does not read."""
+_LARGEST_MASS = 1e9
+"""In kg; more is no robot in SI units."""
+_CONNECT, _WELD = 0, 1
+"""Of mjtEq."""
+_NO_GRAVITY, _NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
 
 
-def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
-    """Facts of a MJCF file; keyframes and contacts are not looked at.
+def check_mjcf(root: Element, path: Path) -> None:
+    """Refuse names and numbers that MuJoCo takes, or refuses without a place; keyframes and contacts are not looked at.
 
     Raises:
-        RobotError: If the file has to be compiled by MuJoCo first, or holds an impossible number.
+        RobotError: If a name stands twice or is empty, or a number is impossible.
     """
-    for tag in _STRUCTURE:
-        if any(True for _ in root.iter(tag)):
-            raise RobotError(
-                f"{path} uses <{tag}>, which Pinocchio does not read: load the file in MuJoCo, "
-                "write it out whole with mujoco.mj_saveLastXML, and give that file."
-            )
     require_names(root.iter("body"), "body", path)
     require_names((joint for body in root.iter("body") for joint in body.findall("joint")), "joint", path)
-    bodies = [body for element in root.iter("body") if (body := _body(element, root, path)) is not None]
+    for element in root.iter("body"):
+        _check_body(element, path)
     for joint in root.iter("joint"):
         owner = f"joint {joint.get('name', '(default)')}"
         for attribute, count in (("pos", 3), ("axis", 3), ("ref", 1)):
             numbers(joint, attribute, owner, path, count=count)
-        require_not_negative(joint, ("damping", "frictionloss", "armature"), owner, path, count=1)
+        require_not_negative(joint, ("frictionloss", "armature"), owner, path, count=1)
+        require_not_negative(joint, ("damping",), owner, path)
         ends = numbers(joint, "range", owner, path, count=2, most=np.inf)
         if ends:
             require_order(ends[0], ends[1], "range", owner, path)
-    option = root.find("option")
-    gravity = numbers(option, "gravity", "the file", path) if option is not None else []
-    if len(gravity) not in (0, 3):
-        raise RobotError(f"{path}: gravity in <option> has {len(gravity)} numbers, wanted three.")
-    x, y, z = gravity or (0.0, 0.0, -9.81)
+    for option in root.findall("option"):
+        numbers(option, "gravity", "the file", path, count=3)
+    for element in (element for group in root.iter("equality") for element in group):
+        for attribute in ("joint1", "joint2"):
+            given = element.get(attribute)
+            names = [joint.get("name", "") for body in root.iter("body") for joint in body.findall("joint")]
+            if given is not None and given not in names and not any(True for _ in root.iter("include")):
+                known = known_names(given, names, "joints")
+                raise RobotError(f"{path}: <equality> names the joint {shortened(given)!r}, {known}")
+
+
+def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel) -> RobotXml:
+    """Facts of a MJCF file.
+
+    Args:
+        root: Of the file.
+        sha256: Of the file.
+        path: The file, for messages.
+        compiled: MuJoCo's model of it.
+
+    Raises:
+        RobotError: If a joint follows others in a way that is no straight line.
+    """
+    gravity, remarks = _gravity(compiled, path)
+    x, y, z = gravity
+    driven = driven_joints(compiled)
     return RobotXml(
         "mjcf",
         root.get("model", ""),
         sha256,
-        tuple(bodies),
-        _followers(root, path),
+        tuple(_body(compiled, body, path) for body in range(1, compiled.nbody)),
+        followers_of(compiled, driven, path) if not _switched_off(compiled, _NO_EQUALITY) else {},
         (x, y, z),
-        _warnings(root, path),
-        _loops(root, path),
-        _driven(root),
-        _soft_frictions(root, path),
+        (*remarks, *_warnings(compiled, path)),
+        _loops(compiled) if not _switched_off(compiled, _NO_EQUALITY) else (),
+        driven,
+        _soft_frictions(compiled),
+        drives_of(compiled),
+        play_of(compiled, driven),
+        _base_joints(compiled),
     )
 
 
-def _soft_frictions(root: Element, path: Path) -> dict[str, SoftFriction]:
+def _base_joints(compiled: mujoco.MjModel) -> frozenset[str]:
+    """Joints of a body on the world that has several: how a file writes a base that slides and turns."""
+    on_world = np.flatnonzero(compiled.body_weldid[compiled.body_parentid] == 0)
+    bases = [body for body in on_world if compiled.body_jntnum[body] > 1]
+    return frozenset(compiled.joint(k).name for k in range(compiled.njnt) if compiled.jnt_bodyid[k] in bases)
+
+
+def _switched_off(compiled: mujoco.MjModel, flag: str) -> bool:
+    import mujoco
+
+    return bool(compiled.opt.disableflags & int(getattr(mujoco.mjtDisableBit, flag)))
+
+
+def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ...]]:
+    """Gravity [m/s^2], less what the file lifts of every body, and a sentence on that."""
+    gravity = np.array(compiled.opt.gravity) * (not _switched_off(compiled, _NO_GRAVITY))
+    moving = (compiled.body_weldid[1:] > 0) & (compiled.body_mass[1:] > 0)
+    lifted = compiled.body_gravcomp[1:][moving]
+    if not lifted.any() or not gravity.any():
+        return gravity, ()
+    by_drives = np.array(compiled.jnt_actgravcomp).astype(bool)
+    if by_drives.all():
+        return gravity, ()
+    if by_drives.any() or np.ptp(lifted) > 0:
+        return gravity, (f"{path} states gravcomp of <body>, which the model leaves out: a gap may come from it.",)
+    said = f"{path} states gravcomp {lifted[0]:g} for every body: gravity is taken {1 - lifted[0]:g} times."
+    return gravity * (1 - lifted[0]), (said,)
+
+
+def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
     """How MuJoCo lets each joint rub, from ``solreffriction`` and ``solimpfriction``.
 
-    The constraint has the reference acceleration ``-b v`` and gives way by what its impedance ``d`` leaves. A joint
-    that does not state its own numbers has MuJoCo's. Source: MuJoCo's documentation, "Computation" (constraint model)
-    and "Modeling" (solver parameters).
+    The constraint has the reference acceleration ``-b v`` and gives way by what its impedance ``d`` leaves. Source:
+    MuJoCo's documentation, "Computation" (constraint model) and "Modeling" (solver parameters).
     """
     out = {}
-    for body in root.iter("body"):
-        for joint in body.findall("joint"):
-            owner = f"joint {joint.get('name', '')}"
-            reference = numbers(joint, "solreffriction", owner, path)
-            impedance = numbers(joint, "solimpfriction", owner, path)
-            reference = reference if len(reference) == 2 else _REFERENCE
-            least, most = np.clip(impedance[:2] if len(impedance) > 1 else _IMPEDANCE, 1e-4, 1 - 1e-4).tolist()
-            # Positive numbers are a time constant and a damping ratio, negative ones stiffness and damping.
-            time = 0.5 * most * reference[0] if reference[0] > 0 else most / max(-reference[1], 1e-9)
-            out[joint.get("name", "")] = SoftFriction(time, least / (1.0 - least))
+    for k in range(compiled.nv):
+        reference, impedance = compiled.dof_solref[k], compiled.dof_solimp[k]
+        least, most = np.clip(impedance[:2], 1e-4, 1 - 1e-4).tolist()
+        # Positive numbers are a time constant and a damping ratio, negative ones stiffness and damping.
+        time = 0.5 * most * reference[0] if reference[0] > 0 else most / max(-reference[1], 1e-9)
+        out[compiled.joint(int(compiled.dof_jntid[k])).name] = SoftFriction(float(time), least / (1.0 - least))
     return out
 
 
-def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -> dict[str, PointLoop | FrameLoop]:
+def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...]) -> dict[str, PointLoop | FrameLoop]:
     """The loops as robot.yaml would state them, by label; their frames are added to the model.
 
     Args:
         model: The whole model of the file; changed.
         loops: What `mjcf_facts` found.
-        path: The file, for messages.
-
-    Raises:
-        RobotError: If a body or site of a loop is not in the model.
     """
-    names = dict.fromkeys(frame.name for frame in model.frames)
     home = drawn_configuration(model)
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, home)
     start = {
         model.names[j]: float(home[joint.idx_q])
         for j, joint in enumerate(model.joints)
@@ -144,16 +165,11 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -
     }
     out: dict[str, PointLoop | FrameLoop] = {}
     for index, loop in enumerate(loops):
-        for name in (loop.frame_a, loop.frame_b):
-            if name not in names:
-                known = known_names(name, names, "bodies and sites")
-                wanted = f"{loop.label} names {shortened(name)!r}, which the model does not have"
-                raise RobotError(f"{path}: {wanted}, {known}")
-        a, b = frame_index(model, loop.frame_a), frame_index(model, loop.frame_b)
         ends = [f"{loop.label} {index}{side}" for side in "ab"]
-        for name, frame, placement in zip(ends, (a, b), _placements(data, loop, a, b), strict=True):
+        for name, owner, placement in zip(ends, (loop.frame_a, loop.frame_b), (loop.in_a, loop.in_b), strict=True):
+            frame = frame_index(model, owner)
             parent = model.frames[frame]
-            full = parent.placement * placement
+            full = parent.placement * _pose(placement)
             model.addFrame(pin.Frame(name, parent.parentJoint, frame, full, pin.FrameType.OP_FRAME), False)
         stated = FrameLoop if loop.kind == "frame" else PointLoop
         label = loop.label if loop.label not in out else f"{loop.label} ({index})"
@@ -161,23 +177,19 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -
     return out
 
 
-def _body(element: Element, root: Element, path: Path) -> Body | None:
-    """Stated inertia of a body; None where MuJoCo takes it from the geoms."""
+def _pose(placement: tuple[float, ...]) -> pin.SE3:
+    w, x, y, z = np.array(placement[3:]) / np.linalg.norm(placement[3:])
+    return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(placement[:3]))
+
+
+def _check_body(element: Element, path: Path) -> None:
     name = f"body {element.get('name', '(without a name)')}"
-    for attribute, count in _POSES:
-        numbers(element, attribute, name, path, count=count)
     require_once(element, ("inertial",), name, path)
+    for geom in element.findall("geom"):
+        require_not_negative(geom, ("mass", "density"), name, path)
     inertial = element.find("inertial")
     if inertial is None:
-        for geom in element.findall("geom"):
-            require_not_negative(geom, ("mass", "density"), name, path)
-            if geom.get("mesh") is not None and geom.get("mass") is None and not _geoms_have_mass(root):
-                raise RobotError(
-                    f"{path}: the inertia of {name} comes from a mesh, and meshes are not read: give it an <inertial>."
-                )
-        return None
-    for attribute, count in _POSES:
-        numbers(inertial, attribute, name, path, count=count)
+        return
     mass = numbers(inertial, "mass", name, path)
     diagonal = numbers(inertial, "diaginertia", name, path)
     full = numbers(inertial, "fullinertia", name, path)
@@ -185,73 +197,63 @@ def _body(element: Element, root: Element, path: Path) -> Body | None:
         raise RobotError(
             f"{path}: the <inertial> of {name} needs mass and diaginertia (3) or fullinertia (6 numbers): add them."
         )
-    return Body(name, mass[0], symmetric(*full) if full else np.diag(diagonal))
+    from phantom_dyn.model.inertia import impossible_because
+
+    reason = impossible_because(mass[0], symmetric(*full) if full else np.diag(diagonal))
+    if reason:
+        raise RobotError(f"{path}: {name} cannot exist, {reason}: correct its <inertial>.")
 
 
-def _geoms_have_mass(root: Element) -> bool:
-    """True if a default gives geoms their mass, as files do with ``mass="0"`` for what is only seen."""
-    return any(geom.get("mass") is not None for default in root.iter("default") for geom in default.findall("geom"))
+def _body(compiled: mujoco.MjModel, body: int, path: Path) -> Body:
+    mass = float(compiled.body_mass[body])
+    name = f"body {compiled.body(body).name}"
+    if not mass <= _LARGEST_MASS:
+        raise RobotError(f"{path}: {name} has a mass of {mass:g} kg, which no robot has: give SI units.")
+    return Body(name, mass, np.diag(compiled.body_inertia[body]), bool(compiled.body_weldid[body]))
 
 
-def _followers(root: Element, path: Path) -> dict[str, tuple[str, float]]:
-    followers = {}
-    names = [joint.get("name", "") for body in root.iter("body") for joint in body.findall("joint")]
-    for constraint in (element for group in root.iter("equality") for element in group):
-        if constraint.tag == "joint" and constraint.get("active", "true") != "false":
-            name = constraint.get("joint1", "")
-            for attribute in ("joint1", "joint2"):
-                given = constraint.get(attribute)
-                if given is not None and given not in names:
-                    known = known_names(given, names, "joints")
-                    raise RobotError(f"{path}: <equality> names the joint {shortened(given)!r}, {known}")
-            offset = numbers(constraint, "polycoef", f"the equality of joint {name}", path) or [0.0]
-            followers[name] = (constraint.get("joint2", "nothing"), offset[0])
-    return followers
-
-
-def _loops(root: Element, path: Path) -> tuple[MjcfLoop, ...]:
+def _loops(compiled: mujoco.MjModel) -> tuple[MjcfLoop, ...]:
     """The equalities that close chains and are active."""
-    constraints = [element for group in root.iter("equality") for element in group]
-    return tuple(
-        _loop(element, path)
-        for element in constraints
-        if element.tag in ("connect", "weld") and element.get("active", "true") != "false"
-    )
+    kinds = np.array(compiled.eq_type)
+    closed = np.flatnonzero(np.isin(kinds, (_CONNECT, _WELD)) & np.array(compiled.eq_active0).astype(bool))
+    return tuple(_loop(compiled, int(k)) for k in closed)
 
 
-def _loop(element: Element, path: Path) -> MjcfLoop:
-    on_sites = element.get("site1") is not None
-    one, other = ("site1", "site2") if on_sites else ("body1", "body2")
-    first, second = element.get(one), element.get(other, None if on_sites else "universe")
-    if first is None or second is None:
-        raise RobotError(f"{path}: <{element.tag}> in <equality> names no {one if first is None else other}: add it.")
-    held_to = "the world" if second == "universe" else shortened(second)
-    label = f"<{element.tag}> of {shortened(first)} and {held_to}"
-    anchor = numbers(element, "anchor", label, path) or [0.0, 0.0, 0.0]
-    relative = numbers(element, "relpose", label, path)
-    turns = numbers(element, "torquescale", label, path) or [1.0]
-    if len(anchor) != 3 or len(relative) not in (0, 7):
-        raise RobotError(f"{path}: {label} needs three numbers as anchor and seven as relpose.")
-    # MuJoCo takes a quaternion of zeros, its default, for the pose that the bodies have in the file.
-    stated = tuple(relative) if any(relative[3:]) else None
-    kind: Literal["point", "frame"] = "frame" if element.tag == "weld" and turns[0] > 0 else "point"
+def _loop(compiled: mujoco.MjModel, k: int) -> MjcfLoop:
+    import mujoco
+
+    on_sites = int(compiled.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE)
+    named = compiled.site if on_sites else compiled.body
+    first, second = (named(int(row[k])).name for row in (compiled.eq_obj1id, compiled.eq_obj2id))
+    data, weld = compiled.eq_data[k].tolist(), int(compiled.eq_type[k]) == _WELD
+    held_to = "the world" if second == "world" else shortened(second)
+    label = f"<{'weld' if weld else 'connect'}> of {shortened(first)} and {held_to}"
+    upright = (1.0, 0.0, 0.0, 0.0)
+    if on_sites:
+        places: list[tuple[float, ...]] = [(0.0, 0.0, 0.0, *upright)] * 2
+    elif weld:
+        places = [tuple(data[3:10]), (*data[:3], *upright)]
+    else:
+        places = [(*data[:3], *upright), (*data[3:6], *upright)]
     frames = ["universe" if name == "world" else name for name in (first, second)]
-    return MjcfLoop(label, kind, frames[0], frames[1], tuple(anchor), stated, element.tag == "connect", on_sites)
+    return MjcfLoop(label, "frame" if weld and data[10] > 0 else "point", frames[0], frames[1], *places)
 
 
-def _driven(root: Element) -> frozenset[str]:
-    """Joints that an actuator of the file acts on."""
-    actuators = [element for group in root.iter("actuator") for element in group]
-    names = [element.get(attribute) for element in actuators for attribute in ("joint", "jointinparent")]
-    return frozenset(name for name in names if name is not None)
-
-
-def _warnings(root: Element, path: Path) -> tuple[str, ...]:
-    found = []
-    for tag, attribute in _LEFT_OUT:
-        values = [element.get(attribute, "") for element in root.iter(tag)]
-        if any(value not in ("", "false", "auto") and value.strip(" 0.") for value in values):
-            found.append(f"{attribute} of <{tag}>")
+def _warnings(compiled: mujoco.MjModel, path: Path) -> tuple[str, ...]:
+    """One sentence on what acts on the torques of MuJoCo and is not in the model."""
+    fixed = "<fixed>, <spatial>"
+    acting = (
+        ("stiffness of <joint>", ("jnt_stiffness", "jnt_stiffnesspoly")),
+        ("damping of <joint> that grows with speed", ("dof_dampingpoly",)),
+        (f"stiffness of {fixed}", ("tendon_stiffness", "tendon_stiffnesspoly")),
+        (f"damping of {fixed}", ("tendon_damping", "tendon_dampingpoly")),
+        (f"frictionloss of {fixed}", ("tendon_frictionloss",)),
+        (f"armature of {fixed}", ("tendon_armature",)),
+    )
+    found = [what for what, arrays in acting if any(np.any(getattr(compiled, a, 0.0)) for a in arrays)]
+    option = compiled.opt
+    medium = (("density", option.density), ("viscosity", option.viscosity), ("wind", option.wind))
+    found += [f"{what} of <option>" for what, value in medium if np.any(value)]
     if not found:
         return ()
     return (f"{path} states {', '.join(found)}, which the model leaves out: a gap may come from it.",)
@@ -261,17 +263,3 @@ def drawn_configuration(model: pin.Model) -> Array:
     """Configuration in which a file draws the robot; not zero where MJCF joints have a ``ref`` or are free."""
     drawn = {entry.key(): entry.data() for entry in model.referenceConfigurations}
     return drawn.get("qpos0", pin.neutral(model))
-
-
-def _placements(data: pin.Data, loop: MjcfLoop, a: int, b: int) -> tuple[pin.SE3, pin.SE3]:
-    """Places of the two ends on their bodies or sites, as MuJoCo defines them."""
-    anchor = pin.SE3(np.eye(3), np.array(loop.anchor))
-    b_in_a = data.oMf[a].actInv(data.oMf[b])
-    if loop.on_sites:
-        return pin.SE3.Identity(), pin.SE3.Identity()
-    if loop.anchor_on_first:
-        return anchor, b_in_a.actInv(anchor)
-    if loop.relative is None:
-        return b_in_a * anchor, anchor
-    w, x, y, z = np.array(loop.relative[3:]) / np.linalg.norm(loop.relative[3:])
-    return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), np.array(loop.relative[:3])), anchor

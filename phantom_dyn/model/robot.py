@@ -96,6 +96,7 @@ class Robot:
             so much may be taken off. None: none.
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
+        gains_of_file: Joints whose controller is that of their actuator in the robot's file.
     """
 
     model: pin.Model
@@ -119,6 +120,7 @@ class Robot:
     user_effects: tuple[UserEffect, ...] = ()
     soft_friction: tuple[SoftFriction | None, ...] = ()
     carried: Float[Array, " 10"] | None = None
+    gains_of_file: tuple[str, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

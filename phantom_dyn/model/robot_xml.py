@@ -42,11 +42,12 @@ _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "pla
 
 @dataclass(frozen=True)
 class Body:
-    """Link as the file states it: mass [kg] and inertia about its centre of mass [kg m^2]."""
+    """Link as the file states it: mass [kg], inertia about its centre [kg m^2], and whether a joint moves it."""
 
     name: str
     mass: float
     central_inertia: Float[Array, "3 3"]
+    moves: bool = True
 
 
 @dataclass(frozen=True)
@@ -57,20 +58,36 @@ class MjcfLoop:
         label: For messages, such as ``<connect> of coupler and rocker``.
         kind: ``point``, or ``frame`` for a weld that holds rotation too.
         frame_a, frame_b: Names of bodies or sites; ``universe`` is the world.
-        anchor: Point of the loop [m] in the axes of one of the bodies.
-        relative: Pose of the second body in the first where the file states it: position [m], quaternion w x y z.
-        anchor_on_first: Whether the anchor is in the first body's axes.
-        on_sites: True if the frames are those of sites, which coincide.
+        in_a, in_b: Places that coincide, in the axes of each: position [m], quaternion w x y z.
     """
 
     label: str
     kind: Literal["point", "frame"]
     frame_a: str
     frame_b: str
-    anchor: tuple[float, ...]
-    relative: tuple[float, ...] | None
-    anchor_on_first: bool
-    on_sites: bool
+    in_a: tuple[float, ...]
+    in_b: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A joint that follows another: ``q = offset + factor q_leader``; without a leader it stays at its offset."""
+
+    leader: str | None
+    factor: float
+    offset: float
+    why: str
+    """What the file says, such as ``<mimic>``."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a file says of the drive of a joint, on the joint's side; None where it says nothing."""
+
+    kp: float | None = None
+    kd: float | None = None
+    torque_limit: float | None = None
+    gear_ratio: float | None = None
 
 
 @dataclass(frozen=True)
@@ -97,24 +114,30 @@ class RobotXml:
         name: The robot's, empty where the file has none.
         sha256: Of the file.
         bodies: Links with an inertia.
-        followers: Joints that copy another one: the other's name and the position where that one is at zero.
+        followers: Joints that copy another one.
         gravity: [m/s^2] where the file states it.
         warnings: Sentences on what will be left out.
         loops: Closed chains that the file states.
         driven: Joints that an actuator of the file acts on.
         soft_friction: By joint, how the simulator that the file is for lets it rub; nothing for a URDF.
+        drives: By joint, what its actuator says.
+        base_joints: Joints of a body on the world that has several.
+        play: Joints that are the play of the joint before them, on the same body, and how far they go [rad or m].
     """
 
     kind: Literal["urdf", "mjcf"]
     name: str
     sha256: str
     bodies: tuple[Body, ...]
-    followers: dict[str, tuple[str, float]] = field(default_factory=dict)
+    followers: dict[str, Follower] = field(default_factory=dict)
     gravity: tuple[float, float, float] | None = None
     warnings: tuple[str, ...] = ()
     loops: tuple[MjcfLoop, ...] = ()
     driven: frozenset[str] = frozenset()
     soft_friction: dict[str, SoftFriction] = field(default_factory=dict)
+    drives: dict[str, Drive] = field(default_factory=dict)
+    play: dict[str, tuple[str, float]] = field(default_factory=dict)
+    base_joints: frozenset[str] = frozenset()
 
 
 def read_root(path: Path) -> tuple[Element, str]:
@@ -281,8 +304,13 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     require_names(root.findall("joint"), "joint", path)
     for link in root.findall("link"):
         require_once(link, ("inertial",), f"link {link.get('name')}", path)
-    bodies = [_urdf_body(link, path) for link in root.findall("link") if link.find("inertial") is not None]
     joints = root.findall("joint")
+    still = _links_at_rest(root, joints)
+    bodies = [
+        _urdf_body(link, path, moves=link.get("name") not in still)
+        for link in root.findall("link")
+        if link.find("inertial") is not None
+    ]
     for joint in joints:
         _check_urdf_joint(joint, path)
     names = [joint.get("name", "") for joint in joints]
@@ -292,6 +320,24 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         if mimic is not None:
             followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
     return RobotXml("urdf", root.get("name", ""), sha256, tuple(bodies), followers)
+
+
+def _links_at_rest(root: Element, joints: list[Element]) -> set[str | None]:
+    """Links that fixed joints alone hold on the root of the tree."""
+    ends = [(_link_of(joint, "parent"), _link_of(joint, "child"), joint.get("type") == "fixed") for joint in joints]
+    children = {child for _, child, _ in ends}
+    still = {link.get("name") for link in root.findall("link")} - children
+    for _ in ends:
+        more = {child for parent, child, fixed in ends if fixed and parent in still} - still
+        if not more:
+            break
+        still |= more
+    return still
+
+
+def _link_of(joint: Element, end: str) -> str | None:
+    element = joint.find(end)
+    return None if element is None else element.get("link")
 
 
 def _check_urdf_joint(joint: Element, path: Path) -> None:
@@ -325,8 +371,8 @@ def _check_urdf_joint(joint: Element, path: Path) -> None:
             require_order(ends[0][0], ends[1][0], "<limit>", owner, path)
 
 
-def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> tuple[str, float]:
-    """The joint that another one copies, and the position of that one where it is at zero."""
+def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> Follower:
+    """How a joint follows the one that it mimics."""
     name, leader = joint.get("name", ""), mimic.get("joint", "")
     if leader not in names:
         raise RobotError(
@@ -335,10 +381,11 @@ def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> t
     if leader == name:
         raise RobotError(f"{path}: joint {shortened(name)} mimics itself: name the joint that it follows.")
     offset = numbers(mimic, "offset", f"joint {name}", path) or [0.0]
-    return leader, offset[0]
+    factor = numbers(mimic, "multiplier", f"joint {name}", path) or [1.0]
+    return Follower(leader, factor[0], offset[0], "<mimic>")
 
 
-def _urdf_body(link: Element, path: Path) -> Body:
+def _urdf_body(link: Element, path: Path, *, moves: bool) -> Body:
     name = link.get("name", "")
     owner = f"link {name}"
     inertial = link.find("inertial")
@@ -357,4 +404,4 @@ def _urdf_body(link: Element, path: Path) -> Body:
     if missing:
         raise RobotError(f"{path}: the <inertia> of {owner} lacks {', '.join(missing)}: give all six entries.")
     entries = [numbers(inertia, entry, owner, path, count=1)[0] for entry in names]
-    return Body(owner, numbers(mass, "value", owner, path, count=1)[0], symmetric(*entries))
+    return Body(owner, numbers(mass, "value", owner, path, count=1)[0], symmetric(*entries), moves)

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names
-from phantom_dyn.model.loading import parse_model
+from phantom_dyn.model.loading import parsed_urdf
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import read_only
 
@@ -98,7 +98,7 @@ def load_walker(
             the posture, or a leg does not have six joints.
     """
     path = find_robot(source)
-    parse_model(path, "urdf")  # says in a sentence what is wrong with a file
+    parsed_urdf(path)  # says in a sentence what is wrong with a file
     model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
     q = pin.neutral(model)
     for joint, value in posture.items():

@@ -63,8 +63,15 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF holds: those of a closed chain are part of what closes it."""
-    return corrected.zeros if corrected.robot.chain is None else {}
+    """Encoder zeros that a URDF or MJCF holds: those of joints in a loop are part of what closes it."""
+    chain = corrected.robot.chain
+    if chain is None:
+        return corrected.zeros
+    if chain.anchors:
+        return {}
+    alone = np.count_nonzero(chain.linear_map, axis=0) == 1
+    names = [name for name, own in zip(corrected.robot.joint_names, alone, strict=True) if own]
+    return {name: zero for name, zero in corrected.zeros.items() if name in names}
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:

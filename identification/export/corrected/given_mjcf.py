@@ -32,11 +32,15 @@ from identification.notes import Note
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.inertia import body_name, breaks_triangle
+from phantom_dyn.model.mjcf_compiler import whole_mjcf
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 _REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom")
 """Words of <compiler> by which MuJoCo changes inertias after it has read them."""
+_BUILT = ("include", "frame", "replicate", "attach")
+"""Elements of which MuJoCo makes others."""
+_NAMED = ("body", "joint", "freejoint")
 _PLACES = ("meshdir", "texturedir")
 _SAME = 1e-12
 """Relative difference of a number that is the same but for its way through a file."""
@@ -54,8 +58,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
         RobotError: If the file says something by which the findings would have another meaning.
         ParameterError: If no body can have the inertia that is left for a link.
     """
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    given = given_mjcf(ElementTree.parse(file, parser).getroot())
+    given = given_mjcf(_whole_root(file))
     _require_plain(given, corrected, file)
     _set_inertias(given, corrected, file)
     _set_joints(given, corrected)
@@ -78,6 +81,18 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
     _relocate(given.root, file.resolve().parent, folder)
     ElementTree.indent(given.root)
     return ElementTree.tostring(given.root, encoding="unicode") + "\n", left_out
+
+
+def _whole_root(file: Path) -> Element:
+    """The file with its comments; written out by MuJoCo where it includes, copies or leaves names out."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    root = ElementTree.parse(file, parser).getroot()
+    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    built = any(element.tag in _BUILT for element in elements)
+    owners = [element for world in root.iter("worldbody") for element in world.iter() if element.tag in _NAMED]
+    if built or any(element.get("name") is None for element in owners):
+        return ElementTree.fromstring(whole_mjcf(file))
+    return root
 
 
 def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> None:

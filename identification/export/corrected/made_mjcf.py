@@ -15,13 +15,12 @@ from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.given_mjcf import edited_mjcf
 from identification.export.corrected.reload_in_mujoco import edited_difference, torque_difference
 from identification.export.corrected.urdf_shapes import with_urdf_shapes
-from identification.export.model_files.followers import with_followers
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE
 from identification.notes import Code, Note
 from phantom_dyn.errors import EstimationError, PhantomDynError, RobotError
-from phantom_dyn.model.mjcf import mjcf_facts
-from phantom_dyn.model.robot_xml import read_root
+from phantom_dyn.model.loading import read_model
+from phantom_dyn.model.mjcf import drawn_configuration
 from phantom_dyn.motion import Motion
 
 
@@ -70,29 +69,21 @@ def _new(
     corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[Note, ...]
 ) -> MadeMjcf:
     """An MJCF that is made from the model, with the shapes of a URDF where ``folder`` says where it will lie."""
-    whole = corrected
-    if not corrected.zeros:
-        # The numbers of a closed chain's encoders have no place: with them, joints that follow stay held.
-        robot = with_followers(corrected.robot, corrected.given, file)
-        if robot is not corrected.robot:
-            whole = replace(
-                corrected, robot=robot, base=robot, given=with_followers(corrected.given, corrected.given, file)
-            )
-    text = corrected_mjcf(whole)
+    text = corrected_mjcf(corrected)
     problem = mujoco_problem(text)
-    difference = torque_difference(text, whole, motion)
+    difference = torque_difference(text, corrected, motion)
     if folder is None:
         return MadeMjcf(text, difference, problem or "", False, left_out)
     try:
         # With the whole paths of meshes, as the folder may not be there yet.
-        loaded, without = with_urdf_shapes(text, whole.robot, file, None)
-        difference = torque_difference(loaded, whole, motion)
+        loaded, without = with_urdf_shapes(text, corrected.robot, file, None)
+        difference = torque_difference(loaded, corrected, motion)
         if difference > TOLERANCE:
             raise EstimationError("with them, MuJoCo needs other torques.")
-        text = with_urdf_shapes(text, whole.robot, file, folder)[0]
+        text = with_urdf_shapes(text, corrected.robot, file, folder)[0]
     except (PhantomDynError, ValueError) as error:
         without = (f"The shapes of the URDF are not in it: {error}",)
-        difference = torque_difference(text, whole, motion)
+        difference = torque_difference(text, corrected, motion)
     remarks = (Note(Code.FILE_REMARK, None, {"sentence": sentence}) for sentence in without)
     return MadeMjcf(text, difference, problem or "", False, (*left_out, *remarks))
 
@@ -125,9 +116,11 @@ def _refused(file: Path) -> str:
 
 
 def _held(file: Path) -> dict[str, float]:
-    """Positions at which joints that follow others are held."""
+    """Positions at which joints of the file are held that follow others, or are play."""
     try:
-        root, sha256 = read_root(file)
-        return {name: offset for name, (_, offset) in mjcf_facts(root, sha256, file).followers.items()}
+        facts, model = read_model(file)
     except RobotError:
         return {}
+    drawn = drawn_configuration(model)
+    play = {name: float(drawn[model.joints[model.getJointId(name)].idx_q]) for name in facts.play}
+    return {name: law.offset for name, law in facts.followers.items()} | play

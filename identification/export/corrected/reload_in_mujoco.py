@@ -16,7 +16,7 @@ from identification.export.corrected.corrected_mjcf import (
     zeros_in_file,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, torque_beside, with_zeros_moved
-from identification.export.model_files.mujoco_library import mujoco_problem, unheard_warnings
+from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import (
     load_mujoco,
     mujoco_joints,
@@ -29,6 +29,7 @@ from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import RobotError
+from phantom_dyn.model.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

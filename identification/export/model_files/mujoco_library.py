@@ -1,13 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Whether the MuJoCo that is installed can be used; one that is missing, broken or too old is treated as absent."""
+"""Whether the MuJoCo that is installed can load a file again; one that is broken or too old is treated as absent."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
-
-OLDEST = (3, 2)
+OLDEST = (3, 4)
 """Older ones lack functions that reading a file again takes."""
 
 _JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
@@ -28,15 +24,13 @@ def mujoco_problem(text: str = "") -> str | None:
     Args:
         text: Of the MJCF, which may use what only newer versions know.
     """
-    if find_spec("mujoco") is None:
-        return "MuJoCo is not installed (pip install 'phantom-dyn[mujoco]')"
     try:
         import mujoco
     except Exception as error:  # a library of the system that is missing raises OSError, a half installation anything
         return f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
     version = str(getattr(mujoco, "__version__", "0"))
     if not hasattr(mujoco, "MjModel") or _numbers(version) < OLDEST:
-        return f"MuJoCo {version} is older than 3.2 (pip install --upgrade mujoco)"
+        return f"MuJoCo {version} is older than 3.4 (pip install --upgrade mujoco)"
     for words, actuator, name in _NEWER:
         if words in text:
             try:
@@ -44,22 +38,6 @@ def mujoco_problem(text: str = "") -> str | None:
             except ValueError:
                 return f"MuJoCo {version} does not know the {name} in it (pip install --upgrade mujoco)"
     return None
-
-
-@contextmanager
-def unheard_warnings() -> Iterator[None]:
-    """Keep MuJoCo's warnings from the terminal, and from the MUJOCO_LOG.TXT that it writes into the working folder.
-
-    What they warn of, a simulation that runs away, shows in what comes out of it.
-    """
-    import mujoco
-
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,28 +12,12 @@ import pytest
 import phantom_dyn
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mass_matrix, standard_parameters
+from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
 ARM, ARM_XML = ROBOTS / "arm3.urdf", ROBOTS / "arm3.xml"
-
-
-@pytest.fixture
-def edited(tmp_path):
-    """Load a robot file after replacing text in it."""
-
-    def load(source: Path, *changes: tuple[str, str], config: str = ""):
-        text = source.read_text()
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        path = tmp_path / source.name
-        path.write_text(text)
-        (tmp_path / "robot.yaml").write_text(config)
-        return load_robot(path)
-
-    return load
 
 
 def some_motion(rng: np.random.Generator, nv: int, samples: int = 20) -> Motion:
@@ -169,23 +152,6 @@ def test_a_mjcf_file_with_a_keyframe_can_have_locked_joints(edited):
     assert edited(ARM_XML, config="lock: [tilt]").viscous_friction.tolist() == [0.3, 12]
 
 
-def test_a_mimic_joint_is_held_with_a_warning(edited):
-    robot = edited(ARM, ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="tilt" offset="0.2"/>'))
-    assert "joints that follow another are held fixed: slide (follows tilt)" in robot.warnings[0]
-
-
-def test_a_mimic_joint_is_held_at_its_offset(edited, rng):
-    q = rng.normal(size=(5, 3))
-    q[:, 2] = 0.2
-    robot = edited(ARM, ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="tilt" offset="0.2"/>'))
-    np.testing.assert_allclose(mass_matrix(robot, q[:, :2]), mass_matrix(load_robot(ARM), q)[:, :2, :2], atol=1e-12)
-
-
-def test_a_joint_that_an_equality_of_mujoco_couples_is_held(edited):
-    robot = edited(ARM_XML, ("<actuator>", '<equality><joint joint1="slide" joint2="tilt"/></equality><actuator>'))
-    assert robot.locked == ("slide",)
-
-
 def test_a_broken_triangle_inequality_is_a_warning(edited):
     robot = edited(ARM, ('ixx="0.004"', 'ixx="0.04"'))
     assert "no rigid body has the inertia of link rail" in robot.warnings[0]
@@ -222,9 +188,9 @@ def test_the_ur10_example_loads_with_its_six_joints():
     assert load_robot("example:ur10").joint_names[::5] == ("shoulder_pan_joint", "wrist_3_joint")
 
 
-def test_the_panda_example_loads_with_its_second_finger_held():
+def test_the_second_finger_of_the_panda_example_follows_the_first():
     robot = load_robot("example:panda")
-    assert (robot.nv, robot.locked) == (8, ("panda_finger_joint2",))
+    assert (robot.nv, robot.passive_names) == (8, ("panda_finger_joint2",))
 
 
 def test_the_panda_example_carries_the_damping_of_its_file():
@@ -264,3 +230,25 @@ def test_a_rotor_is_inertia_enough(tmp_path):
     (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
     (tmp_path / "robot.yaml").write_text("joints: {elbow: {rotor_inertia: 0.1}}")
     assert load_robot(tmp_path / "arm.urdf").warnings == ()
+
+
+PLATE = (
+    '<link name="plate"><inertial><mass value="2e-6"/><inertia ixx="1e-8" iyy="1e-8" izz="-4e-8" ixy="0" ixz="0" '
+    'iyz="0"/></inertial></link><joint name="screws" type="fixed"><parent link="{}"/><child link="plate"/></joint>'
+)
+
+
+def test_a_body_that_never_moves_may_be_impossible(edited):
+    robot = edited(ARM, ('<link name="base"/>', '<link name="base"/>' + PLATE.format("base")))
+    assert "link plate cannot exist, its smallest principal inertia is -4e-08 kg m^2" in robot.warnings[0]
+    assert "it never moves, so that nothing depends on it" in robot.warnings[0]
+
+
+def test_the_same_body_on_a_moving_link_is_refused(edited):
+    with pytest.raises(RobotError, match=r"link plate cannot exist, its smallest principal inertia"):
+        edited(ARM, ('<link name="base"/>', '<link name="base"/>' + PLATE.format("rail")))
+
+
+def test_an_inertia_that_reaches_far_out_of_the_robot_is_told(edited):
+    robot = edited(ARM, ('ixx="0.004"', 'ixx="9"'), ('iyy="0.005"', 'iyy="9"'), ('izz="0.003"', 'izz="9"'))
+    assert "the inertia of link rail (0.7 kg, 9 kg m^2) is that of the same mass more than" in robot.warnings[0]

@@ -68,18 +68,17 @@ def test_a_held_base_of_mjcf_stays_as_the_file_draws_it(tmp_path, root, config):
     np.testing.assert_allclose(gravity_torque(held, AT), expected, rtol=1e-9)
 
 
-def test_several_joints_on_the_base_can_be_held_or_written_one_by_one(tmp_path):
+def test_several_joints_of_the_base_are_joints_or_are_held(tmp_path):
     joints = '<joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>'
     file = written(tmp_path, "robot.xml", MJCF.replace("ROOT", joints))
-    with pytest.raises(RobotError, match=r"several joints on one body, .*: give it one joint per body, or write base:"):
-        load_robot(file)
+    assert load_robot(file).joint_names == ("x", "z", "hip")
     written(tmp_path, "robot.xml", MJCF.replace("ROOT", joints), "base: fixed")
     assert load_robot(file).joint_names == ("hip",)
 
 
 def test_a_ball_joint_behind_another_joint_is_refused_with_the_advice_to_lock_it(tmp_path):
     inner = MJCF.replace("ROOT", '<joint name="turn" axis="0 0 1"/>').replace('axis="0 1 0"', 'type="ball"')
-    told = r"hip is a ball joint, .*: give it one joint per body, or hold it with lock: \[hip\] in robot\.yaml\.$"
+    told = r"hip is a ball joint, .*: write two or three hinges in its place .*, or hold it with lock: \[hip\] in robot"
     with pytest.raises(RobotError, match=told):
         load_robot(written(tmp_path, "robot.xml", inner, "base: fixed"))
 
@@ -99,3 +98,23 @@ def test_a_base_that_is_called_otherwise_is_refused(tmp_path):
     file = written(tmp_path, "robot.urdf", URDF.replace("KIND", "floating"), "base: rig")
     with pytest.raises(RobotError, match=r"robot\.yaml: base is the text 'rig', wanted one of fixed"):
         load_robot(file)
+
+
+def test_a_free_body_beside_the_robot_is_refused_as_that(tmp_path):
+    text = MJCF.replace("ROOT", "").replace(
+        "<worldbody>", '<worldbody><body name="cube"><freejoint name="loose"/><geom size=".1"/></body>'
+    )
+    with pytest.raises(RobotError, match=r"loose lets a body move freely beside the robot, .*lock: \[loose\] in robot"):
+        load_robot(written(tmp_path, "robot.xml", text))
+    assert load_robot(written(tmp_path, "robot.xml", text, "lock: [loose]")).joint_names == ("hip",)
+
+
+def test_a_rod_with_a_ball_joint_in_a_loop_is_refused_for_the_ball_joint(tmp_path):
+    rod = (
+        '<body name="link" pos=".5 0 1"><joint name="rod" type="ball"/><geom type="capsule" fromto="0 0 0 0 0 .5" '
+        'size=".01"/></body>'
+    )
+    loop = '<equality><connect body1="link" body2="thigh" anchor="0 0 .5"/></equality></mujoco>'
+    text = MJCF.replace("ROOT", "").replace("</worldbody></mujoco>", f"{rod}</worldbody>{loop}")
+    with pytest.raises(RobotError, match=r"rod is a ball joint, .*: write two or three hinges in its place"):
+        load_robot(written(tmp_path, "robot.xml", text))

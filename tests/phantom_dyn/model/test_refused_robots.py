@@ -38,7 +38,7 @@ def assert_refused(path: Path, text: str, message: str) -> None:
             "is a xacro source: expand it",
         ),
         ('<robot name="x"><link name="base"/></robot>', "has no joint that moves"),
-        ("<mujoco/>", "is not a robot that Pinocchio can read"),
+        ("<mujoco/>", "has no joint that moves"),
         ("<robot><link name='base'/></robot>", r"can read \(No name given for the robot\): correct the file"),
     ],
 )
@@ -129,34 +129,28 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
         ('damping="12"', 'damping="x"', r"damping='x' in <joint> of joint slide must be finite numbers"),
         ('frictionloss="3"', 'frictionloss="-3"', r"frictionloss='-3' in <joint> of joint slide is below zero"),
         ('type="slide"', 'type="ball"', "slide is a ball joint, and only revolute"),
-        (
-            '<joint name="slide"',
-            '<joint name="extra" type="hinge"/><joint name="slide"',
-            "extra is several joints on one body, .*one joint per body",
-        ),
-        ('type="slide"', 'type="rope"', r"is not a robot that Pinocchio can read \(Unknown joint type\)"),
+        ('type="slide"', 'type="rope"', r"MuJoCo can read \(XML Error: invalid keyword: 'rope' .*line \d+"),
         # An element that MJCF does not have: nobody reads it, and corrected.xml keeps it.
         ("<compiler", '<axis xyz="0 -INF 0"/><compiler', r"xyz='0 -INF 0' in <axis> must be finite numbers"),
-        ("<compiler", '<include file="other.xml"/><compiler', "uses <include>, .*mj_saveLastXML"),
         (
             "<actuator>",
             '<equality><connect body1="tool" body2="bean" anchor="0 0 0"/></equality><actuator>',
-            "<connect> of tool and bean names 'bean', which the model does not have, .*did you mean beam",
+            "MuJoCo can read .unknown element 'bean' in equality constraint 0",
         ),
         (
             "<actuator>",
             '<equality><connect body2="beam" anchor="0 0 0"/></equality><actuator>',
-            "<connect> in <equality> names no body1: add it",
+            "MuJoCo can read .*must be specified Element 'connect', line 2",
         ),
         (
             "<actuator>",
             '<equality><weld body1="tool" body2="beam" relpose="0 0 0"/></equality><actuator>',
-            "<weld> of tool and beam needs three numbers as anchor and seven as relpose",
+            "MuJoCo can read .*attribute 'relpose' does not have enough data",
         ),
         (
             '<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.001 0.001 0.001"/>',
             '<geom type="mesh" mesh="tool"/>',
-            "the inertia of body tool comes from a mesh, and meshes are not read: give it an <inertial>",
+            "MuJoCo can read .mesh 'tool' not found in geom 0",
         ),
         (
             '<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.001 0.001 0.001"/>',
@@ -171,7 +165,11 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
             r"<equality> names the joint 'tlit', the joints are .*did you mean tilt\?",
         ),
         ('joint name="slide"', 'joint name=""', "a joint has an empty name: give it one, or leave the attribute out"),
-        ("<compiler", '<option gravity="-9.81"/><compiler', "gravity in <option> has 1 numbers, wanted three"),
+        (
+            "<compiler",
+            '<option gravity="-9.81"/><compiler',
+            "gravity='-9.81' in <option> of the file has 1 numbers",
+        ),
     ],
 )
 def test_a_broken_mjcf_is_refused_with_its_place(tmp_path, old, new, message):
@@ -183,7 +181,9 @@ def test_a_floating_base_in_mjcf_is_refused(tmp_path):
     joint = '<joint name="turn" type="hinge" axis="0 0 1" damping="0.3" frictionloss="0.7"/>'
     assert joint in MJCF
     assert_refused(
-        tmp_path / "robot.xml", MJCF.replace(joint, "<freejoint/>"), "is a floating base, and only robots on"
+        tmp_path / "robot.xml",
+        MJCF.replace(joint, "<freejoint/>").replace('joint="turn"', 'joint="tilt"'),
+        "is a floating base, and only robots on",
     )
 
 

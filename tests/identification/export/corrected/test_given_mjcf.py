@@ -293,7 +293,7 @@ class _Old:
 
 def test_an_old_mujoco_counts_as_absent(cell, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", _Old)
-    assert "MuJoCo 3.1.6 is older than 3.2" in str(mujoco_problem())
+    assert "MuJoCo 3.1.6 is older than 3.4" in str(mujoco_problem())
 
 
 def test_with_an_old_mujoco_both_files_are_written(cell, monkeypatch):
@@ -303,7 +303,7 @@ def test_with_an_old_mujoco_both_files_are_written(cell, monkeypatch):
     urdf, mjcf = model_files(corrected_model(robot, FOUND), motion, folder=cell.parent)
     assert urdf.text
     assert mjcf.text
-    assert "corrected.xml: not loaded again, as MuJoCo 3.1.6 is older than 3.2" in sentence(mjcf.notes[0])
+    assert "corrected.xml: not loaded again, as MuJoCo 3.1.6 is older than 3.4" in sentence(mjcf.notes[0])
 
 
 def test_a_mujoco_that_cannot_be_imported_counts_as_absent(tmp_path, monkeypatch):

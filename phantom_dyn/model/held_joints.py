@@ -1,0 +1,98 @@
+# pyright: reportAttributeAccessIssue=false
+"""Joints of a file that are held fixed, and joints that follow another one as linear loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn.model.mjcf import drawn_configuration
+from phantom_dyn.model.robot_config import LinearLoop, RobotConfig
+from phantom_dyn.model.robot_xml import RobotXml
+
+_LENT = "\n"
+"""No name in a file ends so."""
+_BALLS = ("JointModelSpherical", "JointModelSphericalZYX")
+
+
+def held_and_following(
+    model: pin.Model, stated: RobotConfig, facts: RobotXml
+) -> tuple[dict[str, float | None], list[LinearLoop]]:
+    """Joints that are held, with the position (None: where the file draws them), and loops of those that follow.
+
+    Args:
+        model: With all joints of the file.
+        stated: Content of robot.yaml; joints that its loops name are left to them.
+        facts: Of the file.
+    """
+    in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
+    held: dict[str, float | None] = {}
+    bases = moving_bases(model)
+    for name in list(model.names)[1:]:
+        of_base = name in bases or (name in facts.base_joints and name not in stated.joints)
+        if name in stated.lock:
+            held[name] = None if model.joints[model.getJointId(name)].nv > 1 else 0.0
+        elif (stated.base == "fixed" and of_base) or (name in facts.play and name not in stated.joints):
+            held[name] = None
+    following = {name: f for name, f in facts.followers.items() if name not in in_loops and name not in held}
+    while True:
+        still = [name for name, f in following.items() if f.leader is None or f.leader in held]
+        if not still:
+            break
+        for name in still:
+            law = following.pop(name)
+            at = 0.0 if law.leader is None else held[law.leader]
+            held[name] = law.offset + law.factor * (at or 0.0)
+    loops = [
+        LinearLoop(kind="linear", active=[law.leader], passive={name: f"{law.offset!r} + {law.factor!r}*{law.leader}"})
+        for name, law in following.items()
+        if law.leader is not None
+    ]
+    return held, loops
+
+
+def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tuple[str, ...]]:
+    """Model without some of its joints, which are held where the file draws them or at a position, and their names.
+
+    Args:
+        model: Of all joints.
+        held: Positions [rad or m] by name; None is where the file draws the joint.
+    """
+    if not held:
+        return model, ()
+    q, drawn = pin.neutral(model), drawn_configuration(model)
+    for name, position in held.items():
+        joint = model.joints[model.getJointId(name)]
+        if position is None:
+            q[joint.idx_q : joint.idx_q + joint.nq] = drawn[joint.idx_q : joint.idx_q + joint.nq]
+        elif joint.nq == 1:
+            q[joint.idx_q] = position
+    names = [name for name in list(model.names)[1:] if name in held]
+    return _reduced(model, [model.getJointId(name) for name in names], q), tuple(names)
+
+
+def _reduced(model: pin.Model, held: list[int], q: np.ndarray) -> pin.Model:
+    """Pinocchio's reduced model; Pinocchio 4 fails where a body has the name of a joint, so bodies lend theirs."""
+    model = model.copy()
+    joints = set(model.names)
+    for frame in model.frames:
+        if frame.type != pin.FrameType.JOINT and frame.name in joints:
+            frame.name += _LENT
+    reduced = pin.buildReducedModel(model, held, q)
+    for frame in reduced.frames:
+        frame.name = frame.name.removesuffix(_LENT)
+    return reduced
+
+
+def moving_bases(model: pin.Model) -> frozenset[str]:
+    """Joints of more than one velocity on the world: floating bodies, and a ball joint that carries all others."""
+    out = set()
+    for k in range(1, model.njoints):
+        carries_all = len(model.subtrees[k]) == model.njoints - 1
+        if (
+            model.parents[k] == 0
+            and model.joints[k].nv > 1
+            and (carries_all or model.joints[k].shortname() not in _BALLS)
+        ):
+            out.add(model.names[k])
+    return frozenset(out)

@@ -1,0 +1,115 @@
+# pyright: reportAttributeAccessIssue=false
+"""Joints of a MJCF that follow another one: equalities of joints and of tendons, and hinges that are play."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.mjcf_drives import tendon_joints
+from phantom_dyn.model.robot_xml import Follower
+
+if TYPE_CHECKING:
+    import mujoco
+
+Array = np.ndarray
+
+_OF_JOINTS, _OF_TENDONS = 2, 3
+"""Of mjtEq."""
+_NARROW = {2: 0.02, 3: 0.25}
+"""Largest range of play, by mjtJoint: of a slide [m] and of a hinge [rad]; joints that are driven go farther."""
+_PARALLEL = 1e-3
+"""Of a sine: two axes of one joint and its play."""
+
+
+def followers_of(compiled: mujoco.MjModel, driven: frozenset[str], path: Path) -> dict[str, Follower]:
+    """Joints that follow another, by what the file says; of two the one without a drive follows.
+
+    Args:
+        compiled: MuJoCo's model.
+        driven: Joints with an actuator.
+        path: The file, for messages.
+
+    Raises:
+        RobotError: If a joint follows by a curve.
+    """
+    out: dict[str, Follower] = {}
+    active = np.array(compiled.eq_active0).astype(bool)
+    for k in np.flatnonzero(active & np.isin(compiled.eq_type, (_OF_JOINTS, _OF_TENDONS))):
+        kind = int(compiled.eq_type[k])
+        sums = [_sum(compiled, kind, int(row[k])) for row in (compiled.eq_obj1id, compiled.eq_obj2id)]
+        curve = compiled.eq_data[k, :5].tolist()
+        law = _law(compiled, sums, curve)
+        if law is None:
+            continue
+        factors, constant = law
+        names = list(factors)
+        word = "<equality><joint>" if kind == _OF_JOINTS else "<equality><tendon>"
+        if any(curve[2:]) and len(names) > 1:
+            raise RobotError(
+                f"{path}: {names[0]} follows {names[1]} by a curve ({word} whose polycoef has more than two numbers), "
+                f"and only straight lines are taken: make it one, or take it out and write lock: [{names[0]}] into "
+                "robot.yaml."
+            )
+        if len(names) > 2:
+            continue
+        name = next((n for n in names if n not in driven and n not in out), names[0])
+        others = [n for n in names if n != name]
+        own = factors[name]
+        factor = -factors[others[0]] / own if others else 0.0
+        out[name] = Follower(others[0] if others else None, factor, constant / own, word)
+    return out
+
+
+def _sum(compiled: mujoco.MjModel, kind: int, which: int) -> dict[str, float] | None:
+    """Joints and factors of one side of an equality; None for a tendon that runs over sites."""
+    if which < 0:
+        return {}
+    if kind == _OF_JOINTS:
+        return {compiled.joint(which).name: 1.0}
+    return tendon_joints(compiled, which) or None
+
+
+def _law(
+    compiled: mujoco.MjModel, sums: list[dict[str, float] | None], curve: list[float]
+) -> tuple[dict[str, float], float] | None:
+    """``sum(factors q) = constant`` of an equality; None where a side is no sum of joints."""
+    first, second = sums
+    if first is None or second is None:
+        return None
+    factors = dict(first)
+    for name, factor in second.items():
+        factors[name] = factors.get(name, 0.0) - curve[1] * factor
+    factors = {name: factor for name, factor in factors.items() if factor}
+    drawn = {name: float(compiled.qpos0[int(compiled.joint(name).qposadr[0])]) for name in factors}
+    constant = curve[0] + sum(factor * drawn[name] for name, factor in factors.items())
+    return factors, constant
+
+
+def play_of(compiled: mujoco.MjModel, driven: frozenset[str]) -> dict[str, tuple[str, float]]:
+    """Joints that are play: on the body of another joint along the same axis, in a narrow range, without a drive.
+
+    Args:
+        compiled: MuJoCo's model.
+        driven: Joints with an actuator.
+
+    Returns:
+        By name, the joint whose play it is, and the width of the range [rad or m].
+    """
+    out = {}
+    for k in range(1, compiled.njnt):
+        before = k - 1
+        kind, name = int(compiled.jnt_type[k]), compiled.joint(k).name
+        same = compiled.jnt_bodyid[k] == compiled.jnt_bodyid[before] and kind == int(compiled.jnt_type[before])
+        if not same or kind not in _NARROW or not compiled.jnt_limited[k]:
+            continue
+        width = float(np.diff(compiled.jnt_range[k])[0])
+        sine = float(np.linalg.norm(np.cross(compiled.jnt_axis[k], compiled.jnt_axis[before])))
+        names = [name, compiled.joint(before).name]
+        narrow = [n for n in names if n not in driven and n not in out]
+        if sine <= _PARALLEL and narrow and narrow[0] == name and width <= _NARROW[kind]:
+            out[name] = (names[1], width)
+    return out
