@@ -16,6 +16,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.random_streams import random_stream
+from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
 
 Array = np.ndarray
 
@@ -123,8 +124,7 @@ def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
         full = pin.buildModelFromUrdf(str(path))
         folders = [str(folder) for folder in path.resolve().parents]
         return full, pin.buildGeomFromUrdf(full, str(path), pin.COLLISION, package_dirs=folders)
-    full = pin.buildModelFromMJCF(str(path))
-    return full, pin.buildGeomFromMJCF(full, str(path), pin.COLLISION)
+    return shapes_of_mjcf(path, "collision")
 
 
 def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:

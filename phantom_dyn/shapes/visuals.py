@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Visual shapes of a robot's file: of URDF through yourdfpy and trimesh, of MJCF through Pinocchio and coal."""
+"""Visual shapes of a robot's file: of URDF through yourdfpy and trimesh, of MJCF through MuJoCo and coal."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, joined, moved
+from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
 
 Array = np.ndarray
 
@@ -96,8 +97,7 @@ def package_folders(file: Path) -> list[Path]:
 
 
 def _of_mjcf(path: Path) -> tuple[pin.Model, _Shapes]:
-    full = pin.buildModelFromMJCF(str(path))
-    shapes = pin.buildGeomFromMJCF(full, str(path), pin.VISUAL)
+    full, shapes = shapes_of_mjcf(path, "visual")
     return full, [(one.parentJoint, one.placement, _triangles(one.geometry)) for one in shapes.geometryObjects]
 
 
