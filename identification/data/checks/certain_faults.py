@@ -8,7 +8,7 @@ both halves of the record: see `identification.data.checks.plausible_fit`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,10 @@ _MOST_JOINTS = 12
 _IDLE = 0.1
 # Readings are put right one after the other, up to this many.
 _MOST_FAULTS = 3
+# Two mistakes at once are looked for where no robot explains this share, and leave no more than that together.
+_FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
+# Signs that are tried first, and pairs that are looked at closely.
+_FIRSTS, _PAIRS = 6, 4
 # Signs and orders that a plain fit finds best are looked at closely, this many.
 _TRIED = 6
 
@@ -132,7 +136,21 @@ def is_certain(found: Compared) -> bool:
         return bool(mended.any())
     if found.suspect.kind == "torque":
         return int(mended.sum()) >= 2
+    if found.suspect.kind == "pair":
+        return _pair_is_certain(found)
+    if found.suspect.kind == "sign" and found.suspect.moves:
+        # A joint may need the same torque either way, where its position matters to the joints before it alone.
+        every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
+        return bool(every.any() and np.all(np.nan_to_num(own) >= -_WORSE))
     return int(mended.sum()) >= min(2, len(own))
+
+
+def _pair_is_certain(found: Compared) -> bool:
+    """Whether two mistakes at once explain nearly all of what no robot explains without them."""
+    left = found.left[~np.isnan(found.left)]
+    better = np.nan_to_num(found.of_joints) >= _FAR_BETTER
+    wanted = min(2, int((~np.isnan(found.of_joints)).sum()))
+    return bool(len(left) and np.median(left) <= _BOTH_RIGHT and left.max() <= _RIGHT and better.sum() >= wanted)
 
 
 def certain_faults(
@@ -245,7 +263,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         certain = _without_second_choice([one for one in tried if is_certain(one)])
         if not certain:
-            return out
+            return [*out, *_two_at_once(robot, reading, before, tried)]
         highest = max(one.score for one in certain)
         # Of twins the one that is listed first: a torque is turned round more often than a position.
         best = next(one for one in certain if one.score > highest - _TWINS)
@@ -258,6 +276,59 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
         reading = mended
     return out
+
+
+def _two_at_once(
+    robot: Robot, reading: Reading, before: Float[Array, "2 nv"], alone: Sequence[Compared]
+) -> list[Compared]:
+    """Two readings that are certain together and not alone; units come first.
+
+    Args:
+        robot: The given model.
+        reading: The data as they stand.
+        before: What no plausible robot explains of them.
+        alone: Single readings that were looked at closely.
+    """
+    worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
+    if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
+        return []
+    plain = plain_left(robot, reading)
+    driven = _driven(robot, reading)
+    signs = [one for one in other.sign_suspects(robot, np.flatnonzero(driven).tolist()) if one.says == "wrong"]
+    firsts = [*other.degree_suspects(robot, reading), *_most_promising(robot, reading, plain, signs, _FIRSTS)]
+    pairs: list[tuple[float, Suspect, Suspect]] = []
+    for first in firsts:
+        try:
+            read = first.read(reading)
+            ratio = common_ratio(robot, read)
+            seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
+            # Degrees are twice the mistake nowhere, and two signs of one joint are a third sign.
+            seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]
+            for second in seconds:
+                gain = _plain_gain(robot, plain, second.read(read))
+                pairs.append((gain, first, second))
+        except ChainError:
+            continue
+    pairs.sort(key=lambda pair: -pair[0])
+    single = max((one.score for one in alone), default=0.0)
+    for _, first, second in pairs[:_PAIRS]:
+        both = compared(robot, before, reading, second.after(first))
+        if is_certain(both) and both.score > single + _FAR_BETTER:
+            return [replace(both, suspect=first), replace(both, suspect=second)]
+    return []
+
+
+def _plain_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
+    """Sum over all joints of what a reading gains in a plain fit."""
+    return float(np.nansum(np.log((plain + _ENOUGH) / (plain_left(robot, read) + _ENOUGH))))
+
+
+def _most_promising(
+    robot: Robot, reading: Reading, plain: Float[Array, " nv"], suspects: Sequence[Suspect], count: int
+) -> list[Suspect]:
+    """Those of some readings that gain most in a plain fit of all joints."""
+    gains = [_plain_gain(robot, plain, suspect.read(reading)) for suspect in suspects]
+    return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
 
 
 def _without_second_choice(certain: list[Compared]) -> list[Compared]:
@@ -279,14 +350,31 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
     driven = _driven(robot, reading)
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
-    return [
-        *(other.degree_suspects(robot) if np.abs(reading.motion.q).max() > np.pi else ()),
+    of_shape = [
+        *other.degree_suspects(robot, reading),
         *(other.all_signs(robot) if signed == list(poor) else ()),
-        *other.torque_suspects(robot, ratio),
+        *other.sign_suspects(robot, signed),
+        *other.order_suspects(robot, signed),
+    ]
+    return [
+        *_nearer(robot, reading, other.torque_suspects(robot, ratio)),
         *scale_suspects(robot, reading),
         *other.compensated_suspects(robot, reading),
-        *_promising(robot, reading, [*other.sign_suspects(robot, signed), *other.order_suspects(robot, signed)]),
+        *_promising(robot, reading, of_shape),
     ]
+
+
+def _nearer(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """Other units in which the torques are as a whole nearer in size to what the model needs."""
+    needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)).std(axis=0)
+
+    def away(tau: Float[Array, "N nv"]) -> float:
+        size = (tau + reading.external).std(axis=0)
+        known = (needed > 0) & (size > 0)
+        return abs(float(np.median(np.log(size[known] / needed[known])))) if known.any() else np.inf
+
+    now = away(reading.tau)
+    return [one for one in suspects if away(one.read(reading).tau) < now]
 
 
 def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
@@ -302,7 +390,7 @@ def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> l
     before = plain_left(robot, reading)
     gains = np.full(len(suspects), -np.inf)
     for k, suspect in enumerate(suspects):
-        joints = list(suspect.joints)
+        joints = list(range(robot.nv)) if suspect.moves else list(suspect.joints)
         try:
             after = plain_left(robot, suspect.read(reading))
         except ChainError:

@@ -6,7 +6,7 @@ Nothing is decided here: `identification.data.checks.certain_faults` compares ho
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
@@ -53,7 +53,7 @@ _SAME_UNIT = float(np.log(4.0))
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
 _TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
-Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity"]
+Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity", "pair"]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ class Suspect:
         entries: The entries of a column map that mend it, by their keys.
         read: Makes the reading.
         expected: True where the reading is by far the more usual one, so that it need only fit.
+        moves: True where it changes positions, and with them the torque of every joint.
         says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
             what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
     """
@@ -78,6 +79,20 @@ class Suspect:
     read: Callable[[Reading], Reading]
     says: Literal["wrong", "offer", "rival"] = "wrong"
     expected: bool = False
+    moves: bool = False
+
+    def after(self, first: Suspect) -> Suspect:
+        """Both readings as one, for the joints of either."""
+        joints = tuple(sorted({*self.joints, *first.joints}))
+        return replace(
+            self,
+            kind="pair",
+            joints=joints,
+            read=lambda reading: self.read(first.read(reading)),
+            says="wrong",
+            expected=False,
+            moves=self.moves or first.moves,
+        )
 
 
 def time_suspects(robot: Robot, step: float) -> list[Suspect]:
@@ -101,22 +116,41 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
     ]
 
 
-def degree_suspects(robot: Robot) -> list[Suspect]:
-    """Positions of all joints that turn in degrees."""
+def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """Positions in degrees: of all joints that turn, of those that turn far, or of one of them.
+
+    Args:
+        robot: Gives the joints.
+        reading: The data; positions in degrees go beyond half a turn of radians.
+    """
     turning = ~robot.prismatic
-    if not turning.any():
+    most = np.abs(reading.motion.q).max(axis=0)
+    far = np.flatnonzero(turning & (most > np.pi)).tolist()
+    if not far:
         return []
-    joints = tuple(np.flatnonzero(turning).tolist())
-    factor = np.where(turning, _DEGREE, 1.0)
+    beyond = np.flatnonzero(turning & (most > 2 * np.pi)).tolist()
+    sets = [tuple(np.flatnonzero(turning).tolist()), tuple(far), tuple(beyond), *((j,) for j in far)]
     return [
         Suspect(
             "degrees",
             joints,
-            f"the positions of {names(robot, joints)} are in degrees and not in rad",
+            f"the positions of {names(robot, joints)} are in degrees and not in rad"
+            if len(joints) > 1
+            else f"the position of {names(robot, joints)} is in degrees and not in rad",
             entries(robot, "q", joints, "unit: deg"),
-            lambda reading: with_positions_times(reading, factor),
+            lambda reading, factor=_times(robot, joints, _DEGREE): with_positions_times(reading, factor),
+            moves=True,
         )
+        for joints in dict.fromkeys(sets)
+        if joints
     ]
+
+
+def _times(robot: Robot, joints: Sequence[int], factor: float) -> Float[Array, " nv"]:
+    """A factor for some joints, one for the others."""
+    out = np.ones(robot.nv)
+    out[list(joints)] = factor
+    return out
 
 
 def highest_speed(robot: Robot, reading: Reading) -> float:
@@ -144,7 +178,7 @@ def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
 
 
 def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
-    """The sign of the torque of joints that fit poorly; as rivals, sign and zero of their positions."""
+    """The sign of torque, position or both of joints that fit poorly; as rivals, other zeros of their positions."""
     out = []
     for j in poor:
         factor = np.ones(robot.nv)
@@ -159,11 +193,21 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
                 entries(robot, "tau", (j,), "sign: -1"),
                 lambda reading, factor=factor: with_torques_times(reading, factor),
             ),
-            _rival(j, f"the position of {joint}", lambda reading, factor=factor: with_positions_times(reading, factor)),
-            _rival(
-                j,
-                f"position and torque of {joint}",
+            Suspect(
+                "sign",
+                (j,),
+                f"the position of {joint} is counted the other way round",
+                entries(robot, "q", (j,), "sign: -1"),
+                lambda reading, factor=factor: with_positions_times(reading, factor),
+                moves=True,
+            ),
+            Suspect(
+                "sign",
+                (j,),
+                f"position and torque of {joint} are counted the other way round",
+                entries(robot, "q", (j,), "sign: -1") | entries(robot, "tau", (j,), "sign: -1"),
                 lambda reading, factor=factor: with_torques_times(with_positions_times(reading, factor), factor),
+                moves=True,
             ),
             *(
                 _rival(
@@ -216,7 +260,7 @@ def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> float
 
 def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:
     """What is no fault of the torque: a joint that is defined otherwise in the model than in the recording."""
-    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, says="rival")
+    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, says="rival", moves=True)
 
 
 def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
@@ -323,7 +367,7 @@ def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
 
 def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
     """Entries of a column map for a quantity of some joints, in one line where they are all joints."""
-    if len(joints) == robot.nv > 1:
+    if len(joints) == robot.nv > 1 and not robot.passive_names:
         return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
     return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
 
