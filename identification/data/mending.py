@@ -1,6 +1,7 @@
 """What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
 
-A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again. A
+A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again, in
+radians, or in degrees where these are still to be told from radians. A
 value that departs by far more than any change beside it and is back after at most five samples is no motion and no
 torque: it is cut out, and the samples beside it are joined. Whatever was mended is said, with counts and times.
 """
@@ -18,7 +19,7 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-_TURN = 2 * np.pi  # [rad]
+_TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
 # A jump is a whole turn if the rest of it is as small as this [rad], and no larger than a few of the steps around it.
 _REST, _STEPS, _AROUND = 0.5, 5.0, 20
 # Samples that a spike or dropout may last: longer, and nobody knows what happened meanwhile.
@@ -64,7 +65,11 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
     """Positions of joints that turn without the jumps of their encoders; references and second encoders go along."""
     q, others, warnings = recording.q, {}, []
     for j in np.flatnonzero(~np.asarray(prismatic, dtype=bool)):
+        turn = _TURN
         together, at = whole_turns(np.ascontiguousarray(recording.q[:, j]))
+        if not len(at):
+            turn = _TURN_DEGREES
+            together, at = whole_turns(np.ascontiguousarray(recording.q[:, j]), turn)
         if not len(at):
             continue
         if not warnings:
@@ -72,13 +77,13 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
             others = {name: x.copy() for name in ("q_ref", "x") if (x := getattr(recording, name)) is not None}
         q[:, j] = together
         for values in others.values():
-            column = whole_turns(values[:, j])[0]
+            column = whole_turns(values[:, j], turn)[0]
             # One that counts on while the encoder starts anew is whole turns away from the position put together.
-            values[:, j] = column - _TURN * np.round(np.median(column - q[:, j]) / _TURN)
+            values[:, j] = column - turn * np.round(np.median(column - q[:, j]) / turn)
         times = "once" if len(at) == 1 else f"{len(at)} times"
         warnings.append(
-            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns {times} "
-            f"({when(recording.t[at])}): its turns were put together."
+            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns{'' if turn == _TURN else ' of 360'} "
+            f"{times} ({when(recording.t[at])}): its turns were put together."
         )
     if not warnings:
         return recording
@@ -90,24 +95,29 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
     )
 
 
-def whole_turns(q: Float[Array, " N"]) -> tuple[Float[Array, " N"], Array]:
-    """A position [rad] without its jumps by whole turns, and the samples before which they were."""
+def whole_turns(q: Float[Array, " N"], turn: float = _TURN) -> tuple[Float[Array, " N"], Array]:
+    """A position [rad] without its jumps by whole turns, and the samples before which they were.
+
+    Args:
+        q: Positions.
+        turn: A whole turn in their unit.
+    """
     steps = np.diff(q)
-    turns = np.round(steps / _TURN)
+    turns = np.round(steps / turn)
     at = np.flatnonzero(turns)
     if not len(at):
         return q, at
-    rest = np.abs(steps - _TURN * turns)
-    real = []
+    rest = np.abs(steps - turn * turns)
+    real, most = [], _REST * turn / _TURN
     for k in at:
         around = np.abs(steps[max(k - _AROUND, 0) : k + _AROUND + 1])
-        plain = around[around < np.pi]
+        plain = around[around < turn / 2]
         usual = float(plain.max()) if len(plain) > len(around) / 2 else np.inf
         # Where positions jump about anyway, a jump says nothing.
-        real.append(rest[k] <= min(_REST, _STEPS * usual + 1e-3) and usual < _REST)
+        real.append(rest[k] <= min(most, _STEPS * usual + 1e-3) and usual < most)
     at = at[np.array(real)]
     correction = np.zeros(len(q))
-    correction[at + 1] = -_TURN * turns[at]
+    correction[at + 1] = -turn * turns[at]
     return q + np.cumsum(correction), at + 1
 
 

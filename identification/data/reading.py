@@ -11,6 +11,7 @@ import numpy as np
 from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
+from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.loops_of_drives import computed_from_references, loops_of
@@ -29,6 +30,8 @@ Array = np.ndarray
 
 # A quaternion with three decimals has a length of one up to this; another is none of a rotation.
 _UNIT = 2e-3
+# Times the largest of all values from which on one that is left out is bridged: others do no harm.
+_WILD = 10.0
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,33 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
     return tuple((float(start), float(stop)) for start, stop in excluded)
 
 
+def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) -> Table:
+    """The table without what is left out at its ends; in between, values far beyond all others are bridged.
+
+    What is left out sets no scale then, as a simulation that ran away would.
+    """
+    if not excluded:
+        return table
+    t = table.columns["t"]
+    out = np.any([(t >= start) & (t <= stop) for start, stop in excluded], axis=0)
+    inside = np.flatnonzero(~out)
+    if not out.any() or not len(inside):
+        return table
+    ends = slice(int(inside[0]), int(inside[-1]) + 1)
+    columns = {name: values[ends] for name, values in table.columns.items()}
+    left, kept = columns["t"][out[ends]], columns["t"][~out[ends]]
+    for name, values in columns.items() if len(left) else ():
+        if name == "t":
+            continue
+        known = values[~out[ends]]
+        far = _WILD * float(np.abs(known - np.median(known)).max())
+        if np.abs(values[out[ends]] - np.median(known)).max() > far:
+            bridged = np.array(values)
+            bridged[out[ends]] = np.interp(left, kept, known)
+            columns[name] = bridged
+    return replace(table, columns=columns)
+
+
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
     locked: dict[str, None] = {}
@@ -161,12 +191,18 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
             f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
             f"not have: {known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
         )
-    for joint in robot.joint_names:
-        if f"q.{joint}" not in table.columns:
-            raise LogError(
-                f"{table.file} has no column q.{joint}, but {robot.name} has the joint {joint}: add its position, map "
-                "it with --columns, or hold the joint fixed under lock in robot.yaml."
-            )
+    absent = [joint for joint in robot.joint_names if f"q.{joint}" not in table.columns]
+    if len(absent) == 1:
+        raise LogError(
+            f"{table.file} has no column q.{absent[0]}, but {robot.name} has the joint {absent[0]}: add its position, "
+            "map it with --columns, or hold the joint fixed under lock in robot.yaml."
+        )
+    if absent:
+        raise LogError(
+            f"{table.file} lacks the positions of {len(absent)} of the {robot.nv} joints of {robot.name}: "
+            f"{', '.join(f'q.{joint}' for joint in absent)}: add them, map them with --columns, or hold the joints "
+            f"fixed with lock: [{', '.join(absent)}] in robot.yaml."
+        )
     out = ()
     if locked:
         out += (f"{table.file}: the columns of {', '.join(locked)} are not used, as the robot holds it fixed.",)
@@ -194,6 +230,8 @@ def recording(
             excluded stretch outside the log.
     """
     joints = robot.joint_names
+    left_out = _excluded(table, excluded)
+    table = _without_wild_rows(table, left_out)
     forces = _of_frames(table, "f")
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
@@ -230,7 +268,7 @@ def recording(
         forces=forces,
         positions=positions,
         orientations=orientations,
-        excluded=_excluded(table, excluded),
+        excluded=left_out,
         warnings=(*warnings, *sentences, *unfiltered, *(put_back_sentences(table, robot) if tau is not None else ())),
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
@@ -281,10 +319,15 @@ def read_recording(
     if found.poses_alone:
         # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
+    clock = slow_clock(found)
+    if clock is not None and anyway:
+        # Motion that lasts for days cannot be simulated or compared: it is judged in the unit that its clock has.
+        found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = mended(found, robot.prismatic)
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
-    return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=rest.wrong, anyway=anyway)
+    wrong = rest.wrong if clock is None or clock in rest.wrong else (clock, *rest.wrong)
+    return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)
 
 
 def _table(

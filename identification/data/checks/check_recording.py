@@ -28,9 +28,11 @@ from identification.data.checks.positions import (
     position_noise,
 )
 from identification.data.checks.readings import reading_of
+from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
+from identification.data.checks.suspects import slow_clock
 from identification.data.checks.taken_friction import check_friction_taken
-from identification.data.checks.times_and_torques import check_clipping, check_timing
+from identification.data.checks.times_and_torques import check_clipping, check_timing, check_zeros
 from identification.data.checks.torque_lag import check_lag
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
@@ -64,12 +66,17 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         Warnings of one sentence each; a good recording gives none. Of a long one, what takes a comparison of columns
         is looked for in the five minutes with most motion.
     """
+    certain = slow_clock(recording) or ran_away(recording)
+    if certain is not None:
+        # Whatever else is found is its echo.
+        return Checked((), (certain,))
     prismatic = None if robot is None else robot.prismatic
     noise = position_noise(recording)
     out = [*check_timing(recording), *check_sampling(recording, prismatic, noise)]
     out += check_jumps(recording, prismatic, noise)
     out += check_stillness(recording, prismatic, noise)
     out += check_clipping(recording)
+    out += check_zeros(recording)
     recording = busiest(recording)
     smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():

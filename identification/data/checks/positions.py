@@ -18,6 +18,8 @@ Array = np.ndarray
 _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
 # Share of moving samples that repeat the one before, and run length, from which repeats are worth a warning.
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
+# Samples beside repeats over which the joint moves at least at this share of its speed, where an encoder stalls.
+_AROUND_REPEATS, _AS_FAST = 4, 0.5
 # A tail counts as standing still if it lasts this share of the record, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
 # Steps of the encoder, and changes of their number from sample to sample, below which nothing is read off them.
@@ -75,7 +77,7 @@ def _noise(q: Float[Array, " N"]) -> float:
 
 def position_noise(recording: Recording) -> Float[Array, " nv"]:
     """White noise of each joint's position, standard deviation [rad or m], shape ``(nv,)``."""
-    return np.array([_noise(q) for q in recording.q.T])
+    return np.array([_noise(q) for q in _included_part(recording)[0].T])
 
 
 def _wander(
@@ -83,7 +85,7 @@ def _wander(
 ) -> Float[Array, " nv"]:
     """Wander of each joint at standstill by its noise and encoder steps [rad or m], shape ``(nv,)``."""
     noise = np.minimum(noise, _noisiest(recording, prismatic))
-    return 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
+    return 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in _included_part(recording)[0].T])
 
 
 def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
@@ -120,7 +122,9 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
         q = recording.q[:, j]
         v = np.interp(recording.t, smooth.t, smooth.v[:, j])
         # A step of the encoder explains repeats while the joint moves less than a few of them per sample.
-        moves = np.abs(v) * smooth.step > 3 * quantum(q)
+        steps = np.abs(np.diff(q))
+        least = float(np.percentile(steps[steps > 0], 5)) if (steps > 0).any() else 0.0
+        moves = np.abs(v) * smooth.step > max(3 * quantum(q), least)
         if not moves.any():
             continue
         runs = []
@@ -128,7 +132,7 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
             if stop + 1 >= len(q) or not moves[start : stop + 1].all():
                 continue
             due = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
-            if (q[stop + 1] - q[start]) / due > 0.5:
+            if (q[stop + 1] - q[start]) / due > 0.5 and _on_its_way(q, recording.t, start, stop, due):
                 runs.append((start, stop))
         frozen = sum(stop - start for start, stop in runs)
         longest = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
@@ -141,6 +145,21 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
                 "logged, or stalls."
             )
     return tuple(out)
+
+
+def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, due: float) -> bool:
+    """True if a joint moves as fast before and after some equal samples as it should have moved within them.
+
+    One that rests, starts, stops or turns does not.
+    """
+    rows = max(_AROUND_REPEATS, stop - start)
+    first, last = start - rows, stop + 1 + rows
+    if first < 0 or last >= len(q):
+        return False
+    speed = due / (t[stop + 1] - t[start])
+    before = (q[start] - q[first]) / (t[start] - t[first])
+    after = (q[last] - q[stop + 1]) / (t[last] - t[stop + 1])
+    return bool(min(before / speed, after / speed) > _AS_FAST)
 
 
 def check_jumps(

@@ -22,6 +22,8 @@ from identification.data.checks.readings import (
     with_torques_plus,
     with_torques_times,
 )
+from identification.data.readers.map_entries import entries_words
+from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
@@ -37,6 +39,8 @@ _FASTEST, _SLOWEST = 2e-5, 0.2
 _FARTHEST, _FASTEST_AXIS = 20.0, 50.0
 # Nobody records motion more slowly than this [s], save motion so slow that its inertia would show in another unit.
 _PATIENT = 1.0
+# Nobody records a motion as slowly as this [s].
+_NEVER = 100.0
 # The same for all joints together, whose median is what names the unit: a tenth lies between two of them.
 _NEAR_UNIT = float(np.log(2.5))
 # Share of a measured torque from which on the weight of the links would show in it.
@@ -114,6 +118,25 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
         for unit, factor in _TIMES.items()
         if _FASTEST <= step * factor <= _SLOWEST
     ]
+
+
+def usual_clock(recording: Recording) -> float:
+    """Factor that makes the times of a recording such as robots are recorded at; 1 where no unit does."""
+    step = float(np.median(np.diff(recording.t)))
+    return next((factor for factor in _TIMES.values() if _FASTEST <= step * factor <= _SLOWEST), 1.0)
+
+
+def slow_clock(recording: Recording) -> Fault | None:
+    """The fault of a recording whose samples are minutes apart as it stands, and usual in another unit of time."""
+    step = float(np.median(np.diff(recording.t)))
+    units = [unit for unit, factor in _TIMES.items() if _FASTEST <= step * factor <= _SLOWEST]
+    if step < _NEVER or not units:
+        return None
+    return Fault(
+        f"the time is in {' or '.join(units)} and not in s",
+        f"as it stands a sample comes every {step:.3g} s",
+        entries_words(recording, {"t": f"{{from: t, unit: {units[0]}}}"}),
+    )
 
 
 def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:

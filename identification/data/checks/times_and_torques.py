@@ -20,6 +20,10 @@ _GAP = 2.5
 
 # A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
+# Share of rows, and number of stretches, from which on zeros are no torque of a drive that is off.
+_MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
+# Share of the largest torque that the smallest one is, where the small ones are missing, and where all are alike.
+_GAP_BELOW, _ALIKE = 0.1, 0.9
 # Samples in a row at the extreme value below which it is the peak of a motion without noise that is repeated.
 _SHORTEST_RUN = 2
 # A smooth peak, however coarsely rounded, has at most 2.4 times as many samples in its top level as in the next.
@@ -72,6 +76,29 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     if (often or run >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
         return top, share, run
     return None
+
+
+def check_zeros(recording: Recording) -> tuple[str, ...]:
+    """Torques that are exactly zero in most rows, now and again: a drive that reports none below some size."""
+    if recording.tau is None:
+        return ()
+    out, kept = [], included(recording)
+    for j, joint in enumerate(recording.joint_names):
+        zero = recording.tau[kept, j] == 0
+        starts = int(np.count_nonzero(np.diff(zero.astype(int)) == 1))
+        if not (_MOSTLY <= zero.mean() < 1 and starts >= _FEW):
+            continue
+        others = np.abs(recording.tau[kept, j][~zero])
+        size = float(others.min())
+        # Pulses are switched on and off by a controller, and are all of one size; where a drive is off, they are few.
+        if starts >= _OFTEN or _GAP_BELOW * others.max() < size < _ALIKE * others.max():
+            out.append(
+                f"{recording.file}: tau.{joint} is exactly 0 in {100 * zero.mean():.0f} % of the rows, {starts} times "
+                f"for a while, and never smaller than {size:.2g} otherwise: its drive reports small torques as none, so "
+                f"that what is said of {joint} is not to be relied on; log the torque before it is rounded, or state "
+                f"drive: unknown for {joint} in robot.yaml."
+            )
+    return tuple(out)
 
 
 def check_clipping(recording: Recording) -> tuple[str, ...]:

@@ -139,11 +139,13 @@ def test_no_rows_are_told(columns):
         contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()}))
 
 
-@pytest.mark.parametrize("step", [1e-6, 2e-9, 1e3, 1e-300])
+@pytest.mark.parametrize("step", [1e-6, 2e-9, 1e-300])
 def test_times_in_another_unit_are_refused(step):
     n = np.arange(60.0)
     raw = RawTable("log.csv", {"t": step * n, "q.a": n, "tau.a": n})
-    with pytest.raises(LogError, match=r"log\.csv: the time steps by .* s \(median\), wanted 1e-05 to 100 s: give the"):
+    with pytest.raises(
+        LogError, match=r"log\.csv: the time steps by .* s \(median\), wanted 1e-05 s or more: give the"
+    ):
         contract_table(raw)
 
 

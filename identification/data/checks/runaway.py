@@ -1,0 +1,104 @@
+"""Simulations that ran away: motion or torque that grows without bound, which no robot and no sensor does.
+
+A joint that honestly spins keeps its speed; what runs away leaves the size of all the rest of its record behind, in
+speed and in distance alike, or doubles it again and again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.checks.smoothed_copy import included
+from identification.data.recording import Fault, Recording
+from identification.data.times import time_text
+from phantom_dyn.array_types import Bool, Float
+
+Array = np.ndarray
+
+# Pieces into which a recording is cut; the usual size of a motion is that of the middle one.
+_PIECES = 24
+# Speed [rad/s or m/s] and distance [rad or m] that are at least reached, in numbers and over the usual ones.
+_LEAST_SPEED, _TIMES_SPEED, _LEAST_WAY, _TIMES_WAY = 100.0, 100.0, 30.0, 20.0
+# Pieces in a row of which each is so many times as fast as the one before.
+_DOUBLING, _GROWS = 4, 2.0
+# A torque [N m or N] that no machine has in any unit.
+_NO_TORQUE = 1e10
+# From so many times the usual speed on the motion counts as part of what ran away.
+_BEYOND = 5.0
+
+
+def ran_away(recording: Recording) -> Fault | None:
+    """The fault of a recording whose motion grows without bound; None where none does.
+
+    Args:
+        recording: Raw samples; excluded stretches are not looked at.
+    """
+    kept = included(recording)
+    t, q = recording.t[kept], recording.q[kept]
+    tau = None if recording.tau is None else recording.tau[kept]
+    if len(t) < 2 * _PIECES:
+        return None
+    worst: tuple[float, int, str] | None = None
+    for j, joint in enumerate(recording.joint_names):
+        row = _first_row(t, q[:, j], None if tau is None else tau[:, j])
+        if row is not None and (worst is None or t[row] < worst[0]):
+            size = f"q of {joint} reaches {np.abs(q[:, j]).max():.2g}"
+            size += "" if tau is None else f", its torque {np.abs(tau[:, j]).max():.2g}"
+            worst = (float(t[row]), row, size)
+    if worst is None:
+        return None
+    start, row, size = worst
+    advice = "run it again with a smaller step or lower gains"
+    if row >= len(t) // 8:
+        advice = f"leave it out with --exclude {time_text(start)}:{time_text(t[-1])}, or {advice}"
+    return Fault(
+        f"the simulation or its controller is unstable: the motion grows without bound from about "
+        f"t = {time_text(start)} s on",
+        size,
+        advice,
+    )
+
+
+def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"] | None) -> int | None:
+    """First row of what ran away on one joint."""
+    if tau is not None and np.abs(tau).max() > _NO_TORQUE:
+        return int(np.argmax(np.abs(tau) > np.sqrt(_NO_TORQUE)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        speed = np.abs(np.diff(q) / np.diff(t))
+        way = np.abs(q - np.median(q[: len(q) // _PIECES + 1]))
+    speeds, ways = _by_piece(speed), _by_piece(way)
+    usual, usual_way = float(np.median(speeds)), float(np.median(ways))
+    left_behind = (
+        speeds.max() > max(_LEAST_SPEED, _TIMES_SPEED * usual)
+        and ways.max() > max(_LEAST_WAY, _TIMES_WAY * usual_way)
+        and _lasts(speed > _BEYOND * usual)
+    )
+    if not left_behind and not _doubles(speeds, ways):
+        return None
+    beyond = speed > _BEYOND * (usual if left_behind else float(speeds[: _first_doubling(speeds)].max()))
+    return int(np.argmax(beyond))
+
+
+def _by_piece(x: Float[Array, " N"]) -> Float[Array, " n"]:
+    return np.array([piece.max() for piece in np.array_split(x, _PIECES)])
+
+
+def _lasts(beyond: Bool[Array, " N"]) -> bool:
+    """True where more than a few rows are beyond, as a jump of an encoder is not."""
+    return int(beyond.sum()) >= 6
+
+
+def _doubles(speeds: Float[Array, " n"], ways: Float[Array, " n"]) -> bool:
+    """True where speed and distance are multiplied from piece to piece, to where no robot goes."""
+    if speeds.max() < 10 * _LEAST_SPEED or ways.max() < 10 * _LEAST_WAY:
+        return False
+    return _first_doubling(speeds) < len(speeds) and _first_doubling(ways) < len(ways)
+
+
+def _first_doubling(sizes: Float[Array, " n"]) -> int:
+    """First of several pieces in a row that grow; the number of pieces where there are none."""
+    grows = sizes[1:] > _GROWS * sizes[:-1]
+    for k in range(len(grows) - _DOUBLING + 1):
+        if sizes[k] > 0 and grows[k : k + _DOUBLING].all():
+            return k + 1
+    return len(sizes)
