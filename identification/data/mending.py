@@ -81,9 +81,10 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
             # One that counts on while the encoder starts anew is whole turns away from the position put together.
             values[:, j] = column - turn * np.round(np.median(column - q[:, j]) / turn)
         times = "once" if len(at) == 1 else f"{len(at)} times"
+        unit = "" if turn == _TURN else " of 360"
         warnings.append(
-            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns{'' if turn == _TURN else ' of 360'} "
-            f"{times} ({when(recording.t[at])}): its turns were put together."
+            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns{unit} {times} "
+            f"({when(recording.t[at])}): its turns were put together."
         )
     if not warnings:
         return recording

@@ -161,11 +161,10 @@ def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
             if len(joints) > 1
             else f"the position of {names(robot, joints)} is in degrees and not in rad",
             entries(robot, "q", joints, "unit: deg"),
-            lambda reading, factor=_times(robot, joints, _DEGREE): with_positions_times(reading, factor),
+            lambda reading, factor=factor: with_positions_times(reading, factor),
             moves=True,
         )
-        for joints in dict.fromkeys(sets)
-        if joints
+        for joints, factor in ((joints, _times(robot, joints, _DEGREE)) for joints in dict.fromkeys(sets) if joints)
     ]
 
 

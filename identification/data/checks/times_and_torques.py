@@ -94,9 +94,8 @@ def check_zeros(recording: Recording) -> tuple[str, ...]:
         if starts >= _OFTEN or _GAP_BELOW * others.max() < size < _ALIKE * others.max():
             out.append(
                 f"{recording.file}: tau.{joint} is exactly 0 in {100 * zero.mean():.0f} % of the rows, {starts} times "
-                f"for a while, and never smaller than {size:.2g} otherwise: its drive reports small torques as none, so "
-                f"that what is said of {joint} is not to be relied on; log the torque before it is rounded, or state "
-                f"drive: unknown for {joint} in robot.yaml."
+                f"for a while, and never smaller than {size:.2g} otherwise: its drive reports small torques as none. "
+                f"What is said of {joint} is not to be relied on: log the torque before it is cut off."
             )
     return tuple(out)
 

@@ -1,0 +1,190 @@
+"""Mistakes of recordings, alone and two at once, on robots of several shapes. Oracle: known truth; they are put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.checks.check_recording import checked
+from identification.data.checks.positions import check_frozen
+from identification.data.checks.runaway import ran_away
+from identification.data.checks.smoothed_copy import smoothed
+from identification.data.checks.times_and_torques import check_zeros
+from identification.data.mending import mended
+from identification.data.reading import recording as read_table_of
+from identification.data.recording import Recording, Table
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
+
+
+def entries(recording: Recording, robot) -> list[str]:
+    """What a user is told to write, one text a fault, as a reader would find it."""
+    found = checked(mended(recording, robot.prismatic), robot)
+    return [fault.mend for fault in found.wrong]
+
+
+def turned(recording: Recording, *, q: tuple[int, ...] = (), tau: tuple[int, ...] = ()) -> Recording:
+    """The recording with the sign of some positions, with their velocities, and of some torques turned round."""
+    way, pull = np.ones(recording.q.shape[1]), np.ones(recording.q.shape[1])
+    way[list(q)], pull[list(tau)] = -1.0, -1.0
+    assert recording.v is not None
+    return replace(recording, q=recording.q * way, v=recording.v * way, tau=recording.tau * pull)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_position_that_is_counted_backwards_is_refused_with_its_entry(clean, planar2, joint):
+    name = planar2.joint_names[joint]
+    told = entries(turned(clean(robot=planar2), q=(joint,)), planar2)
+    # Of the first joint of a chain only the signs of all its torques would do as well.
+    assert any(f"q.{name}: {{from: q.{name}, sign: -1}}" in one for one in told) or (
+        joint == 0 and any(f"tau.{name}: {{from: tau.{name}, sign: -1}}" in one for one in told)
+    )
+
+
+@pytest.mark.parametrize("joint", [3, 4])
+def test_an_axis_that_points_the_other_way_is_refused_with_both_entries(clean, joint):
+    robot = load_robot("example:ur5")
+    name = robot.joint_names[joint]
+    told = entries(turned(clean(robot=robot), q=(joint,), tau=(joint,)), robot)
+    assert len(told) == 1
+    assert f"q.{name}: {{from: q.{name}, sign: -1}}, tau.{name}: {{from: tau.{name}, sign: -1}}" in told[0]
+
+
+def test_a_position_and_the_torque_of_another_joint_are_both_told(clean):
+    robot = load_robot("example:ur5")
+    told = "; ".join(entries(turned(clean(robot=robot), q=(2,), tau=(1,)), robot))
+    for column in ("q.elbow_joint", "tau.shoulder_lift_joint"):
+        assert f"{column}: {{from: {column}, sign: -1}}" in told
+
+
+def test_degrees_of_one_joint_alone(clean):
+    robot = load_robot("example:ur5")
+    recording = clean(robot=robot)
+    told = entries(replace(recording, q=recording.q * np.where(np.arange(6) == 3, 180 / np.pi, 1.0), v=None), robot)
+    assert len(told) == 1
+    assert "write q.wrist_1_joint: {from: q.wrist_1_joint, unit: deg} into" in told[0]
+
+
+@pytest.mark.parametrize("start", [0.0, -180.0])
+def test_degrees_that_wrap(clean, planar2, start):
+    recording = clean(robot=planar2)
+    wrapped = (np.rad2deg(recording.q * 3.0) - start) % 360 + start
+    # Threefold positions are those of a robot whose torque is made for them.
+    robot, t = planar2, recording.t
+    from phantom_dyn.dynamics.dynamics import inverse_dynamics
+    from phantom_dyn.motion import Motion
+
+    v = np.gradient(3.0 * recording.q, t, axis=0)
+    a = np.gradient(v, t, axis=0)
+    smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(25) / 25, mode="same"), 0, a)
+    tau = inverse_dynamics(robot, Motion(t, 3.0 * recording.q, v, smooth))
+    told = entries(replace(recording, q=wrapped, v=None, tau=tau), robot)
+    assert len(told) == 1
+    assert 'write q: {from: "q.{joint}", unit: deg}' in told[0]
+
+
+def test_degrees_and_newton_millimetres(clean):
+    robot = load_robot("example:ur5")
+    recording = clean(robot=robot)
+    told = entries(replace(recording, q=np.rad2deg(recording.q), v=None, tau=recording.tau * 1e3), robot)
+    assert len(told) == 2
+    assert "unit: deg" in told[0]
+    assert "unit: Nmm" in told[1] or "gear: 0.001" in told[1]
+
+
+def test_a_right_recording_of_the_same_robot_is_not_refused(clean, planar2):
+    robot = load_robot("example:ur5")
+    assert entries(clean(robot=robot), robot) == entries(clean(robot=planar2), planar2) == []
+
+
+def test_a_zero_that_is_off_is_left_to_the_diagnosis(clean):
+    robot = load_robot("example:ur5")
+    recording = clean(robot=robot)
+    assert entries(replace(recording, q=recording.q + np.where(np.arange(6) == 1, 0.15, 0.0)), robot) == []
+
+
+@pytest.mark.parametrize("start", [0.2, 0.75])
+def test_motion_that_grows_without_bound_is_told_as_that(clean, planar2, start):
+    recording = clean(robot=planar2)
+    t = recording.t
+    growth = np.exp(np.maximum(t - start * t[-1], 0.0) * 3.0 / max(1 - start, 0.3)) - 1.0
+    away = np.outer(growth * np.sin(60.0 * t), [0.3, 0.0])
+    fault = ran_away(replace(recording, q=recording.q + away, tau=recording.tau + 1e3 * away))
+    assert fault is not None
+    assert "the motion grows without bound from about t =" in fault.what
+    assert ("--exclude" in fault.mend) == (start > 0.2 or "--exclude" in fault.mend)
+
+
+@pytest.mark.parametrize("kind", ["spin", "spin up", "moves and rests", "degrees", "a jump of an encoder"])
+def test_honest_motion_is_none_that_ran_away(clean, planar2, kind):
+    recording = clean(robot=planar2)
+    t = recording.t
+    q = {
+        "spin": np.outer(300.0 * t, [1, 1]),
+        "spin up": np.outer(40.0 * np.maximum(t - 8, 0) ** 2, [1, 1]),
+        "moves and rests": recording.q * (t % 5 < 0.4)[:, None],
+        "degrees": np.rad2deg(recording.q),
+        "a jump of an encoder": recording.q + 6000.0 * (t > 9)[:, None],
+    }[kind]
+    assert ran_away(replace(recording, q=q)) is None
+
+
+def test_a_torque_of_no_machine_ran_away(clean, planar2):
+    recording = clean(robot=planar2)
+    tau = recording.tau * np.where(recording.t > 15, 1e12, 1.0)[:, None]
+    assert ran_away(replace(recording, tau=tau)) is not None
+
+
+def test_torques_below_a_dead_band_are_named(clean, planar2):
+    recording = clean(robot=planar2)
+    tau = np.array(recording.tau)
+    tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), 85), 1] = 0.0
+    (told,) = check_zeros(replace(recording, tau=tau))
+    assert told.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
+
+
+def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(clean, planar2):
+    recording = clean(robot=planar2)
+    off = np.where(recording.t[:, None] < 15, 0.0, recording.tau)
+    pulses = np.outer(3.0 * (np.sin(2.0 * recording.t) > 0.5), [1, 1])
+    assert check_zeros(replace(recording, tau=off)) == check_zeros(replace(recording, tau=pulses)) == ()
+
+
+def test_rests_and_reversals_are_no_slow_encoder_and_a_slow_one_is(clean, planar2):
+    recording = clean(robot=planar2)
+    step = 1e-3
+    t = recording.t
+    rests = np.sin(np.clip(t - 4, 0, 11))[:, None] * np.ones(2)
+    coarse = replace(recording, q=np.round(rests / step) * step)
+    smooth = smoothed(coarse)
+    assert smooth is not None
+    assert check_frozen(coarse, smooth) == ()
+    stalls = np.array(recording.q)
+    for row in range(500, 9000, 40):
+        stalls[row : row + 6] = stalls[row]
+    slow = replace(recording, q=stalls)
+    smooth = smoothed(slow)
+    assert smooth is not None
+    assert len(check_frozen(slow, smooth)) == 2
+
+
+def test_all_missing_joints_are_listed():
+    robot = load_robot("example:ur5")
+    n = np.arange(100.0)
+    table = Table("log.csv", {"t": n, **{f"{x}.wrist_1_joint": n for x in ("q", "tau")}})
+    told = r"log\.csv lacks the positions of 5 of the 6 joints of ur5\w*: q\.shoulder_pan_joint, .* lock: \[shoulder"
+    with pytest.raises(LogError, match=told):
+        read_table_of(table, robot)
+
+
+def test_what_is_left_out_sets_no_scale():
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    t = np.arange(2000) * 0.01
+    columns = {f"{x}.{joint}": np.sin(t) for x in ("q", "tau") for joint in robot.joint_names}
+    wild = {name: np.where(t > 15, 1e7, np.where((t > 5) & (t < 6), -1e7, values)) for name, values in columns.items()}
+    found = read_table_of(Table("log.csv", {"t": t, **wild}), robot, excluded=((5, 6), (15, 21)))
+    assert np.abs(found.q).max() <= 1.0
+    assert found.t[-1] <= 15
