@@ -149,6 +149,9 @@ SURE_SHARE = 0.2
 # times: as far as the deviation of what shakes it: a joint that travels, and is not only shaken.
 TRAVELS = 20.0
 
+# share: of the fastest speeds that is taken for noise, from which on the raw readings are asked.
+SHAKES = 0.1
+
 # coherence: of torque and motion, at which a frequency counts as excited.
 COHERENT = 0.7
 

@@ -8,6 +8,7 @@ friction is anywhere between plus and minus the torque at which the joint breaks
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,14 @@ Array = np.ndarray
 
 # Counts: by which splines through rounded readings at uneven times swing over.
 _SWING = 0.2
+# Orders of the differences that noise is read from, and rows that they need.
+_ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
+# Way of a joint that moves, at least [rad or m], and in deviations of its readings.
+_LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
+# Bins about a line of a spectrum, and the share of its power in them where there is no other line.
+_LINE, _ALONE = 3, 0.98
+# Noise of readings is not white: so many times what white noise would leave.
+_CAUTION = 3.0
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
@@ -45,6 +54,9 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     for j, moves in enumerate(moving_joints(log)):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
         sigma = _noise(v, kernel)
+        if sigma > rules.SHAKES * np.percentile(np.abs(v), 95):
+            # A steady motion has no quiet fifth: then it is the readings that say how much is noise.
+            sigma = min(sigma, _noise_of_readings(log, j))
         noise_only = bool(np.percentile(np.abs(v), 95) < 5 * sigma)
         if noise_only and moves and _travels(q, kernel):
             v = np.convolve(v, kernel, mode="same")
@@ -64,6 +76,35 @@ def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
     rough = v - np.convolve(v, kernel, mode="same")
     windows = rough[: len(rough) // width * width].reshape(-1, width)
     return float(np.percentile(np.sqrt(np.mean(windows**2, axis=1)), 20)) if len(windows) else 0.0
+
+
+def _noise_of_readings(log: Log, j: int) -> float:
+    """Deviation of the speed [rad/s or m/s] that white noise of a joint's raw readings leaves in the band.
+
+    Infinite where the joint hardly goes farther than its readings shake. Differences of high order take the motion out
+    of the readings, however few of them there are to a period; of several orders the one that leaves least is best.
+    """
+    if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
+        return np.inf
+    q = log.raw_q[log.valid, j]
+    least = np.inf
+    for order in _ORDERS:
+        differences = np.diff(q, order)
+        gain = np.sqrt(float(math.comb(2 * order, order)))
+        least = min(least, 1.4826 * float(np.median(np.abs(differences))) / gain)
+    step = (log.reading_steps[j] if len(log.reading_steps) > j else None) or 0.0
+    shakes = max(least, step / np.sqrt(12), 1e-12)
+    if np.ptp(q) < max(_LEAST_WAY, _BEYOND_SHAKE * shakes) or _is_one_sine(q):
+        return np.inf
+    band = log.band
+    return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * band.cutoff_hz**3 / (3 * band.rate_hz)))
+
+
+def _is_one_sine(q: Float[Array, " N"]) -> bool:
+    """True for motion of one frequency: it tells two numbers, of which a dozen causes make any."""
+    power = np.abs(np.fft.rfft((q - q.mean()) * np.hanning(len(q)))) ** 2
+    peak = int(np.argmax(power[1:])) + 1
+    return bool(power[max(peak - _LINE, 1) : peak + _LINE + 1].sum() > _ALONE * power[1:].sum())
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
