@@ -78,7 +78,10 @@ def cloud_of(model: MapModel) -> Cloud | None:
     samples = _NUMERIC_SAMPLES if model.closed_numerically else _SAMPLES
     q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
-    return Cloud(q, tip_of(model, q)[0])
+    tip = tip_of(model, q)[0]
+    # Where the limits are wide, the loops of a closed chain do not close in most postures.
+    closed = np.isfinite(tip).all(axis=1)
+    return Cloud(q[closed], tip[closed])
 
 
 def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tuple[int, ...] = (0, 1, 2)) -> Array:
