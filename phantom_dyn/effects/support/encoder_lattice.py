@@ -74,7 +74,8 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     """A step coarser than ``stated`` about whose multiples the readings gather, noise of a few stated steps allowed.
 
     The levels that were read, each counted once, are seen as a comb: its spectrum is near one at the frequency of its
-    teeth, and near zero where every level in between was read.
+    teeth, and near zero where every level in between was read. Every tooth has to hold its
+    levels alike: most levels of a joint that creeps about a few places lie there.
 
     Args:
         readings: Raw positions of one joint, as recorded.
@@ -94,7 +95,20 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
         return None
     start = first + int(teeth[0])
     peak = start + int(np.argmax(height[start : start + 8]))
-    return 4 * length * stated / peak
+    step = 4 * length * stated / peak
+    return step if _about_every_tooth(places * stated / step) else None
+
+
+def _about_every_tooth(phase: Float[Array, " n"]) -> bool:
+    """True if levels, in steps, gather where each tooth counts alike, and not about a few teeth that hold most levels.
+
+    A joint that creeps about a few places leaves most of its levels there.
+    """
+    turn = np.exp(2j * np.pi * phase)
+    tooth = np.round(phase - np.angle(turn.mean()) / (2.0 * np.pi)).astype(int)
+    tooth -= tooth.min()
+    held = np.bincount(tooth)
+    return bool(abs(np.sum(turn / held[tooth])) > _COMB * np.count_nonzero(held))
 
 
 def _levels(readings: Array) -> Array:

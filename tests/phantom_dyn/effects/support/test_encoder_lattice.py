@@ -123,3 +123,11 @@ def test_a_distance_within_a_fifth_of_a_step_of_a_multiple_counts():
     # By hand, at a step of a half: 0.59 is near one and 0.61 is not; then (0.59 + 2.0) / (1 + 4).
     assert _sharpened(np.array([1.0, 0.59]), 0.5) == pytest.approx(2.59 / 5.0)
     assert _sharpened(np.array([1.0, 0.61, 0.66]), 0.5) == pytest.approx(0.5)
+
+
+def test_a_joint_that_creeps_about_a_place_and_sweeps_once_shows_no_coarse_step():
+    # Most levels lie close together where it creeps, and few on the sweep: they gather, but about one tooth.
+    t = np.arange(0.0, 20.0, 4e-3)
+    place = np.where(t < 19.0, 5.0 * STATED * t, 95.0 * STATED + 0.2 * np.sin(2.0 * np.pi * (t - 19.0)))
+    readings = np.round(place / (0.1 * STATED)) * 0.1 * STATED
+    assert coarse_step(readings, 0.1 * STATED) is None
