@@ -1,0 +1,165 @@
+"""White noise of a joint's torque balance above the motion: what readings of torque, and drives that nobody logs, add.
+
+A command is exact, but the drive that follows it is not: its ripple is in no column, and moves the robot. Both this and
+the noise of a torque reading lie in measured less modelled torque, evenly over frequency. Above the motion nothing else
+does so at most times: friction that jumps, play and contacts come at moments, so that the size is read by the median
+over the time in which the joint travels. What the noise of the encoders makes there is taken off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.data.signals import differentiate
+from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.noise.reading_noise import ReadingNoise
+from identification.diagnosis.noise.sensor_noise import Density
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
+from phantom_dyn.signals.windows import highest
+
+Array = np.ndarray
+
+_START = 1.5  # times the edge of the judged band: from here on hardly anything of the motion is left
+_TOP = 0.2  # of the rate: above, derivatives of a spline lose more than 2 %
+_RATIO = 2.0  # of the ends of a part of the band above: an octave rings for a period
+_TRAVELS = 0.05  # of a joint's top speed: slower, a reversal is near
+_AROUND = 1.0  # periods of the lower end of a part: so far from a stop or a reversal friction is no matter of it
+_FEWEST = 40.0  # independent values in a part: fewer leave its power uncertain by more than a third
+_OF_ENCODERS = 0.5  # share of the power of a part: from here on what is left of it is a difference of guesses
+_MEDIAN = 0.4549364  # of the square of a standard normal variable
+_EFFICIENCY = 0.37  # of that median against the mean
+_HIDDEN = 0.3  # share of a part that encoders make: less of the torque need not be there at all
+_LOWEST = 2  # parts with the least power: what is left of motion and effects raises the others
+
+
+@dataclass(frozen=True)
+class Part:
+    """Power density of a joint's torque balance in a part of the band above the motion.
+
+    Attributes:
+        centre: Of the part [Hz].
+        whole: Of measured less modelled torque [(N m)^2/Hz].
+        encoders: What the noise of the position readings makes of it [(N m)^2/Hz].
+        count: Independent values.
+    """
+
+    centre: float
+    whole: float
+    encoders: float
+    count: float
+
+    @property
+    def torque(self) -> float:
+        """Density without what the encoders make [(N m)^2/Hz]."""
+        return self.whole - self.encoders
+
+
+def balance_noise(parts: list[Part], deviations: float) -> Density | None:
+    """White noise of a joint's torque balance [(N m)^2/Hz] and its interval; None without any part.
+
+    The value is the mean of the two parts with the least power. The interval reaches from the least to the part next to
+    the motion, as the ripple of a drive may rise towards lower frequencies, with the uncertainty of a median. Where the
+    encoders hide the torque in every part, what they are uncertain by may be the torque's.
+
+    Args:
+        parts: See `balance_parts`.
+        deviations: Standard errors that the interval reaches.
+    """
+    clear = sorted((one for one in parts if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
+    if not clear:
+        least = min(parts, key=lambda one: one.whole, default=None)
+        if least is None:
+            return None
+        # A difference that may be an error of the encoders' part says little of the torque.
+        value = least.torque if least.torque > _HIDDEN * least.whole else 0.0
+        return Density(value, 0.0, max(least.torque, 0.0) + _HIDDEN * least.whole)
+    lowest = clear[:_LOWEST]
+    value = float(np.mean([one.torque for one in lowest]))
+    reach = float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in lowest)))))
+    nearest = min(clear, key=lambda one: one.centre).torque
+    return Density(value, clear[0].torque / reach, max(value, nearest) * reach)
+
+
+def balance_parts(
+    robot: Robot, log: Log, judged_hz: float, readings: tuple[ReadingNoise | None, ...]
+) -> tuple[list[Part], ...]:
+    """Power density of every joint's torque balance in parts of the band above the motion, a list for each joint.
+
+    Args:
+        robot: The given model.
+        log: A recording at its full rate.
+        judged_hz: Edge of the band of the motion [Hz].
+        readings: How each joint is read, see `reading_noise`.
+    """
+    out: tuple[list[Part], ...] = tuple([] for _ in range(robot.nv))
+    rate = log.band.rate_hz
+    low, high = _START * judged_hz, _TOP * rate
+    count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
+    if count < 1:
+        return out
+    # Friction by the smooth velocity: noise that turns the sign about is no matter of the band above.
+    raw = log.motion.q if log.raw_q is None else log.raw_q
+    balance = log.tau - _rigid_torque(robot, log, raw) - modelled_friction(robot, log.motion)
+    if log.external is not None:
+        balance = balance + log.external
+    noise = error_of_readings(log, readings, random_stream("errors of readings above the band"))
+    feigned = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
+    for a, b in pairwise(low * (high / low) ** (np.arange(count + 1) / count)):
+        whole, encoders = (between(x, rate, a, b) for x in (balance, feigned))
+        travels = _travels(log, _AROUND / a)
+        for j, parts in enumerate(out):
+            use = travels[:, j]
+            values = float(2.0 * (b - a) * use.sum() / rate)
+            if values >= _FEWEST:
+                power, own = (float(np.median(x[use, j] ** 2)) / _MEDIAN / (b - a) for x in (whole, encoders))
+                parts.append(Part(float(np.sqrt(a * b)), power, own, values))
+    return out
+
+
+def error_of_readings(
+    log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
+) -> Float[Array, "N nv"]:
+    """Errors of another reading of a log's smooth motion [rad or m]; zero for joints of which nothing is known."""
+    q = log.motion.q
+    return np.column_stack(
+        [np.zeros(len(q)) if own is None else own.errors(q[:, j], rng) for j, own in enumerate(readings)]
+    )
+
+
+def between(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
+    """What lies between two frequencies, without delay, by edges so smooth that they hardly ring.
+
+    White noise keeps the power that it has between the two.
+    """
+    f = np.fft.rfftfreq(len(x), 1.0 / rate_hz)
+    width = 0.15 * (high - low)
+    gain = 0.25 * (1.0 + np.tanh((f - low) / width)) * (1.0 - np.tanh((f - high) / width))
+    # Without the line from end to end, whose jump would ring.
+    line = x[0] + np.linspace(0.0, 1.0, len(x))[:, None] * (x[-1] - x[0])
+    out = np.fft.irfft(np.fft.rfft(x - line, axis=0) * gain[:, None], len(x), axis=0)
+    return out * np.sqrt((high - low) / (np.sum(gain**2) * f[1]))
+
+
+def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Modelled torque without friction along positions that are differentiated as they are."""
+    rate = log.band.rate_hz
+    motion = Motion(log.motion.t, *differentiate(q, rate, 0.4 * rate))
+    return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
+
+
+def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
+    """True where a joint has been on its way for so long, and will be: neither at rest nor near a reversal."""
+    speed = np.abs(log.motion.v)
+    slow = standing_still(log) | (speed < _TRAVELS * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
+    reach = max(1, round(seconds * log.band.rate_hz))
+    out = ~highest(slow, 2 * reach + 1)
+    out[:reach], out[len(out) - reach :] = False, False
+    return out

@@ -1,0 +1,71 @@
+"""By how much a model of the right kind is wrong on drives of a class: a share of torque, and a part at reversals.
+
+No law of friction and no torque constant holds to the last digit. How far off they are is a matter of the drive, and is
+stated here by what the torque column is; it is never read from the residual that it excuses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.session import Series, Session
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import modelled_friction
+from phantom_dyn.signals.windows import highest
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class DriveClass:
+    """How far the torque of a sound drive of some kind is from its model.
+
+    Attributes:
+        of_torque: Share of the measured torque: derivatives, filters and torque constants are no better than this.
+        of_friction: Share of the modelled friction near reversals and while the joint creeps.
+    """
+
+    of_torque: float
+    of_friction: float
+
+
+# By ``torque_source``: a command leaves out what the drive makes of it, a current what the gears do, a sensor neither.
+DRIVE_CLASSES = {
+    "command": DriveClass(0.005, 0.1),
+    "current": DriveClass(0.005, 0.1),
+    "sensor": DriveClass(0.003, 0.05),
+}
+# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it.
+MOST = 0.02
+
+
+def discrepancy(
+    session: Session, usable: tuple[Float[Array, "n nv"], ...], torque: Float[Array, " nv"]
+) -> Float[Array, " nv"]:
+    """Root mean square in the judged band by which a sound model may be wrong on each joint [N m or N], ``(nv,)``.
+
+    Args:
+        session: Robot and recordings.
+        usable: What each sample in the band counts, for each log.
+        torque: Root mean square of each joint's measured torque.
+    """
+    drive = DRIVE_CLASSES[session.robot.torque_source]
+    friction: Series = tuple(log.band(_slow_friction(session, k)) for k, log in enumerate(session.logs))
+    squares, counts = np.zeros(len(torque)), np.zeros(len(torque))
+    for part, weight in zip(session.in_judged_band(friction), usable, strict=True):
+        squares += np.sum(weight * part**2, axis=0)
+        counts += np.sum(weight, axis=0)
+    at_reversals = drive.of_friction * np.sqrt(squares / np.maximum(counts, 1e-12))
+    return np.minimum(np.hypot(drive.of_torque * torque, at_reversals), MOST * torque)
+
+
+def _slow_friction(session: Session, log: int) -> Float[Array, "N nv"]:
+    """Modelled friction of a log near reversals and where a joint creeps; nothing elsewhere."""
+    motion, rate = session.logs[log].motion, session.logs[log].band.rate_hz
+    speed = np.abs(motion.v)
+    slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)
+    near = highest(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1)
+    return np.where(near, modelled_friction(session.robot, motion), 0.0)

@@ -1,0 +1,156 @@
+"""Noise floor of each joint that its sensors make: their noise, propagated to the torque in the judged band.
+
+The noise of the encoders is drawn anew on the smooth motion and goes through derivatives, model and filters; that of
+the torque is the white density of its readings, or of the torque balance where the torque is a command. Nothing is
+taken from how well a model or a flexible predictor fits: what these do not foresee need not be noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.data.signals import differentiate, motion_edge
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, error_of_readings
+from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
+from identification.diagnosis.noise.sensor_noise import Density, torque_noise
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_METHOD = 1.25  # times: the density itself differs by as much from that of clean records (benchmarks/noise_floor.py)
+_DRAWS = 4  # of the errors of readings: what they feign in a narrow band is uncertain by a tenth from one
+
+
+@dataclass(frozen=True)
+class SensorFloor:
+    """What the sensors leave of each joint's torque in the judged band, NaN where the record does not show it.
+
+    Attributes:
+        value: Root mean square [N m or N], ``(nv,)``.
+        low, high: Its interval, ``(nv,)``.
+        torque: The part of the torque readings or of the drive, ``(nv,)``.
+        encoders: The part of the position readings, ``(nv,)``.
+    """
+
+    value: Float[Array, " nv"]
+    low: Float[Array, " nv"]
+    high: Float[Array, " nv"]
+    torque: Float[Array, " nv"]
+    encoders: Float[Array, " nv"]
+
+    @property
+    def known(self) -> Bool[Array, " nv"]:
+        """True for joints whose noise the record shows."""
+        return np.isfinite(self.value)
+
+
+def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], deviations: float = 2.0) -> SensorFloor:
+    """Noise floor of each joint in the judged band, propagated from its sensors.
+
+    Args:
+        session: Recordings at their full rate, and their judged band.
+        usable: What each sample in the band counts, for each log.
+        deviations: Standard errors that the interval reaches.
+    """
+    robot, logs = session.robot, session.logs
+    readings = tuple(tuple(reading_noise(log, j) for j in range(robot.nv)) for log in logs)
+    encoders = _encoders_in_band(session, readings, usable)
+    gain = _noise_gain(session)
+    value, low, high, torque = np.full((4, robot.nv), np.nan)
+    for j, density in enumerate(torque_densities(session, readings, deviations)):
+        if density is not None:
+            torque[j] = np.sqrt(density.value * gain)
+            value[j] = np.hypot(torque[j], encoders[j])
+            low[j] = np.hypot(np.sqrt(density.low / _METHOD * gain), encoders[j])
+            high[j] = np.hypot(np.sqrt(density.high * _METHOD * gain), encoders[j])
+    return SensorFloor(value, low, high, torque, encoders)
+
+
+def torque_densities(
+    session: Session, readings: tuple[tuple[ReadingNoise | None, ...], ...], deviations: float = 2.0
+) -> list[Density | None]:
+    """White noise of each joint's torque: of its readings where they are measured and show it, or of its balance.
+
+    Args:
+        session: Recordings at their full rate, and their judged band.
+        readings: How each joint of each log is read, see `reading_noise`.
+        deviations: Standard errors that the interval of a density reaches.
+    """
+    robot, logs = session.robot, session.logs
+    parts = [balance_parts(robot, log, session.cutoff_hz, own) for log, own in zip(logs, readings, strict=True)]
+    seconds = [len(log.motion.t) / log.band.rate_hz for log in logs]
+    out: list[Density | None] = []
+    for j in range(robot.nv):
+        balance = _mean([balance_noise(own[j], deviations) for own in parts], seconds)
+        # A command has no sensor: what the record shows of it above the motion is what the controller asked for.
+        seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
+        # Friction that jumps is in the torque, and what the model lacks is in the balance: neither makes noise less.
+        known = [one for one in (seen, balance) if one is not None]
+        out.append(min(known, key=lambda one: one.value, default=None))
+    return out
+
+
+def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
+    """Mean density over recordings, those that do not show it left out."""
+    known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
+    if not known:
+        return None
+    share = [weight for _, weight in known]
+    return Density(
+        *(
+            float(np.average([getattr(one, name) for one, _ in known], weights=share))
+            for name in ("value", "low", "high")
+        )
+    )
+
+
+def _encoders_in_band(
+    session: Session,
+    readings: tuple[tuple[ReadingNoise | None, ...], ...],
+    usable: tuple[Float[Array, "n nv"], ...],
+) -> Float[Array, " nv"]:
+    """Root mean square of the torque that errors of the position readings feign in the judged band, ``(nv,)``."""
+    squares, counts = np.zeros(session.robot.nv), np.zeros(session.robot.nv)
+    rng = random_stream("motions that are read once more")
+    for k, (log, own) in enumerate(zip(session.logs, readings, strict=True)):
+        for _ in range(_DRAWS):
+            error = log.band(feigned(session.robot, log, own, rng))
+            squares += np.sum(usable[k] * session.log_in_judged_band(error, k) ** 2, axis=0)
+            counts += np.sum(usable[k], axis=0)
+    return np.sqrt(squares / np.maximum(counts, 1e-12))
+
+
+def feigned(
+    robot: Robot, log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
+) -> Float[Array, "N nv"]:
+    """Modelled torque without friction of a motion that is read once more, less that of the motion itself.
+
+    Args:
+        robot: The given model.
+        log: A recording at its full rate.
+        readings: How each joint is read.
+        rng: Draws the errors of the readings.
+    """
+    error = error_of_readings(log, readings, rng)
+    q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, motion_edge(log.band))
+    rough = Motion(log.motion.t, q, v, a)
+    more, own = (inverse_dynamics(robot, motion) - modelled_friction(robot, motion) for motion in (rough, log.motion))
+    return more - own
+
+
+def _noise_gain(session: Session) -> float:
+    """Mean square in the judged band of white noise of density one [Hz], by filters that act on such noise."""
+    squares = []
+    for k, log in enumerate(session.logs):
+        white = random_stream("white noise of density one").normal(size=(len(log.motion.t), 8))
+        noise = white * np.sqrt(0.5 * log.band.rate_hz)
+        squares.append(np.mean(session.log_in_judged_band(log.band(noise), k) ** 2))
+    return float(np.mean(squares))

@@ -1,0 +1,77 @@
+"""The noise floor of the sensors. Oracle: the noisy less the clean record of the same run, known truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.signals import process
+from identification.diagnosis.columns.session import session_of
+from identification.diagnosis.columns.standstill import usable_samples
+from identification.diagnosis.noise.sensor_floor import sensor_floor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+
+WITHIN = 1.25  # the measured ratio of seeds; the goal of the method is 1.2 for 95 % of the joints
+
+
+def balance(robot, log):
+    return log.tau - inverse_dynamics(robot, log.motion) + modelled_friction(robot, log.motion)
+
+
+def floors(session):
+    return sensor_floor(session, tuple(usable_samples(log).astype(float) for log in session.logs))
+
+
+@pytest.fixture
+def made(lab, planar2):
+    """A session and the true floor: the noisy record's balance less the clean one's, in the judged band."""
+
+    def make(*, noise=0.05, robot=planar2, acting=0.0, encoder=0.0, seed=0):
+        motion = lab.motion(2, seconds=40.0, swing=1.5)
+        torque = acting * -np.sign(motion.v)
+        recording = lab.recording(robot, motion, torque, noise=noise, seed=seed)
+        rough = np.random.default_rng(seed).normal(size=motion.q.shape) * encoder
+        recording = replace(recording, q=recording.q + rough)
+        session = session_of(robot, (recording,))
+        log = session.logs[0]
+        clean = replace(recording, q=motion.q, tau=inverse_dynamics(robot, motion) - torque)
+        clean = process(clean, robot, cutoff_hz=log.band.cutoff_hz)
+        error = session.log_in_judged_band(log.band(balance(robot, log) - balance(robot, clean)), 0)
+        use = usable_samples(log)
+        return session, np.sqrt(np.sum(np.where(use, error, 0.0) ** 2, axis=0) / use.sum(axis=0))
+
+    return make
+
+
+def ratio(made, **kwargs):
+    session, true = made(**kwargs)
+    found = floors(session)
+    return np.maximum(found.value / true, true / found.value)
+
+
+@pytest.mark.parametrize("source", ["command", "current"])
+def test_noise_of_the_torque_makes_the_floor_that_the_clean_record_shows(made, planar2, source):
+    assert np.all(ratio(made, robot=replace(planar2, torque_source=source)) < WITHIN)
+
+
+def test_noise_of_the_encoders_makes_the_floor_that_the_clean_record_shows(made):
+    assert np.all(ratio(made, noise=0.0, encoder=3e-4) < WITHIN)
+
+
+def test_an_effect_of_twenty_floors_changes_the_floor_by_a_fifth_at_most(made):
+    # Known truth: the same noise with and without friction that the model lacks.
+    without, with_it = (floors(made(acting=size)[0]).value for size in (0.0, 0.3))
+    assert np.all(np.maximum(with_it / without, without / with_it) < 1.2)
+
+
+def test_the_interval_holds_the_value(made):
+    found = floors(made()[0])
+    assert np.all((found.low < found.value) & (found.value < found.high))
+    assert np.all(found.known)
+
+
+def test_readings_that_leave_no_band_above_show_no_noise(made):
+    session, _ = made()
+    assert not floors(replace(session, cutoff_hz=0.3 * session.logs[0].band.rate_hz)).known.any()
