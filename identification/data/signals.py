@@ -54,6 +54,9 @@ _WIDEST_HZ = 50.0
 _SAMPLES_PER_PERIOD = 2.5
 # Samples in the band below which nothing can be fitted.
 _FEWEST = 20
+# Samples in the band that a slow motion is given at least, although part of what moves there is not its drive. A joint
+# moves in a third of them, and what a catalogue of fifty laws foresees has to be told from chance on these.
+_ENOUGH = 300
 # Median steps beyond which a stretch without a sample is a gap. Where steps differ, a quarter of them may be several
 # times as long: then it is as many of these, up to as many periods of the band's edge as five steps are in the widest
 # band.
@@ -389,9 +392,15 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    driven = np.inf if asked else _driven_edge(robot, signals, wide)
+    driven = np.inf if asked else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
+
+
+def _least_edge(recordings: tuple[Recording, ...]) -> float:
+    """Edge [Hz] below which all recordings together leave too few samples to judge a catalogue of effects on."""
+    seconds = sum(float(recording.t[-1] - recording.t[0]) for recording in recordings)
+    return _ENOUGH / (_SAMPLES_PER_PERIOD * seconds)
 
 
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
