@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 FLOORS, SHARE, LITTLE, FAR = 1.5, 0.1, 0.1, 2.0
 
 
@@ -29,11 +31,12 @@ def contradiction(diagnosis: dict) -> str | None:
 
 def _highest(joint: dict) -> float:
     interval = joint["noise_floor_interval"]
-    return joint["noise_floor"] if interval is None else interval[1]
+    highest = joint["noise_floor"] if interval is None else interval[1]
+    return math.hypot(highest, joint.get("discrepancy") or 0.0)
 
 
 def _nearly_closed(joint: dict) -> bool:
     floor = joint["noise_floor"]
     within = joint["rms_before"] if joint["rms_within_tolerance"] is None else joint["rms_within_tolerance"]
     after, gap = (joint["rms_after"] / floor) ** 2, (within / floor) ** 2 - 1.0
-    return after <= FLOORS**2 or after - 1.0 <= SHARE * gap
+    return joint["rms_after"] <= _highest(joint) or after <= FLOORS**2 or after - 1.0 <= SHARE * gap

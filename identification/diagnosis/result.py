@@ -104,7 +104,9 @@ class JointGap:
         rms_torque: Measured torque; None where it is not known.
         rms_within_tolerance: Residual of the model with the best moves within its tolerances and no finding.
         noise_floor_interval: Of the floor, at 95 % over all joints together.
-        noise_floor_source: ``above_band``, ``repetitions`` or ``predictors``; the last is an upper limit only.
+        noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, by what flexible
+            predictors do not foresee.
+        discrepancy: By which a sound model may be wrong on drives of this kind, root mean square; None: not stated.
         closed: Part of the gap within tolerance that the findings close; None where there is no gap.
     """
 
@@ -119,11 +121,18 @@ class JointGap:
     noise_floor_interval: tuple[float, float] | None = None
     noise_floor_source: str | None = None
     closed: float | None = None
+    discrepancy: float | None = None
 
     @property
     def allowed(self) -> float:
-        """The largest residual that may still be noise: the upper end of the floor's interval."""
-        return self.noise_floor if self.noise_floor_interval is None else self.noise_floor_interval[1]
+        """The largest residual that may still be noise: the upper end of the floor's interval, and the discrepancy."""
+        highest = self.noise_floor if self.noise_floor_interval is None else self.noise_floor_interval[1]
+        return float(np.hypot(highest, self.discrepancy or 0.0))
+
+    @property
+    def noise_is_known(self) -> bool:
+        """False if nothing but an upper limit of the noise is known, which no residual within it proves to be noise."""
+        return self.noise_floor_source != "none"
 
     @property
     def tolerated(self) -> float:

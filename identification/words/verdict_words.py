@@ -127,7 +127,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []
     out = [*carried, *limits]
-    limits_only = [gap.joint for gap in diagnosis.joints if gap.noise_floor_source == "predictors"]
+    limits_only = [gap.joint for gap in diagnosis.joints if not gap.noise_is_known]
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
             "The noise is known as an upper limit only, so that a short event which does not repeat cannot be excluded."

@@ -73,7 +73,7 @@ def _ledger(joints: tuple[str, ...], findings: int) -> tuple[Claim[EffectAt], ..
 
 def _joint(joint: str, unit: str, k: int, samples: int) -> JointGap:
     return JointGap(
-        joint, unit, 0.25 / k, 0.031 / k, 0.03 / k, samples, 1.2, 0.24 / k, (0.028 / k, 0.032 / k), "above_band", 0.99
+        joint, unit, 0.25 / k, 0.031 / k, 0.03 / k, samples, 1.2, 0.24 / k, (0.028 / k, 0.032 / k), "sensors", 0.99
     )
 
 

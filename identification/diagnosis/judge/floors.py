@@ -40,6 +40,12 @@ class Floor:
     low: Float[Array, " nv"]
     high: Float[Array, " nv"]
     source: tuple[str, ...]
+    discrepancy: Float[Array, " nv"] | None = None
+
+    @property
+    def allowed(self) -> Float[Array, " nv"]:
+        """The largest residual of each joint that may still be noise and discrepancy, ``(nv,)``."""
+        return self.high if self.discrepancy is None else np.hypot(self.high, self.discrepancy)
 
     def without(self, squares: Float[Array, " nv"]) -> Floor:
         """The floor less a mean square that the encoders' coarseness makes, never below a share of itself."""
@@ -127,7 +133,7 @@ def floor_of(
     # Derivatives and filters are no better than this, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
+    more = left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     # Where friction holds a joint and may be anything, what nothing foresees need not be noise.
     low = np.minimum(low, judged_noise(problem, noise))
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
@@ -183,7 +189,7 @@ def _width(band: Band) -> float:
     return max(0.5 * band.rate_hz - band.cutoff_hz, band.cutoff_hz)
 
 
-def _left_in_doubt(
+def left_in_doubt(
     problem: Problem,
     noise: Series,
     residual: Series,

@@ -27,6 +27,7 @@ from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
+from identification.diagnosis.judge.sensed_floors import sensed_floor
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
@@ -58,8 +59,8 @@ def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Sho
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
-    bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, judge.floor)
-    left_over = unexplained(shown, judge, residual, whole)
+    bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, left.floor.allowed)
+    left_over = unexplained(shown, judge, residual, whole, left.floor.discrepancy)
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
@@ -159,6 +160,7 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
         whole = session.in_judged_band(residual_after(problem, predicted))
     doubt = _open_friction(plain, chosen)
     floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
+    floor = sensed_floor(floor, problem, noise, whole, doubt)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
     judge = Judge(problem, floor.value, floor.high)
@@ -213,19 +215,20 @@ def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after
     for j, joint in enumerate(robot.joint_names):
         noise, tolerated, left = float(floor.value[j]), float(within.rms()[j]), float(after.rms()[j])
         gap = (tolerated / noise) ** 2 - 1.0
-        closed = (tolerated**2 - left**2) / noise**2 / gap if tolerated > floor.high[j] else None
+        closed = (tolerated**2 - left**2) / noise**2 / gap if tolerated > floor.allowed[j] else None
         out.append(
             JointGap(
                 joint,
                 robot.torque_units[j],
                 float(before.rms()[j]),
                 left,
-                noise,
+                float(floor.value[j]),
                 int(after.counts[:, j].sum()),
                 rms_torque=float(torque[j]),
                 rms_within_tolerance=tolerated,
                 noise_floor_interval=(float(floor.low[j]), float(floor.high[j])),
                 noise_floor_source=floor.source[j],
+                discrepancy=None if floor.discrepancy is None else float(floor.discrepancy[j]),
                 closed=None if closed is None else float(closed),
             )
         )

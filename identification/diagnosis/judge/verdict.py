@@ -18,6 +18,7 @@ from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
 from identification.engine import contract_levels
+from phantom_dyn.array_types import Float
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
@@ -42,7 +43,8 @@ def verdict(
     if not findings:
         if not clean or any(joint.rms_after > joint.allowed for joint in joints):
             return "unknown"
-        return "not_testable" if hides else "no_gap"
+        known = all(joint.noise_is_known for joint in joints if joint.hold_out_samples)
+        return "no_gap" if known and not hides else "not_testable"
     little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
     if little and not left.times and all(nearly_closed(joint) for joint in joints):
         return "explained"
@@ -53,7 +55,13 @@ def verdict(
 def nearly_closed(joint: JointGap) -> bool:
     """True if a joint has at most 1.5 noise floors left, or a tenth of its gap within the tolerances."""
     after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
-    return after <= contract_levels.FLOORS_LEFT**2 or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
+    # What may be noise and discrepancy is no gap, however uncertain the noise is.
+    within_noise = joint.rms_after <= joint.allowed
+    return (
+        within_noise
+        or after <= contract_levels.FLOORS_LEFT**2
+        or after - 1.0 <= contract_levels.GAP_LEFT * (within - 1.0)
+    )
 
 
 def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
@@ -69,7 +77,9 @@ def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
     return float(np.mean([(getattr(joint, rms) / joint.noise_floor) ** 2 for joint in joints]))
 
 
-def unexplained(shown: Shown, judge: Judge, residual: Series, whole: Series) -> Unexplained:
+def unexplained(
+    shown: Shown, judge: Judge, residual: Series, whole: Series, discrepancy: Float[Array, " nv"] | None = None
+) -> Unexplained:
     """How much of the explainable gap is left, and where it sits if it has structure.
 
     Args:
@@ -77,6 +87,7 @@ def unexplained(shown: Shown, judge: Judge, residual: Series, whole: Series) -> 
         judge: Of the gap.
         residual: What the named effects leave, in the judged band.
         whole: What all of them leave, structures without a name too.
+        discrepancy: By which a sound model may be wrong on each joint, ``(nv,)``; None: by nothing.
     """
     floor, problem, nameless = judge.floor, shown.problem, shown.chosen - shown.named
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
@@ -91,7 +102,10 @@ def unexplained(shown: Shown, judge: Judge, residual: Series, whole: Series) -> 
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
     lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
-    structured = bool(nameless) or bool(lasting or left - best > rules.PLAIN_STRUCTURE * left)
+    # A sound model is wrong in a way that comes again, too.
+    foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
+    beyond = discrepancy is None or bool(np.any(foreseen > discrepancy))
+    structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
     # What moves within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0

@@ -72,6 +72,7 @@ class JointPart(_Part, frozen=True):
     noise_floor_interval: Pair | None
     noise_floor_source: str | None
     closed: Number | None
+    discrepancy: Number | None = None
 
 
 class FramePart(_Part, frozen=True):

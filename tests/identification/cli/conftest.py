@@ -52,8 +52,9 @@ class Joint(Strict):
     rms_torque: NotNegative | None
     rms_within_tolerance: NotNegative | None
     noise_floor_interval: tuple[NotNegative, Positive] | None
-    noise_floor_source: Literal["above_band", "repetitions", "predictors"] | None
+    noise_floor_source: Literal["sensors", "repetitions", "none"] | None
     closed: float | None
+    discrepancy: NotNegative | None
 
 
 class Gap(Strict):

@@ -239,7 +239,7 @@ def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
 
 
 # What version 1 said against its own figures, each with the words that the sentence has to hold and those it must not.
-FLOORS = JointGap("j1", "N m", 1.0, 0.3, 0.03, 100, 2.0, 0.9, (0.028, 0.032), "predictors", None)
+FLOORS = JointGap("j1", "N m", 1.0, 0.3, 0.03, 100, 2.0, 0.9, (0.028, 0.032), "none", None)
 NO_STRUCTURE = Unexplained(0.0, False, "j1", None)
 WIDE = Bound("coulomb_friction", "j1", "torque", 0.3, "N m", 0.4)
 LIMIT = Adjusted("hand mass", -0.1, 0.05, True, Hidden("payload", 0.12))

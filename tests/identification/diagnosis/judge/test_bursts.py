@@ -140,7 +140,7 @@ def test_a_hole_in_a_recording_is_no_event(planar2, lacking):
     found = diagnose(planar2, (replace(whole, t=whole.t[kept], q=whole.q[kept], tau=whole.tau[kept]),))
     assert (found.verdict, found.data_warnings) == ("explained", ())
     # Of the noise that was put in, there is as much beside the hole as elsewhere.
-    assert all(joint.rms_after < 1.05 * joint.noise_floor for joint in found.joints)
+    assert all(joint.rms_after < 1.05 * joint.noise_floor_interval[1] for joint in found.joints)
 
 
 def test_a_judgement_holds_the_bursts(planar2, pushed):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,29 @@ def said(joints, findings=(), left=NOTHING, *, moved=True, hides=False) -> str:
 )
 def test_without_a_finding_every_joint_has_to_be_within_its_noise(after, left, hides, expected):
     assert said([joint(1.0, 1.0), joint(after, after, "j2")], (), left, hides=hides) == expected
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"), [("sensors", "no_gap"), ("repetitions", "no_gap"), ("none", "not_testable")]
+)
+def test_an_upper_limit_of_the_noise_never_shows_that_there_is_no_gap(source, expected):
+    assert said([joint(1.0, 1.0), replace(joint(1.0, 1.0, "j2"), noise_floor_source=source)]) == expected
+
+
+def test_a_joint_that_was_never_judged_does_not_need_a_known_noise():
+    unseen = replace(joint(1.0, 1.0, "j2"), noise_floor_source="none", hold_out_samples=0)
+    assert said([joint(1.0, 1.0), unseen]) == "no_gap"
+
+
+@pytest.mark.parametrize(("after", "expected"), [(1.48, "no_gap"), (1.50, "unknown")])
+def test_noise_and_discrepancy_together_are_what_may_be_left(after, expected):
+    # By hand: squares of 1.1 and 1.0 add to that of 1.487.
+    assert said([replace(joint(after, after), discrepancy=1.0)]) == expected
+
+
+def test_what_may_be_noise_is_no_gap_however_uncertain_the_noise_is(made_up):
+    loud = replace(joint(10.0, 4.0), noise_floor_interval=(0.1, 5.0))
+    assert said([loud], made_up(findings=1).findings) == "explained"
 
 
 @pytest.mark.parametrize(

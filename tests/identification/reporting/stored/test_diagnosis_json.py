@@ -30,8 +30,9 @@ class Joint(Strict):
     rms_torque: float | None
     rms_within_tolerance: float | None
     noise_floor_interval: tuple[float, float] | None
-    noise_floor_source: Literal["above_band", "repetitions", "predictors"] | None
+    noise_floor_source: Literal["sensors", "repetitions", "none"] | None
     closed: float | None
+    discrepancy: float | None
 
 
 class Gap(Strict):
