@@ -23,10 +23,14 @@ IMPORTS = {
     "phantom_dyn/haptics/cheap/cheap_cycle.py": {
         "phantom_dyn.effects.drive.torque_saturation",
         "phantom_dyn.effects.friction.presliding_friction",
-    }
+    },
+    # A load that an earlier diagnosis found is carried by the given model, so that it may be taken off again.
+    "identification/diagnosis/columns/operations.py": {"phantom_dyn.effects.load.payload"},
 }
 # Who may ask whether an effect is a certain one, and why.
 NAMES = {
+    # A load of an earlier diagnosis is a body of the given model, see above.
+    "identification/diagnosis/columns/operations.py": {"payload"},
     # At rest nothing but play and elasticity shows, by a law of that scenario's own.
     "identification/scenarios/at_rest/diagnose_at_rest.py": {"backlash"},
     # Positions alone show the product of the first and a controller's gain, and of the second no more than its sum with

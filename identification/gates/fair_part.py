@@ -7,10 +7,6 @@ from identification.engine.claims import GateResult
 # share: less is left by a law of the right kind whose parameter is off by a tenth.
 LEAST_SHARE_OF_GAP = 0.01
 
-# squared noise floors a sample, half a floor in amplitude: what leaves more without it is no minor effect, however
-# large the gap is that others close (a gap of thirty floors has a hundredth of nine squared).
-MINOR = 0.25
-
 # share of the squared torque: alignment, derivatives and the linearised tolerance are right to 2.6 % of a torque; its
 # square.
 ACCURACY = 0.0007

@@ -55,9 +55,15 @@ def sensed_floor(
     repeated = np.array([source == REPETITIONS for source in floor.source])
     known = sensed.known & ~repeated
     taken = known & (sensed.value < floor.value)
+    # Where both agree, predictors say more closely what it is: encoders may hide all that the torque holds.
+    agree = (floor.value >= sensed.low) & (floor.value <= sensed.high)
     value, low, high = (
-        np.where(taken, own, given)
-        for own, given in ((sensed.value, floor.value), (sensed.low, floor.low), (sensed.high, floor.high))
+        np.where(use, own, given)
+        for use, own, given in (
+            (taken & ~agree, sensed.value, floor.value),
+            (taken, sensed.low, floor.low),
+            (taken, sensed.high, floor.high),
+        )
     )
     high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * torque), high)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)

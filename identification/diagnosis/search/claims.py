@@ -52,8 +52,7 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     if exact:
         left = search.fits.row_losses(exact)
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
-    fair = np.minimum(fair_part.LEAST_SHARE_OF_GAP * gap, fair_part.MINOR * row_counts(search.problem))
-    return fair + search.rows.accuracy
+    return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:

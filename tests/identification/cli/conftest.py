@@ -64,7 +64,7 @@ class Gap(Strict):
 
 class Value(Strict):
     value: float | list[float]
-    std: float | list[float]
+    std: float | list[float | None] | None
     unit: str
 
 

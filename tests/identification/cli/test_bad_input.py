@@ -119,7 +119,8 @@ def test_an_unknown_joint(pendulum, log, refusal):
 
 def test_a_missing_joint(arm, log, refusal):
     change_lines(log, lambda lines: [lines[0].replace("pin", "turn"), *lines[1:]])
-    assert re.search(r"log\.csv has no column q\.tilt, but arm3 has the joint tilt: add its", refusal(arm, log))
+    lacking = r"log\.csv lacks the positions of 2 of the 3 joints of arm3: q\.tilt, q\.slide: add them"
+    assert re.search(lacking, refusal(arm, log))
 
 
 def test_no_torque(pendulum, log, refusal):

@@ -44,6 +44,11 @@ def test_a_joint_whose_noise_predictors_limit_further_than_sensors_keeps_that_li
     assert (found.value[0], found.low[0], found.source[0]) == (0.15, 0.1, SENSORS)
 
 
+def test_what_predictors_leave_is_the_value_inside_the_interval_of_the_sensors(floor):
+    found = floor(replace(BEFORE, value=np.array([0.25, 6.0])))
+    assert (found.value[0], found.low[0], found.source[0]) == (0.25, 0.1, SENSORS)
+
+
 def test_repetitions_stay_the_best_source(floor):
     found = floor(replace(BEFORE, source=(REPETITIONS, "predictors")))
     assert (found.value[0], found.source[0]) == (5.0, REPETITIONS)

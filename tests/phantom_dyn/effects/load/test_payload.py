@@ -184,7 +184,7 @@ def test_a_payload_is_probed_and_sized_at_the_center_of_the_last_link(arm, opera
 
 
 def test_a_load_that_was_found_before_may_be_taken_off(arm):
-    # By hand: the link's own mass and 2 kg more; without an earlier diagnosis no more than its own may go.
+    # By hand: the link's own mass and 2 kg more, of which all may go; without an earlier diagnosis its own alone.
     center = np.array([0.1, -0.05, 0.2])
     loaded = carrying(arm, [np.array([2.0, *center])])
     own = arm.model.inertias[payload_body(arm)].mass
