@@ -172,7 +172,7 @@ class Score:
 
     def add(self, case: Case, cause: str, findings: tuple[Finding, ...]) -> list[str]:
         """Count one case; what is wrong in it."""
-        truth, told = case.truth, list[str]()
+        truth, said = case.truth, list[str]()
         self.cases += 1
         named = {(one.effect, one.joint) for one in findings}
         known = {name for name in truth.names if name[0] == cause}
@@ -182,7 +182,7 @@ class Score:
             self.certain += certain
             if certain and (one.effect, one.joint) not in truth.names:
                 self.wrong += 1
-                told.append(f"wrong: {one.effect} {one.joint} {one.probability:.2f}")
+                said.append(f"wrong: {one.effect} {one.joint} {one.probability:.2f}")
             for name, value in one.parameters.items():
                 size = truth.sizes.get((one.effect, one.joint, name))
                 if size is None or isinstance(value.value, list) or isinstance(value.std, list) or not value.shown:
@@ -191,8 +191,8 @@ class Score:
                 self.stated += 1
                 self.inside += holds
                 if not holds:
-                    told.append(f"{one.effect} {one.joint} {name} {value.value:.4g} +- {value.std:.2g} for {size:.4g}")
-        return told
+                    said.append(f"{one.effect} {one.joint} {name} {value.value:.4g} +- {value.std:.2g} for {size:.4g}")
+        return said
 
 
 def main() -> None:
@@ -208,8 +208,8 @@ def main() -> None:
     for seed in range(first, stop):
         case = Case(arguments.kind, seed, null=arguments.null)
         found = diagnose(case.robot, case.recordings, changes=case.changes)
-        told = score.add(case, cause, found.findings)
-        print(f"{seed}: {found.verdict}, {found.seconds:.0f} s; {'; '.join(told)}", flush=True)
+        said = score.add(case, cause, found.findings)
+        print(f"{seed}: {found.verdict}, {found.seconds:.0f} s; {'; '.join(said)}", flush=True)
     print(score)
 
 

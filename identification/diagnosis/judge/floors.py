@@ -32,8 +32,10 @@ class Floor:
     Attributes:
         value: What the sensors leave, root mean square, ``(nv,)``.
         low, high: Interval at 95 % over all joints together, ``(nv,)``.
-        source: Of each joint: ``repetitions`` where the motion comes again, else ``above_band`` where the noise above
-            the judged band agrees with what no model predicts inside it, else ``predictors``, an upper limit.
+        source: Of each joint: ``repetitions`` where the motion comes again; of what `sensed_floor` makes else
+            ``sensors`` or ``none``. Before it: ``above_band`` where the noise above the judged band agrees with what no
+            model predicts inside it, ``predictors`` else, an upper limit.
+        discrepancy: By which a sound model may be wrong on each joint, ``(nv,)``; None before `sensed_floor`.
     """
 
     value: Float[Array, " nv"]

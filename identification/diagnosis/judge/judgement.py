@@ -27,7 +27,7 @@ from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
-from identification.diagnosis.judge.sensed_floors import sensed_floor
+from identification.diagnosis.judge.sensed_floors import Sensed, sensed_floor, sensed_of
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
@@ -115,10 +115,11 @@ class _Left:
 
 def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
     """The effects of an explanation that pass all gates of the judge, and what they leave."""
+    sensed = sensed_of(plain.problem)
 
     @cache
     def left_by_all(chosen: frozenset[Term]) -> _Left:
-        return _left(explanation, plain, chosen, noise)
+        return _left(explanation, plain, chosen, noise, sensed)
 
     bench = Bench(explanation.search, plain, noise, lambda chosen: left_by_all(chosen).judge)
     state = in_band(bench, State.of(explanation.chosen))
@@ -149,7 +150,7 @@ def _above_noise(left: _Left) -> bool:
     return bool(np.any(sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
-def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series) -> _Left:
+def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed) -> _Left:
     """What a set of effects leaves, and its noise floor."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.evaluate(named))
@@ -160,7 +161,7 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
         whole = session.in_judged_band(residual_after(problem, predicted))
     doubt = _open_friction(plain, chosen)
     floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
-    floor = sensed_floor(floor, problem, noise, whole, doubt)
+    floor = sensed_floor(floor, sensed, problem, noise, whole, doubt)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
     judge = Judge(problem, floor.value, floor.high)

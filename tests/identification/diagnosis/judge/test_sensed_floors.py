@@ -9,7 +9,7 @@ import pytest
 
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.floors import REPETITIONS, Floor
-from identification.diagnosis.judge.sensed_floors import NONE, SENSORS, counted, sensed_floor
+from identification.diagnosis.judge.sensed_floors import NONE, SENSORS, counted, sensed_floor, sensed_of
 from identification.diagnosis.noise.sensor_floor import SensorFloor
 
 BEFORE = Floor(np.array([5.0, 6.0]), np.array([4.0, 5.0]), np.array([6.0, 7.0]), ("predictors", "predictors"))
@@ -17,13 +17,12 @@ SENSED = SensorFloor(*(np.array([x, np.nan]) for x in (0.2, 0.1, 0.3, 0.2)), np.
 
 
 @pytest.fixture
-def floor(quiet, monkeypatch):
+def floor(quiet):
+    made = replace(sensed_of(quiet.problem), floor=SENSED)
+
     def of(before=BEFORE):
-        monkeypatch.setattr(
-            "identification.diagnosis.judge.sensed_floors.sensor_floor", lambda session, usable, deviations: SENSED
-        )
         nothing = tuple(np.zeros_like(part) for part in quiet.noise)
-        return sensed_floor(before, quiet.problem, quiet.noise, nothing, nothing)
+        return sensed_floor(before, made, quiet.problem, quiet.noise, nothing, nothing)
 
     return of
 
