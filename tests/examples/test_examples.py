@@ -191,16 +191,10 @@ def test_every_joint_of_the_ur10_has_friction(ur10):
     assert joints == set(load_robot("example:ur10").joint_names)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="with bodies that can exist a payload takes the place of the UR10's wrong inertias: not mended"
-)
 def test_the_inertias_of_the_ur10s_file_are_wrong(ur10):
     assert any(line.startswith("Wrong inertial parameters") for line in ur10)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="with bodies that can exist a payload takes the place of the UR10's wrong inertias: not mended"
-)
 def test_the_ur10_carries_nothing_and_has_no_spring(ur10):
     # Both lower the error a little; the inertias explain what they would.
     assert not [line for line in ur10 if "payload" in line or "spring" in line]
@@ -224,10 +218,6 @@ def test_double_pendulum_names_the_inertias_that_the_makers_file_has_wrong(doubl
     assert findings(double_pendulum[1])[0].startswith("Wrong inertial parameters")
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="with bodies that can exist the makers' file keeps its friction, and none is named beside it: not mended",
-)
 def test_double_pendulum_finds_as_much_friction_whatever_a_model_holds_of_it(double_pendulum):
     # The makers' file holds 0.16 and 0.12 N m of it: what is found beyond these is what the plain model lacks of more.
     held = {"Joint1": 0.16, "Joint2": 0.12}

@@ -61,9 +61,12 @@ class Fitted:
     @cached_property
     def row_losses(self) -> Float[Array, " nv"]:
         """Weighted squared residual of each row over the cores, of the one fit to all blocks that train."""
-        out = []
-        for row in self.problem.grams.rows:
+        out, scales = [], {scaling.row: scaling.column for scaling in self.point.scalings}
+        for j, row in enumerate(self.problem.grams.rows):
             theta, (a, b, c) = self.theta[row.index], row.core_total
+            if j in scales:
+                # A torque constant multiplies all else on its row.
+                theta *= np.where(row.index == scales[j], 1.0, 1.0 + self.theta[scales[j]])
             used = np.flatnonzero(theta)
             x = theta[used]
             out.append(c - 2 * b[used] @ x + x @ a[used[:, None], used] @ x)

@@ -8,6 +8,9 @@ from functools import cache
 
 from identification.diagnosis.columns.terms import Term
 
+# Inertial parameters of one body.
+BODY = 10
+
 
 def joints_of(term: Term) -> tuple[str, ...]:
     """The joints that a term sits on; none of an effect of the whole robot."""
@@ -34,13 +37,23 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 def _exclude(one: Term, other: Term) -> bool:
     """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better.
 
-    A joint has one torque constant, its own or one that several joints have in common.
+    A joint has one torque constant, its own or one that several joints have in common. Beside bodies that are all free
+    one for all joints says nothing but that the friction of the model is wrong, as friction says by itself.
     """
+    if scales_all_bodies(one, other) or scales_all_bodies(other, one):
+        return True
     if one.effect.scales_joint and other.effect.scales_joint and one is not other:
         return not set(joints_of(one)).isdisjoint(joints_of(other))
     if one.joint != other.joint:
         return False
     return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
+
+
+def scales_all_bodies(scale: Term, bodies: Term) -> bool:
+    """True if a torque scale that all joints have in common is beside parameters of all their bodies."""
+    if not scale.effect.shared or bodies.effect.inertial != "free" or bodies.joint is not None:
+        return False
+    return len(bodies.columns) <= BODY * len(joints_of(scale))
 
 
 def possible(chosen: frozenset[Term], term: Term) -> bool:
@@ -73,4 +86,5 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
 def _keys(term: Term) -> tuple[object, ...]:
     """What two terms have in common if they have anything to do with each other: a joint, or a column."""
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
-    return ("joint", term.joint), *shared, *term.columns
+    whole = ("whole",) if term.effect.shared or (term.effect.inertial == "free" and term.joint is None) else ()
+    return ("joint", term.joint), *shared, *whole, *term.columns

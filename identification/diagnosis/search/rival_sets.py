@@ -11,7 +11,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.containment import contains
+from identification.diagnosis.search.containment import contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.record import Place
@@ -216,7 +216,8 @@ def _leader(
         at: _sound(search, key, key - chosen) and not _new_in_old(search, key - chosen) for at, key in there.items()
     }
     shares = {(): rivalry.OUTDONE * own} | {at: kept[at] for at in there}
-    first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
+    # Of twins the one leads that needs fewer causes: with all bodies goes a load.
+    first = max(shares, key=lambda at: (is_sound[at], shares[at], -len(there.get(at, chosen)), at == ()))
     outside, unit = _outside(search, chosen, term)
     ahead = max((kept[at] for at in there if is_sound[at] >= is_sound[()]), default=0.0)
     gates = until_failed(
@@ -365,10 +366,21 @@ def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term],
 
 
 def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[frozenset[Term], frozenset[Term]]]:
-    """An effect that is the sum of some that are here, exactly, in the place of all of them."""
+    """What leaves the same, exactly: the sum of some effects that are here, and all bodies for a scale of all torques.
+
+    A scale that all joints have in common changes what inertias, loads and friction amount to. Where friction is found
+    beside it, wrong bodies of all links leave the same.
+    """
     here = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:
         parts = set(rich.effect.same_as_sum)
         if rich.joint == term.joint and term.effect.name in parts and parts <= here:
             return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]
+    for bodies in search.terms:
+        if scales_all_bodies(term, bodies):
+            swapped = replaced(chosen, term, frozenset([bodies]))
+            by = sorted({column for other in (*swapped, *chosen - {term}) for column in other.columns})
+            own = list(term.columns)
+            if spanned(search, own, search.evaluate(chosen).theta[own], by, rules.SAME_CAUSE):
+                return [(frozenset([bodies]), swapped)]
     return []

@@ -8,7 +8,9 @@ import pytest
 from identification.diagnosis.columns.common_causes import by_drives, by_scales, scales, together
 from identification.diagnosis.columns.terms import merged
 from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.containment import with_term
+from identification.diagnosis.search.rival_sets import stand
 from phantom_dyn.model.loading import load_robot
 
 
@@ -61,3 +63,28 @@ def test_a_joint_has_one_torque_constant(scaled):
     )
     assert with_term(frozenset([single]), shared) == frozenset([shared])
     assert with_term(frozenset([shared]), single) == frozenset([single])
+
+
+def test_one_scale_of_all_joints_is_not_looked_for_beside_bodies_that_are_all_free(scaled):
+    # Closed form: with free bodies it changes nothing but the friction of the model.
+    scale = next(t for t in scaled.columns.terms if t.place == ("torque_constant", "shoulder+elbow"))
+    single = next(t for t in scaled.columns.terms if t.place == ("torque_constant", "elbow"))
+    bodies = next(t for t in scaled.columns.terms if t.place == ("inertial_parameters", None))
+    assert with_term(frozenset([scale]), bodies) == frozenset([bodies])
+    assert with_term(frozenset([bodies]), scale) == frozenset([scale])
+    assert with_term(frozenset([single]), bodies) == frozenset([single, bodies])
+
+
+def test_bodies_of_all_links_are_as_likely_as_one_scale_of_all_joints_beside_friction(lab, planar2):
+    # Closed form: torques that are 1.25 times the readings, with friction on both joints that the model lacks.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = lab.acting(planar2, motion, "torque_constant", "shoulder+elbow", 1.25) - 0.4 * np.sign(motion.v)
+    search = lab.prepared(planar2, (lab.recording(planar2, motion, torque),)).search
+    places = [("torque_constant", "shoulder+elbow"), *(("coulomb_friction", joint) for joint in ("shoulder", "elbow"))]
+    chosen = frozenset(next(t for t in search.terms if t.place == place) for place in places)
+    scale = next(t for t in chosen if t.effect.shared)
+    standing = stand(search, chosen, scale)
+    shares = {rival.effects: rival.probability for rival in standing.rivals}
+    assert shares[(EffectAt("inertial_parameters", None),)] == pytest.approx(standing.probability)
+    # As many causes either way: what has fewer numbers leads.
+    assert standing.instead is None

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.columns.terms import FoundEffect
+from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.fits import Fits
+from identification.engine.fits.bilinear import products_of
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_gravity
 
@@ -91,3 +93,17 @@ def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pend
     given, after = (held_out_torque(plain.problem, some, plain.evaluate(some)) for some in (frozenset(), alone))
     left = [np.std(prepared.columns.residual[0] + prepared.columns.model_torque[0] - one[0]) for one in (given, after)]
     assert left[1] > 0.95 * left[0]
+
+
+def test_what_a_torque_scale_leaves_of_each_row_adds_up_to_what_it_leaves(rough):
+    # Oracle: products of the rows rescaled by the gain, by which the fit is made.
+    terms = tuple(rough.term(*place) for place in (("coulomb_friction", "elbow"), ("torque_constant", "elbow")))
+    found = fit(rough.problem, terms)
+    assert found.theta[terms[1].columns[0]] != 0.0
+    products = products_of(rough.problem, found.active, found.point.scalings, held_out=True)
+    assert products.held_out is not None
+    beyond = found.theta[found.active].copy()
+    for scaling in found.point.scalings:
+        beyond[np.searchsorted(found.active, scaling.column)] -= scaling.gain - 1.0
+    left = products.held_out.losses(np.tile(beyond, (len(found.loss), 1)))
+    assert found.row_losses.sum() == pytest.approx(left.sum(), rel=1e-5)
