@@ -14,7 +14,9 @@ Pinocchio's own algorithm, and nothing of the diagnosis makes them. Printed for 
 from __future__ import annotations
 
 import argparse
+import tempfile
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +30,8 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-ARMS = ("example:ur5", "example:ur10", "example:panda")
+# Arms, and joints of their hands that are held.
+ARMS = {"example:ur5": "", "example:ur10": "", "example:panda": "panda_finger_joint1, panda_finger_joint2"}
 SECONDS = 30.0
 CERTAIN, SIDES = 0.9, 1.96
 FRICTION = ("coulomb_friction", "viscous_friction", "load_dependent_friction", "direction_dependent_friction")
@@ -42,12 +45,19 @@ class Truth:
     names: set[tuple[str, str | None]] = field(default_factory=set)
 
 
+def _arm(name: str) -> Robot:
+    with tempfile.TemporaryDirectory() as folder:
+        config = Path(folder, "robot.yaml")
+        config.write_text(f"lock: [{ARMS[name]}]\n")
+        return load_robot(name, config=config)
+
+
 class Case:
     """One arm with friction, and its recordings."""
 
     def __init__(self, kind: str, seed: int, *, null: bool):
         self.rng = np.random.default_rng([seed, sum(kind.encode())])
-        self.robot: Robot = load_robot(str(self.rng.choice(ARMS)))
+        self.robot = _arm(str(self.rng.choice(list(ARMS))))
         self.true = self.robot.model.copy()
         self.rate = float(self.rng.choice([100.0, 200.0, 250.0]))
         self.truth, self.null = Truth(), null
