@@ -35,8 +35,10 @@ Case folder: ``robot.urdf``, ``robot.yaml``, ``log.csv`` (`FILES`). Answer: ``<i
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -59,6 +61,8 @@ from benchmarks.blind.generator.setup import (
 from benchmarks.blind.generator.simulate import Run
 from benchmarks.blind.generator.sizing import BAND, Ruler, noise_floor, rms, ruler, size_of
 from benchmarks.blind.makes import NoCase
+
+T = TypeVar("T")
 
 KINDS = tuple(CODES)
 NULL_KINDS = ("normal", "full", "effect_inside")
@@ -167,9 +171,9 @@ def _inside(rng: np.random.Generator, setup: Setup) -> tuple[Setup, dict]:
     return replace(setup, truth=setup.truth.with_link(i, true)), {"effect": name, "joint": mine.joint}
 
 
-def _null(seed: int, attempt: int, robot: str | None) -> Case | None:
+def _null(seed: int, attempt: int, robot: str | None, slow: bool) -> Case | None:
     kind = NULL_KINDS[seed // 6 % len(NULL_KINDS)]
-    setup, inside = draw_setup(seed, attempt, kind="null", robot=robot, full=kind == "full"), None
+    setup, inside = draw_setup(seed, attempt, kind="null", robot=robot, full=kind == "full", slow=slow), None
     if kind == "effect_inside":
         setup, inside = _inside(np.random.default_rng([seed, CODES["null"], attempt, 9]), setup)
     run = run_of(setup)
@@ -181,25 +185,60 @@ def _null(seed: int, attempt: int, robot: str | None) -> Case | None:
     return _packed(seed, "null", setup, run, {**figures, **said})
 
 
-def _gap(seed: int, kind: str, attempt: int, robot: str | None) -> Case | None:
+def _gap(seed: int, kind: str, attempt: int, robot: str | None, slow: bool) -> tuple[Case, Case] | None:
     outside = NAMES[seed % len(NAMES)] if kind == "outside" else ""
-    setup = draw_setup(seed, attempt, kind=kind, robot=robot, outside=outside)
+    setup = draw_setup(seed, attempt, kind=kind, robot=robot, outside=outside, slow=slow)
     without = run_of(setup)
     if not tracks(without, setup):
         return None
     measure = ruler(setup.owner, setup.truth, setup.tolerance, setup.session, without)
     draw = {"single": _single, "pair": _pair, "outside": _outside}[kind]
     found = draw(seed, generators(seed, kind, attempt + 1000, "effect")["effect"], setup, measure)
-    return None if found is None else _packed(seed, kind, setup, *found)
+    if found is None:
+        return None
+    run, figures = found
+    return _packed(seed, kind, setup, run, figures), _packed(seed, kind, setup, without, figures)
 
 
-def draw_case(seed: int, kind: str = "mixed", *, robot: str | None = None) -> Case:
-    """The case of a seed; the same seed and kind give the same bytes. ``robot`` in place of the seed's for trials."""
+def draw_case(seed: int, kind: str = "mixed", *, robot: str | None = None, slow: bool = False) -> Case:
+    """The case of a seed; the same seed and kind give the same bytes.
+
+    Args:
+        seed: Of the case.
+        kind: Of `KINDS`, or mixed.
+        robot: In place of the seed's, for trials.
+        slow: Moves as people record them by hand.
+
+    Raises:
+        NoCase: If the seed gives none.
+    """
     kind = resolved_kind(seed, kind)
-    for attempt in range(ATTEMPTS):
-        case = _null(seed, attempt, robot) if kind == "null" else _gap(seed, kind, attempt, robot)
-        if case is not None:
-            return case
+    if kind != "null":
+        return with_and_without(seed, kind, robot=robot, slow=slow)[0]
+    nulls = (_null(seed, attempt, robot, slow) for attempt in range(ATTEMPTS))
+    return _first(nulls, seed)
+
+
+def with_and_without(seed: int, kind: str, *, robot: str | None = None, slow: bool = False) -> tuple[Case, Case]:
+    """A case that is no null, and the same motion, noise and encoders without what is wrong with the robot.
+
+    Args:
+        seed: Of the case.
+        kind: ``single``, ``pair`` or ``outside``.
+        robot: In place of the seed's, for trials.
+        slow: Moves as people record them by hand.
+
+    Raises:
+        NoCase: If the seed gives none.
+    """
+    return _first((_gap(seed, kind, attempt, robot, slow) for attempt in range(ATTEMPTS)), seed)
+
+
+def _first(drawn: Iterable[T | None], seed: int) -> T:
+    """The first draw that gives something."""
+    for one in drawn:
+        if one is not None:
+            return one
     raise NoCase(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
 
 

@@ -1,4 +1,8 @@
-"""Reference motions that a careful user would record: fast sums of sines, and slow constant speeds with reversals."""
+"""Reference motions: fast sums of sines and constant speeds, and the slow ones that people record by hand.
+
+A careful user sends sums of sines and constant speeds with reversals. Most recordings are moves from point to point
+with pauses, an arm that is guided by hand, or one joint after the other.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import numpy as np
 from benchmarks.blind.generator.robots import Table
 
 KINDS = ("fourier", "ramps", "mixed")
+SLOW = ("point_to_point", "guided", "one_by_one")
 AMPLITUDES = {
     "pendulum": ((0.9, 2.2),),
     "planar2": ((0.6, 1.5), (0.8, 1.8)),
@@ -69,18 +74,49 @@ def ramps(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarr
     return np.concatenate([[0.0], np.cumsum(smooth[len(window) : -len(window)])[:-1]]) * dt
 
 
+def point_to_point(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarray:
+    """Moves of 1 to 3 s with the least jerk, and pauses of 0.3 to 1.5 s between them."""
+    out, place, at = np.zeros(len(t)), 0.0, t[0] + rng.uniform(0.3, 1.0)
+    while at < t[-1]:
+        goal, last = rng.uniform(-1.0, 1.0) * amplitude, at + rng.uniform(1.0, 3.0)
+        x = np.clip((t - at) / (last - at), 0.0, 1.0)
+        out += (goal - place) * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        place, at = goal, last + rng.uniform(0.3, 1.5)
+    return out
+
+
+def guided(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarray:
+    """Four sines between 0.05 and 0.5 Hz, as a hand leads an arm."""
+    frequency = rng.uniform(0.05, 0.5, size=4)
+    phase = rng.uniform(0.0, 2.0 * np.pi, size=4)
+    wave = (np.sin(2.0 * np.pi * frequency * t[:, None] + phase) / (0.2 + frequency)).sum(axis=1) * _fade(t, 2.0)
+    return amplitude * wave / np.abs(wave).max()
+
+
 def _joint(rng: np.random.Generator, kind: str, t: np.ndarray, amplitude: float) -> np.ndarray:
     if kind == "fourier":
         return fourier(rng, t, amplitude)
     if kind == "ramps":
         return ramps(rng, t, amplitude)
+    if kind == "point_to_point":
+        return point_to_point(rng, t, amplitude)
+    if kind == "guided":
+        return guided(rng, t, amplitude)
     if kind == "mixed":
         split = round(len(t) * rng.uniform(0.4, 0.5))
         return np.concatenate([fourier(rng, t[:split], amplitude), ramps(rng, t[split:], amplitude)])
-    raise ValueError(f"No reference {kind!r}: there are {', '.join(KINDS)}.")
+    raise ValueError(f"No reference {kind!r}: there are {', '.join((*KINDS, *SLOW))}.")
 
 
 def draw_reference(rng: np.random.Generator, table: Table, kind: str, t: np.ndarray) -> np.ndarray:
     """Joint references [rad], shape ``(N, nv)``; a mix is a Fourier stretch followed by ramps."""
-    columns = [_joint(rng, kind, t, rng.uniform(low, high)) for low, high in AMPLITUDES[table.name]]
+    ranges = AMPLITUDES[table.name]
+    if kind == "one_by_one":
+        columns = [np.zeros(len(t)) for _ in ranges]
+        for column, rows, (low, high) in zip(
+            columns, np.array_split(np.arange(len(t)), len(ranges)), ranges, strict=True
+        ):
+            column[rows] = guided(rng, t[rows], rng.uniform(low, high))
+    else:
+        columns = [_joint(rng, kind, t, rng.uniform(low, high)) for low, high in ranges]
     return np.stack(columns, axis=1) + np.array(table.posture or (0.0,) * len(columns))

@@ -11,7 +11,7 @@ from benchmarks.blind.generator.drives import ROBOTS, draw_table
 from benchmarks.blind.generator.effects import Effect, plant_with
 from benchmarks.blind.generator.outside import prepared
 from benchmarks.blind.generator.plant import Outside
-from benchmarks.blind.generator.reference import KINDS, draw_reference
+from benchmarks.blind.generator.reference import KINDS, SLOW, draw_reference
 from benchmarks.blind.generator.robots import Table, Tolerance, perturbed
 from benchmarks.blind.generator.simulate import Run, Session, feedforward, simulate
 from benchmarks.blind.generator.sizing import BAND
@@ -66,6 +66,7 @@ def draw_setup(
     tolerance: Tolerance | None = None,
     full: bool = False,
     outside: str = "",
+    slow: bool = False,
 ) -> Setup:
     """Robot, truth, motion and noise of a seed.
 
@@ -77,6 +78,7 @@ def draw_setup(
         tolerance: In place of the default.
         full: Draws the truth evenly over the whole tolerance.
         outside: Cause outside the catalogue that is to come.
+        slow: Moves as people record them by hand, see `reference.SLOW`.
     """
     rng = generators(seed, kind, attempt, "robot", "truth", "motion", "noise")
     tolerance = tolerance or Tolerance()
@@ -85,7 +87,7 @@ def draw_setup(
     fast = FAST_SHARE.get(name, 0.5)
     rate = float(rng["motion"].choice((500.0, 1000.0), p=(1.0 - fast, fast)))
     n = round(rate * rng["motion"].uniform(*SECONDS))
-    motion = str(rng["motion"].choice(KINDS, p=(0.1, 0.15, 0.75)))
+    motion = str(rng["motion"].choice(SLOW) if slow else rng["motion"].choice(KINDS, p=(0.1, 0.15, 0.75)))
     reference = draw_reference(rng["motion"], owner, motion, np.arange(n) / rate)
     noise = rng["noise"]
     level = np.exp(noise.uniform(*np.log(NOISE))) * np.sqrt(np.mean(feedforward(owner, reference, rate) ** 2, axis=0))

@@ -14,6 +14,7 @@ MODULES = {
     "drake": "benchmarks.blind.makes.drake.case",
     "field": "benchmarks.blind.makes.field.case",
     "real": "benchmarks.blind.makes.real.case",
+    "slow": "benchmarks.blind.makes.slow",
 }
 NAMES = tuple(MODULES)
 ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, and a model with effects

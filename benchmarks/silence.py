@@ -1,0 +1,131 @@
+"""Says whether an effect raises the noise floor by which it is judged, which would hide it.
+
+    python benchmarks/silence.py --seeds 0:20 [--make slow]
+
+Each case of one effect is run twice, with the effect and with the same motion, noise and encoders without it. The floor
+of the joint that the effect changes most may differ by a factor of at most 1.2; the goal is 95 % of the pairs. A floor
+that rises with the effect hides it: a diagnosis then keeps silent where it should speak. An effect also changes how far
+the motion reaches up in frequency, and with it the judged band: a floor counts per root of its band.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.blind.generate import seed_range
+from benchmarks.blind.generator.case import Case, with_and_without, write_case
+from benchmarks.blind.makes import NoCase
+from benchmarks.blind.processes import default_command, run_all
+
+WITHIN = 1.2
+MAKES = ("mujoco", "slow")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One effect, judged with and without it.
+
+    Attributes:
+        seed: Of the case.
+        effect: Its name.
+        joint: Whose torque it changes most.
+        ratio: Noise floor of that joint with the effect over that without it, each per root of its band.
+        source: Of the floor with the effect.
+        verdict: With the effect.
+    """
+
+    seed: int
+    effect: str
+    joint: str
+    ratio: float
+    source: str
+    verdict: str
+
+
+def pairs(seeds: Sequence[int], *, slow: bool, jobs: int) -> Iterator[Pair]:
+    """Both diagnoses of each seed that gives a case."""
+    with tempfile.TemporaryDirectory() as place:
+        cases, results = Path(place) / "cases", Path(place) / "results"
+
+        def drawn(seed: int) -> tuple[int, Case, Case] | None:
+            try:
+                case, twin = with_and_without(seed, "single", slow=slow)
+            except NoCase:
+                return None
+            without = replace(twin, id=f"{case.id}-without")
+            for one in (case, without):
+                write_case(one, cases)
+            return seed, case, without
+
+        with ThreadPoolExecutor(jobs) as pool:
+            made = [one for one in pool.map(drawn, seeds) if one is not None]
+        names = [case.id for _, *two in made for case in two]
+        run_all(default_command(), names, cases, results, jobs=jobs, what="diagnosed")
+        for seed, case, without in made:
+            said = [_said(results, one.id) for one in (case, without)]
+            if None not in said:
+                yield _compared(seed, case, *said)
+
+
+def _said(results: Path, name: str) -> dict | None:
+    return json.loads((results / f"{name}.json").read_text())["diagnosis"]
+
+
+def _compared(seed: int, case: Case, with_it: dict, without: dict) -> Pair:
+    joint = case.answer["joints"][int(np.argmax(case.answer["paired_gap_per_joint"]))]
+    own, other = (next(one for one in said["joints"] if one["joint"] == joint) for said in (with_it, without))
+    return Pair(
+        seed,
+        case.answer["effects"][0]["effect"],
+        joint,
+        _density(own, with_it) / _density(other, without),
+        own["noise_floor_source"],
+        with_it["verdict"],
+    )
+
+
+def _density(joint: dict, said: dict) -> float:
+    """Noise floor of a joint per root of the judged band."""
+    low, high = said["band_hz"]
+    return joint["noise_floor"] / (high - low) ** 0.5
+
+
+def summary(found: Sequence[Pair]) -> list[str]:
+    """Lines with the share of pairs whose floor is the same, and how far the others are."""
+    ratio = np.array([pair.ratio for pair in found])
+    same = np.maximum(ratio, 1.0 / ratio) <= WITHIN
+    return [
+        f"pairs                   {len(found)}",
+        f"floor within {WITHIN} times  {same.sum()} of {len(found)} ({100 * same.mean():.0f} %)",
+        "ratio at 5, 50, 95 %:   " + ", ".join(f"{x:.2f}" for x in np.percentile(ratio, [5, 50, 95])),
+    ]
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Reads the command line, prints a line a pair, then the figures."""
+    parser = argparse.ArgumentParser(description="Whether effects raise the floor by which they are judged.")
+    parser.add_argument("--seeds", type=seed_range, default=range(20))
+    parser.add_argument("--make", choices=MAKES, default=MAKES[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    given = parser.parse_args(words)
+    found = []
+    for pair in pairs(given.seeds, slow=given.make == "slow", jobs=given.jobs):
+        found.append(pair)
+        print(f"{pair.seed} {pair.effect} {pair.joint}  {pair.ratio:.2f}  ({pair.source}, {pair.verdict})", flush=True)
+    print(*summary(found), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
