@@ -37,6 +37,7 @@ class Code(Enum):
     NOT_SIMULATED = auto()
     # Findings, and the next experiment.
     IMPLAUSIBLE_SIZE = auto()
+    FRICTION_DRIVES = auto()
     MISSING_PART = auto()
     MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()

@@ -69,6 +69,13 @@ def _implausible_size(note: Note) -> str:
     )
 
 
+def _friction_drives(note: Note) -> str:
+    return (
+        f"The friction of {note.joint}, that of the model and of all findings together, pushes in the direction of the "
+        "motion: no friction does, so that something else takes its place there."
+    )
+
+
 def _sized(value: float, unit: str) -> str:
     return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
@@ -109,6 +116,7 @@ def _zeros_compared(note: Note) -> str:
 
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
+    Code.FRICTION_DRIVES: _friction_drives,
     Code.MISSING_PART: _missing_part,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,

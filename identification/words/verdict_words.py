@@ -5,6 +5,7 @@ from __future__ import annotations
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained, noise_is_all
 from identification.engine import contract_levels
+from identification.notes import Code, Note
 from identification.words.diagnosis_words import (
     UNDECIDED,
     effect_at,
@@ -214,6 +215,8 @@ def left_over(diagnosis: Diagnosis) -> str:
             f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
             "make it, as by a torque that is small and slow"
         )
+    elif odd := _no_sound_size(diagnosis) if not (parts or above or left.structured) else "":
+        parts.append(odd)
     elif left.structured or not (parts or above):
         parts.append(unexplained_phrase(left))
     elif above:
@@ -222,6 +225,19 @@ def left_over(diagnosis: Diagnosis) -> str:
         where = joints_words([worst.joint])
         parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
     return "; ".join(parts)
+
+
+def _no_sound_size(diagnosis: Diagnosis) -> str:
+    """Which findings have a size that no sound robot has; empty if all have a sound one."""
+    notes = [note for note in diagnosis.notes if isinstance(note, Note)]
+    places = {(note.numbers["effect"], note.joint) for note in notes if note.code is Code.IMPLAUSIBLE_SIZE}
+    odd = [
+        effect_at(EffectAt(one.effect, one.joint)) for one in diagnosis.findings if (one.effect, one.joint) in places
+    ]
+    odd += [f"the friction on {note.joint}" for note in notes if note.code is Code.FRICTION_DRIVES]
+    if not odd:
+        return ""
+    return f"{joined(odd)} {'has' if len(odd) == 1 else 'have'} a size that no sound robot has, see the notes"
 
 
 def unexplained_phrase(unexplained: Unexplained) -> str:

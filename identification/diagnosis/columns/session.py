@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -57,6 +58,16 @@ class Session:
         seen = {block.log for block, fold in zip(self.blocks, self.folds, strict=True) if fold >= 0}
         return tuple(log for k, log in enumerate(self.logs) if k in seen)
 
+    @cached_property
+    def largest_torque(self) -> Float[Array, " nv"]:
+        """Of each joint in all logs; zero where none is known."""
+        return np.max([_largest(log.tau) for log in self.logs], axis=0)
+
+    @cached_property
+    def largest_speed(self) -> Float[Array, " nv"]:
+        """Of each joint in all logs."""
+        return np.max([_largest(log.motion.v) for log in self.logs], axis=0)
+
     def in_judged_band(self, series: Series) -> Series:
         """In-band series of each log without what lies above the judged band, of the same length."""
         return tuple(self.log_in_judged_band(part, k) for k, part in enumerate(series))
@@ -71,6 +82,10 @@ class Session:
         if edge_hz >= 0.99 * band.cutoff_hz:
             return series
         return smoothed_where(series, self.logs[log].valid_in_band, band.rate_hz / band.step, edge_hz)
+
+
+def _largest(series: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    return np.nanmax(np.abs(series), axis=0, initial=0.0)
 
 
 def session_of_logs(

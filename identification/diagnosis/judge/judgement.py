@@ -21,6 +21,7 @@ from identification.diagnosis.judge.file_numbers import model_numbers
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
+from identification.diagnosis.judge.findings.sound_sizes import all_sound
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
@@ -29,7 +30,13 @@ from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.sensed_floors import Sensed, sensed_floor, sensed_of
 from identification.diagnosis.judge.shares import closed_together, left_by
-from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
+from identification.diagnosis.judge.verdict import (
+    adjusted,
+    not_explained,
+    ordinary_effects_hide,
+    unexplained,
+    verdict,
+)
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
@@ -70,15 +77,17 @@ def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Sho
     minor = tuple(claim.finding for claim in claims if claim.minor)
     places = frozenset((finding.effect, finding.joint) for finding in minor)
     moved = any(bool(use.any()) for use in problem.columns.usable)
+    notes = remarks(shown)
+    said = verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds))
     judgement = Judgement(
-        verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
+        verdict=said if all_sound(findings, notes) else not_explained(said),
         joints=joints,
         findings=findings,
         adjusted=with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
-        notes=remarks(shown),
+        notes=notes,
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
         minor=minor,

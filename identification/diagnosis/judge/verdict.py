@@ -52,6 +52,11 @@ def verdict(
     return "partly_explained" if after - 1.0 < within - after else "unknown"
 
 
+def not_explained(said: str) -> str:
+    """The verdict where a finding has a size that no sound robot has: its cause may be another one."""
+    return "partly_explained" if said == "explained" else said
+
+
 def nearly_closed(joint: JointGap) -> bool:
     """True if a joint has at most 1.5 noise floors left, or a tenth of its gap within the tolerances."""
     after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))

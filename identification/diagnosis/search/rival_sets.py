@@ -14,9 +14,10 @@ from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
+from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.special_cases import implausible, places_of
+from identification.diagnosis.search.special_cases import places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, until_failed
@@ -232,7 +233,7 @@ def _leader(
 def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
     """How far a size of an effect is out of what is plausible, and its unit; zero if all are plausible."""
     theta = search.evaluate(chosen).theta[list(term.columns)]
-    fault = implausible(search.problem.session.robot, term, theta)
+    fault = implausible(search.problem.session, term, theta)
     if fault is None:
         return 0.0, ""
     parameter, value = fault
@@ -242,8 +243,8 @@ def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
 
 def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
     """True if some effects of a set have sizes that a robot may have."""
-    robot, theta = search.problem.session.robot, search.evaluate(chosen).theta
-    return all(implausible(robot, one, theta[list(one.columns)]) is None for one in theirs)
+    session, theta = search.problem.session, search.evaluate(chosen).theta
+    return all(implausible(session, one, theta[list(one.columns)]) is None for one in theirs)
 
 
 def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:

@@ -11,7 +11,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.gates.special_case import differs_from_simpler
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.effect import Effect, Parameter, SpecialCase
+from phantom_dyn.effects.effect import SpecialCase
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -121,25 +121,3 @@ def _nearest(
         if nearest is None or certain < nearest[0]:
             nearest = certain, case.names
     return nearest
-
-
-def implausible(robot: Robot, term: Term, theta: Float[Array, " k"]) -> tuple[Parameter, float] | None:
-    """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.
-
-    Args:
-        robot: The given model.
-        term: An effect.
-        theta: Coefficients of its columns.
-    """
-    if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
-        return None
-    parameters = term.effect.parameters(robot, term.joint)
-    values = np.reshape(term.effect.from_coefficients(robot, term.joint, theta, term.shape), (len(parameters), -1))
-    for parameter, own in zip(parameters, values, strict=True):
-        if parameter.plausible is None:
-            continue
-        low, high = parameter.plausible
-        outside = own[(own < low) | (own > high)]
-        if len(outside):
-            return parameter, float(outside[0])
-    return None

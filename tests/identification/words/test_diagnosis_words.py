@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from identification.diagnosis.result import Adjusted, Bound, EffectAt, Hidden, JointGap, Rival, Unexplained, Value
+from identification.notes import Code, Note
 from identification.words import diagnosis_words as words
 from identification.words import verdict_words
 from identification.words.effect_words import REGIMES, effect_words, regime_sentence, regime_words, report_order
@@ -367,3 +368,17 @@ def test_the_verdict_names_the_largest_share_first(made_up):
     )
     sentence = verdict_words.headline(dataclasses.replace(made_up(), findings=(small, large)))
     assert "explained by viscous friction on joint j2 and Coulomb friction on joint j1" in sentence
+
+
+def test_a_size_that_no_sound_robot_has_is_said_in_the_sentence_of_the_verdict(made_up):
+    diagnosis = made_up()
+    (finding, *_), numbers = (
+        diagnosis.findings,
+        {"least": 0.0, "most": 1.0, "value": 2.0, "unit": "N m", "because": "so"},
+    )
+    note = Note(Code.IMPLAUSIBLE_SIZE, finding.joint, {"effect": finding.effect, "parameter": "torque", **numbers})
+    joints = tuple(dataclasses.replace(one, rms_after=one.noise_floor) for one in diagnosis.joints)
+    nothing = dataclasses.replace(diagnosis.unexplained, structured=False, times=())
+    odd = dataclasses.replace(diagnosis, verdict="partly_explained", notes=(note,), joints=joints, unexplained=nothing)
+    assert verdict_words.headline(odd).endswith("a size that no sound robot has, see the notes.")
+    assert "no sound robot" not in verdict_words.headline(dataclasses.replace(odd, notes=()))

@@ -16,14 +16,14 @@ from identification.diagnosis.judge.findings.missing_parts import (
 from identification.diagnosis.judge.findings.other_tolerances import with_other_tolerances
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown
+from identification.diagnosis.judge.findings.sound_sizes import size_notes
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_of
 from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
-from identification.diagnosis.search.special_cases import implausible
 from identification.gates.least_size import large_enough
-from identification.notes import Code, Note, Said
+from identification.notes import Said
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
 
@@ -41,14 +41,7 @@ def remarks(shown: Shown) -> tuple[Said, ...]:
             continue
         remark = effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape))
         out += [remark] if remark else []
-        fault = implausible(robot, term, own)
-        if fault is not None:
-            parameter, value = fault
-            low, high = parameter.plausible or (-np.inf, np.inf)
-            numbers = {"effect": effect.name, "parameter": parameter.name, "value": float(value)}
-            numbers |= {"unit": parameter.unit, "because": parameter.plausible_because}
-            limits = {"least": low if np.isfinite(low) else None, "most": high if np.isfinite(high) else None}
-            out.append(Note(Code.IMPLAUSIBLE_SIZE, term.joint, {**numbers, **limits}))
+    out += size_notes(shown)
     return tuple(out)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.verdict import nearly_closed, ordinary_effects_hide, verdict
+from identification.diagnosis.judge.verdict import nearly_closed, not_explained, ordinary_effects_hide, verdict
 from identification.diagnosis.result import Bound, JointGap, Unexplained, noise_is_all
 
 # Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
@@ -155,3 +155,10 @@ def test_losses_are_means_over_joints_in_floors_of_their_own(made_up, after, exp
     first = JointGap("j1", "N m", 9.0, 4.0, 2.0, 100, rms_within_tolerance=4.0)
     second = JointGap("j2", "N m", 9.0, after, 0.5, 100, rms_within_tolerance=np.sqrt(58.0) * 0.5)
     assert said([first, second], made_up(findings=1).findings) == expected
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("explained", "partly_explained"), ("unknown", "unknown"), ("no_gap", "no_gap")]
+)
+def test_a_size_that_no_sound_robot_has_does_not_explain(before, after):
+    assert not_explained(before) == after

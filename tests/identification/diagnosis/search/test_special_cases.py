@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, implausible, places_of
+from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, places_of
 
 
 @pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
@@ -24,12 +24,6 @@ def test_units_do_not_matter_to_a_certainty():
 def test_a_torque_constant_at_the_ends_of_what_is_possible_is_none(quiet, planar2, excess, nothing):
     # Closed form: a ratio of 1 / (1 + excess); a tenth and ten are the ends.
     assert ends_on_nothing(planar2, quiet.term("torque_constant", "elbow"), np.array([excess])) == nothing
-
-
-@pytest.mark.parametrize(("excess", "ratio"), [(9.0 / 4.0, 4.0 / 13.0), (-0.2, None), (0.9, None), (-0.6, 2.5)])
-def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, planar2, excess, ratio):
-    fault = implausible(planar2, quiet.term("torque_constant", "elbow"), np.array([excess]))
-    assert (None if fault is None else fault[1]) == (ratio if ratio is None else pytest.approx(ratio))
 
 
 def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(lab, planar2):

@@ -1,0 +1,75 @@
+"""Findings of sizes that no sound robot has: a size outside its range, or friction that drives the motion.
+
+They are named where nothing else explains as much, with a note, and do not carry the verdict "explained".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from identification.diagnosis.columns.terms import ordered
+from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.result import Finding
+from identification.diagnosis.search.plausible_sizes import implausible
+from identification.diagnosis.search.refinement import found_effects
+from identification.notes import Code, Note, Said
+from phantom_dyn.effects.effect import Effect
+
+# Share of the largest speed from which on a joint moves: elastic friction gives back what it took after a reversal.
+_MOVES = 0.2
+# Friction that drives, over that of the model and of each finding by itself: fits are right to a few per cent.
+_DRIVES = 0.1
+
+
+def size_notes(shown: Shown) -> list[Note]:
+    """A note for each size of a finding that no sound robot has, and for each joint whose friction drives it."""
+    session, out = shown.problem.session, list[Note]()
+    for term in ordered(shown.named):
+        fault = implausible(session, term, shown.joint_fit.coefficients(term))
+        if fault is not None and isinstance(term.effect, Effect):
+            parameter, value = fault
+            low, high = parameter.plausible or (-np.inf, np.inf)
+            numbers = {"effect": term.effect.name, "parameter": parameter.name, "value": float(value)}
+            numbers |= {"unit": parameter.unit, "because": parameter.plausible_because}
+            limits = {"least": low if np.isfinite(low) else None, "most": high if np.isfinite(high) else None}
+            out.append(Note(Code.IMPLAUSIBLE_SIZE, term.joint, {**numbers, **limits}))
+    names = session.robot.joint_names
+    return [*out, *(Note(Code.FRICTION_DRIVES, names[row]) for row in _driven_by_friction(shown))]
+
+
+def all_sound(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
+    """True if no finding has a size that no sound robot has, alone or together with others and the model.
+
+    Args:
+        findings: Those that are not too small to matter.
+        notes: Of the sizes of all.
+    """
+    faults = [note for note in notes if isinstance(note, Note)]
+    places = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
+    driven = {note.joint for note in faults if note.code is Code.FRICTION_DRIVES}
+    return not any((one.effect, one.joint) in places or one.joint in driven for one in findings)
+
+
+def _driven_by_friction(shown: Shown) -> list[int]:
+    """Rows on which friction of the model and of all findings together drives the motion."""
+    found = found_effects(shown.found, frozenset(term for term in shown.named if _rubs(term.effect)))
+    names = shown.problem.session.robot.joint_names
+    driving, apart = np.zeros(len(names)), np.zeros((len(names), 1 + len(found)))
+    for operation in shown.problem.columns.operations:
+        parts = [operation.own_friction]
+        for point in found:
+            signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
+            parts.append(np.zeros_like(operation.v))
+            parts[-1][:, list(signature.rows)] = signature.columns @ point.coefficients
+        moving = np.abs(operation.v) > _MOVES * np.abs(operation.v).max(axis=0)
+        against = np.sum(parts, axis=0) * np.sign(operation.v) * moving
+        driving += np.sum(np.minimum(against, 0.0) ** 2, axis=0)
+        apart += np.stack([np.sum((part * moving) ** 2, axis=0) for part in parts], axis=1)
+    changed = {names.index(joint) for point in found if (joint := point.joint) in names}
+    return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(apart[row]).sum()]
+
+
+def _rubs(effect: object) -> bool:
+    return isinstance(effect, Effect) and (effect.rubs or effect.changes_with == "friction")

@@ -1,0 +1,105 @@
+"""Sizes that a robot may have: the one table of ranges that hang on a recording, and what lies outside of any range.
+
+Ranges that hold for every robot are written in each effect, with their reason. Those of this table are measured by what
+the drive of the joint gives and how fast it moves. A size outside is no size of a sound robot: a rival of a plausible
+size leads in its place, and where there is none, the finding does not carry the verdict "explained".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.diagnosis.columns.session import Session
+from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.search.containment import joints_of
+from phantom_dyn.array_types import Float
+from phantom_dyn.effects.effect import Effect, Parameter
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Range:
+    """A quantity, what it is measured by, and the most that a sound robot has of it.
+
+    Attributes:
+        quantity: Which.
+        units: Of the parameters that it is about, of a hinge and of a linear joint.
+        by_speed: True if it is measured by the largest torque over the largest speed, not by the largest torque.
+        most: Of that measure.
+        because: Why.
+        source: What sound robots have, and where that is from.
+    """
+
+    quantity: str
+    units: tuple[str, str]
+    by_speed: bool
+    most: float
+    because: str
+    source: str
+
+
+# The range is twice as wide as its reason says, as a torque may be recorded too small by as much.
+RANGES: tuple[Range, ...] = (
+    Range(
+        "dry friction over the largest recorded torque of the joint",
+        ("N m", "N"),
+        False,
+        2.0,
+        "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that "
+        "was recorded",
+        "13 to 47 % on the UR10 and 14 % on EMPS, of the friction fitted to the recordings of docs/real_recordings.md",
+    ),
+    Range(
+        "viscous friction times the largest speed over the largest recorded torque of the joint",
+        ("N m s/rad", "N s/m"),
+        True,
+        2.0,
+        "a drive that moves a joint gives its friction at least, and at the largest speed this is more than twice the "
+        "largest torque that was recorded",
+        "14 to 82 % on the UR10 and 20 % on EMPS, of the same",
+    ),
+)
+
+
+def implausible(session: Session, term: Term, theta: Float[Array, " k"]) -> tuple[Parameter, float] | None:
+    """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.
+
+    Args:
+        session: The given model, and what its drives did.
+        term: An effect.
+        theta: Coefficients of its columns.
+    """
+    if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
+        return None
+    robot = session.robot
+    parameters = term.effect.parameters(robot, term.joint)
+    values = np.reshape(term.effect.from_coefficients(robot, term.joint, theta, term.shape), (len(parameters), -1))
+    for stated, own in zip(parameters, values, strict=True):
+        parameter = _limited(session, term, stated)
+        if parameter.plausible is None:
+            continue
+        low, high = parameter.plausible
+        outside = own[(own < low) | (own > high)]
+        if len(outside):
+            return parameter, float(outside[0])
+    return None
+
+
+def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
+    """The parameter with what the table says of it, where that is less than its effect says."""
+    if parameter.plausible is None:
+        return parameter
+    rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]
+    for one in RANGES:
+        if not rows or parameter.unit not in one.units or not (one.by_speed or term.effect.rubs):
+            continue
+        # A joint whose torque or speed was not recorded sets no limit.
+        measure = session.largest_torque[rows] / (session.largest_speed[rows] if one.by_speed else 1.0)
+        most = one.most * float(np.max(measure))
+        low, high = parameter.plausible
+        if 0.0 < most < high:
+            return replace(parameter, plausible=(low, most), plausible_because=one.because)
+    return parameter
