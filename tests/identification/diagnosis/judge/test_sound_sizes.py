@@ -10,6 +10,8 @@ import pytest
 
 from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
 from identification.notes import Code
+from identification.pipeline import diagnose
+from identification.words.verdict_words import headline
 
 
 def finding(effect: str, joint: str) -> Any:
@@ -64,3 +66,13 @@ def test_a_joint_whose_friction_drives_it_has_no_sound_finding(quiet):
     at = [finding("viscous_friction", joint) for joint in ("elbow", "shoulder")]
     assert not all_sound(at[:1], notes)
     assert all_sound(at[1:], notes)
+
+
+def test_a_gap_is_not_explained_by_a_torque_constant_that_no_motor_has(lab, planar2):
+    # Known truth: the torque of the elbow is recorded three times too small, its friction with it.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = lab.acting(planar2, motion, "torque_constant", "elbow", 3.0)
+    found = diagnose(planar2, (lab.recording(planar2, motion, torque),))
+    assert ("torque_constant", "elbow") in {(one.effect, one.joint) for one in found.findings}
+    assert found.verdict == "partly_explained"
+    assert "a size that no sound robot has" in headline(found)
