@@ -70,6 +70,8 @@ class Finding:
 
     ``gap_closed`` is the part of the gap that comes back when this finding alone is taken out and all others are fitted
     again; ``share`` is its Shapley value, so that the shares of all findings add up to what they close together.
+
+    ``law`` names the simulator whose own law of the effect the recordings show; None for that of the catalogue.
     """
 
     effect: str
@@ -85,6 +87,7 @@ class Finding:
     loadings: tuple[tuple[float, ...], ...] = ()
     share: float | None = None
     words: EffectWords | None = field(default=None, compare=False, repr=False)
+    law: str | None = None
 
 
 # Share of a residual that three printed digits show.
@@ -220,11 +223,14 @@ class FittedNumbers:
         moves: Of the model within its tolerances, those that are not certain included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
         timing: Part of a sample by which the recorded torque is late; it is a property of the recordings.
+        softness: Joints whose dry friction turns over as softly as in the simulator of the robot's file, each with how
+            much of that softness.
     """
 
     moves: tuple[Adjusted, ...]
     sizes: dict[tuple[str, str | None], dict[str, Value]]
     timing: float = 0.0
+    softness: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -156,9 +156,11 @@ def _written(
     stated = robot_config(robot, config)
 
     def proof_of(corrected: CorrectedModel) -> Proof | None:
-        replay = diagnosis.replay
-        timing = diagnosis.numbers[0].timing if diagnosis.numbers else 0.0
-        return None if replay is None else Proof(diagnosis, replay, corrected, known_torques, found, stated, timing)
+        if diagnosis.replay is None:
+            return None
+        fitted = diagnosis.numbers[0] if diagnosis.numbers else FittedNumbers((), {})
+        recorded = (fitted.timing, fitted.softness)
+        return Proof(diagnosis, diagnosis.replay, corrected, known_torques, found, stated, *recorded)
 
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)

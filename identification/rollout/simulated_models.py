@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.columns.nuisances import moves_of
+from identification.diagnosis.columns.nuisances import SOFTNESS, moves_of
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
@@ -193,7 +193,7 @@ def corrected_model(
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta, operation.recording)
     soft = tuple(
-        (str(move.place), float(x)) for x, move in zip(values, moves, strict=True) if move.kind == "softness" and x
+        (str(move.place), float(x)) for x, move in zip(values, moves, strict=True) if move.kind == SOFTNESS and x
     )
     return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft)
 

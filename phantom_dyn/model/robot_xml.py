@@ -99,10 +99,12 @@ class SoftFriction:
     Attributes:
         time: Seconds by which it turns over before the velocity does.
         gain: Share of the motion that the constraint takes off over the share that it leaves.
+        beyond_model: Coulomb torque [N m or N] that is known of the joint beyond the modelled one.
     """
 
     time: float
     gain: float
+    beyond_model: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Band
-from identification.diagnosis.columns.soft_friction import softness
+from identification.diagnosis.columns.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
@@ -21,6 +21,8 @@ Array = np.ndarray
 
 TIMING = "timing"
 """Kind of the move that shifts all torques in time."""
+SOFTNESS = "softness"
+"""Kind of the move that lets the dry friction of a joint turn over softly."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +104,9 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
         for kind, words, value, sigma in modelled:
             if value > 0 and sigma > 0:
                 out.append(Move(Nuisance(f"{joint} {words}", sigma, 2 * sigma), kind, joint))
-    for joint, soft in zip(robot.joint_names, robot.soft_friction, strict=False):
+    for joint in soft_joints(robot):
         # A recording of the simulator that the file is for rubs softly, a robot may do so less or not at all.
-        if soft is not None and modelled_friction_of(robot, joint)[1] > 0:
-            out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), "softness", joint))
+        out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), SOFTNESS, joint))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
     out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
     return tuple(out)
@@ -137,7 +138,7 @@ def move_columns(
             change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
         elif move.place is None:
             change = drift.T
-        elif move.kind == "softness":
+        elif move.kind == SOFTNESS:
             change = band(softness(robot, operation, move.place)).T
         else:
             # The column of the effect that would add to what is modelled, times what is modelled.

@@ -15,11 +15,12 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.columns.operations import carrying_known, operate
 from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
-from identification.diagnosis.columns.soft_friction import rubs_softly
+from identification.diagnosis.columns.soft_friction import with_shown_friction
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.engine.products.blocks import Block, assign_folds
 from phantom_dyn.array_types import Float, Int
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EffectError, LogError
 from phantom_dyn.model.robot import Robot
 
@@ -167,13 +168,23 @@ def _holds_samples(session: Session, block: int) -> bool:
 
 
 def _with_its_friction(session: Session) -> Robot:
-    """The robot, without the soft friction of its file's simulator where the recordings do not show it."""
+    """The robot with the soft friction of its file's simulator where the recordings show it, else without."""
     robot = session.robot
     if not any(robot.soft_friction):
         return robot
     operations = [operate(robot, log, session.known, k, session.cutoff_hz) for k, log in enumerate(session.logs)]
     recorded = [(o, log.tau - o.tau, log.band) for o, log in zip(operations, session.logs, strict=True)]
-    return robot if rubs_softly(robot, recorded) else replace(robot, soft_friction=())
+    return with_shown_friction(robot, recorded, _known_coulomb(robot, session.known))
+
+
+def _known_coulomb(robot: Robot, known: tuple[KnownEffect, ...]) -> Float[Array, " nv"]:
+    """Coulomb torque of each joint that belongs to the given model beside its modelled friction."""
+    out = np.zeros(robot.nv)
+    for one in known:
+        numbers = effect_named(one.effect, robot).model_numbers(robot, one.joint, np.array(one.theta))
+        if one.joint in robot.joint_names and numbers is not None:
+            out[robot.joint_names.index(one.joint)] += numbers.coulomb
+    return out
 
 
 def _require_free_names(robot: Robot) -> None:

@@ -7,7 +7,7 @@ another one: a size that was found beside a move of a mass is wrong without that
 from __future__ import annotations
 
 from identification.data.changes import Change
-from identification.diagnosis.columns.nuisances import TIMING, moves_of
+from identification.diagnosis.columns.nuisances import SOFTNESS, TIMING, moves_of
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
@@ -15,7 +15,9 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.replay import Replay
-from identification.diagnosis.result import Adjusted, FittedNumbers
+from identification.diagnosis.result import Adjusted, FittedNumbers, Value
+
+_Sizes = dict[tuple[str, str | None], dict[str, Value]]
 
 
 def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
@@ -27,20 +29,23 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
         shown: The effects, and the fit that states their sizes.
     """
     problem, named = shown.problem, shown.named
-    out = [FittedNumbers(all_moves(problem, shown.joint_fit), {}, _timing(problem, shown.joint_fit))]
+    out = [_numbers(problem, shown.joint_fit, {})]
     if named != shown.chosen:
         terms = ordered(named)
         alone = joint_fit(problem.of(named), terms, shown.found)
         robot = problem.session.robot
         sizes = {term.place: finding_parameters(robot, term, alone) for term in terms}
-        out.append(FittedNumbers(all_moves(problem, alone), sizes, _timing(problem, alone)))
+        out.append(_numbers(problem, alone, sizes))
     return tuple(out)
 
 
-def _timing(problem: Problem, fitted: JointFit) -> float:
-    """Part of a sample by which the torque is late."""
+def _numbers(
+    problem: Problem, fitted: JointFit, sizes: dict[tuple[str, str | None], dict[str, Value]]
+) -> FittedNumbers:
     moves = moves_of(problem.session.robot)
-    return float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
+    timing = float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
+    soft = [(str(moves[k].place), float(fitted.x[k])) for k in problem.moves if moves[k].kind == SOFTNESS]
+    return FittedNumbers(all_moves(problem, fitted), sizes, timing, tuple(soft))
 
 
 def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:

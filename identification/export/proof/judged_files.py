@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.diagnosis.columns.soft_friction import softness
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis
@@ -68,6 +69,7 @@ class Proof:
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
         timing: Part of a sample by which the recorded torque is late.
+        softness: Joints whose dry friction turns over softly in the recordings, each with how much of it.
     """
 
     diagnosis: Diagnosis
@@ -77,6 +79,7 @@ class Proof:
     found: tuple[KnownEffect, ...]
     config: Path | None
     timing: float = 0.0
+    softness: tuple[tuple[str, float], ...] = ()
 
     @property
     def effects(self) -> tuple[KnownEffect, ...]:
@@ -132,20 +135,22 @@ class Proof:
         return self._record(RESIDUAL, asked, LAWS)
 
     def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Squares that a torque leaves as late as it was recorded, and their counts.
+        """Squares that a torque leaves as late and with friction as soft as recorded, and their counts.
 
-        By how much it is late belongs to the recording: files are judged by what is left besides.
+        Both belong to the recording: files are judged by what is left besides.
         """
 
         def recorded(log: int) -> Array:
             torque = asked(log)
+            for joint, share in self.softness:
+                torque = torque + share * softness(self.replay.robot, self.replay.logs[log].motion, joint)
             return torque + self.timing * np.gradient(torque, axis=0) if self.timing else torque
 
         return self.replay.squares(recorded)
 
     def _as_recorded(self, asked: Asked, squares: Float[Array, "2 B nv"]) -> dict[str, float]:
         """Residual of each joint on the recording as it is, by name."""
-        left = rms(self.replay.squares(asked) if self.timing else squares)
+        left = rms(self.replay.squares(asked) if self.timing or self.softness else squares)
         return dict(zip(self.corrected.given.joint_names, left.tolist(), strict=True))
 
     def _held(self, kind: Format) -> tuple[KnownEffect, ...]:

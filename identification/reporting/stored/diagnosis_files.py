@@ -104,6 +104,7 @@ def json_text(diagnosis: Diagnosis) -> str:
 def _finding(finding: Finding) -> Json:
     # The words of a user's own effect are in the user's file, which a reader of this one may not have.
     named = {} if finding.words is None else {"name": finding_name(finding)}
+    law = {} if finding.law is None else {"law": finding.law}
     in_one = {} if finding.recording is None else {"recording": finding.recording}
     return {
         "effect": finding.effect,
@@ -116,6 +117,7 @@ def _finding(finding: Finding) -> Json:
         "probability": _plain(finding.probability),
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
+        **law,
         **in_one,
         **named,
     }

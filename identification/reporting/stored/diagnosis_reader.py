@@ -156,6 +156,7 @@ def _finding(finding: Mapping[str, Any]) -> Finding:
         verdict=finding["verdict"],
         recording=finding.get("recording"),
         share=finding["share"],
+        law=finding.get("law"),
         words=None if (name := finding.get("name")) is None else shown_as(name),
     )
 

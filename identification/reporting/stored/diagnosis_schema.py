@@ -53,6 +53,7 @@ class FindingPart(_Part, frozen=True):
     probability: Number | None
     rivals: list[RivalPart]
     verdict: str
+    law: str | None = None
     recording: str | None = None
     measured: str | None = None
     name: str | None = None

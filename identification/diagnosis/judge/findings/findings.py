@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.columns.terms import ordered
+from identification.diagnosis.columns.soft_friction import soft_joints
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import (
@@ -26,6 +27,7 @@ from identification.gates.least_size import large_enough
 from identification.notes import Said
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -43,6 +45,16 @@ def remarks(shown: Shown) -> tuple[Said, ...]:
         out += [remark] if remark else []
     out += size_notes(shown)
     return tuple(out)
+
+
+def _law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
+    """The simulator whose own law dry friction follows that a joint of a MuJoCo file was found to have."""
+    assert isinstance(term.effect, Effect)
+    if term.joint not in soft_joints(robot):
+        return None
+    theta = term.effect.from_coefficients(robot, term.joint, coefficients, term.shape)
+    numbers = term.effect.model_numbers(robot, term.joint, theta)
+    return "mujoco" if numbers.whole and numbers.coulomb else None
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             verdict="one_of" if standing.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
             share=shares[term],
+            law=_law(robot, term, shown.joint_fit.coefficients(term)),
         )
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))

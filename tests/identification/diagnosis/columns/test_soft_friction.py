@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -128,3 +130,65 @@ def test_a_urdf_is_never_said_to_rub_softly(tmp_path):
     np.savetxt(path, np.hstack([t[:, None], q, torque]), delimiter=",", header=f"t,{names}", comments="")
     assert robot.soft_friction == ()
     assert Note(Code.SOFT_FRICTION) not in dyn.diagnose(robot, str(path)).result.notes
+
+
+BARE = ARM.replace('damping="0.4" frictionloss="0.6"', "")
+
+
+@pytest.fixture(scope="module")
+def found_friction(tmp_path_factory):
+    """The arm of a file without friction, diagnosed on a recording of MuJoCo's with friction."""
+    folder = tmp_path_factory.mktemp("bare")
+    (folder / "arm.xml").write_text(BARE.format(step=0.002, solver=""))
+    robot = dyn.load_robot(folder / "arm.xml")
+    path = log(folder, recorded(ARM.format(step=0.002, solver=""), 2, 20.0), 0)
+    return robot, path, dyn.diagnose(robot, path)
+
+
+def test_dry_friction_that_the_file_lacks_is_found_by_mujocos_law(found_friction):
+    _, _, found = found_friction
+    assert {(one.effect, one.joint) for one in found.findings} == {
+        (effect, joint) for effect in ("coulomb_friction", "viscous_friction") for joint in ("j1", "j2")
+    }
+    for one in found.findings:
+        size = one.parameters["torque" if one.effect == "coulomb_friction" else "coefficient"]
+        truth = 0.6 if one.effect == "coulomb_friction" else 0.4
+        assert size.value == pytest.approx(truth, rel=0.02)
+        assert one.law == ("mujoco" if one.effect == "coulomb_friction" else None)
+
+
+def test_a_found_law_of_mujoco_is_kept_in_the_file(found_friction, tmp_path):
+    _, _, found = found_friction
+    found.save(tmp_path)
+    stored = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert {one.get("law") for one in stored["findings"] if one["effect"] == "coulomb_friction"} == {"mujoco"}
+    assert {one.get("law") for one in stored["findings"] if one["effect"] == "viscous_friction"} == {None}
+
+
+def test_files_with_soft_friction_are_written(found_friction, tmp_path):
+    # What turns over softly is a property of the recording, as its delay is.
+    _, _, found = found_friction
+    found.save(tmp_path)
+    assert (tmp_path / "corrected.yaml").exists()
+    assert (tmp_path / "corrected.xml").exists()
+
+
+def test_soft_friction_of_an_earlier_diagnosis_leaves_no_gap(found_friction, tmp_path):
+    robot, path, found = found_friction
+    found.save(tmp_path)
+    again = dyn.diagnose(robot, path, known=tmp_path / "corrected.yaml")
+    assert again.findings == ()
+
+
+def test_stribeck_friction_is_found_on_a_robot_of_a_mujoco_file(tmp_path):
+    # Oracle: the law, on torques of Pinocchio's along MuJoCo's motion.
+    (tmp_path / "arm.xml").write_text(BARE.format(step=0.002, solver=""))
+    robot = dyn.load_robot(tmp_path / "arm.xml")
+    t, q, v, a, _, none = recorded(ARM.format(step=0.002, solver=""), 2, 20.0)
+    torque = inverse_dynamics(robot, Motion(t[:, 0], q, v, a))
+    torque[:, 1] += (0.4 + 0.5 * np.exp(-((v[:, 1] / 0.15) ** 2))) * np.sign(v[:, 1])
+    torque += 1e-3 * np.random.default_rng(0).standard_normal(q.shape)
+    found = dyn.diagnose(robot, log(tmp_path, (t, q, v, a, torque, none), 0))
+    assert [(one.effect, one.joint) for one in found.findings] == [("stribeck_friction", "j2")]
+    assert found.findings[0].parameters["static_torque"].value == pytest.approx(0.9, rel=0.05)
+    assert found.findings[0].law is None
