@@ -34,6 +34,7 @@ from identification.data.checks.suspects import slow_clock
 from identification.data.checks.taken_friction import check_friction_taken
 from identification.data.checks.times_and_torques import check_clipping, check_timing, check_zeros
 from identification.data.checks.torque_lag import check_lag
+from identification.data.checks.weight_and_friction import check_weights
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
@@ -139,6 +140,7 @@ def _check_against_model(
         return list(swapped)
     return [
         *check_one_line(robot, smooth),
+        *check_weights(recording.file, robot, smooth),
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
         *check_lag(felt, robot, smooth, steep=filtered),

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.checks.one_line import lines_of
+from identification.data.checks.weight_and_friction import computed_from_weight
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
@@ -22,6 +23,7 @@ from identification.diagnosis.search.rival_sets import Standing
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -29,6 +31,8 @@ Array = np.ndarray
 _MOST = 3
 # Probability of a load, of links and of torque scales, at most: sums of more laws than are tried imitate these.
 _UNCERTAIN = 0.85
+# The same where somebody computed the torque: the recording does not say whether from this robot or from another.
+_OF_A_MODEL = 0.5
 
 
 def along_lines(session: Session) -> frozenset[int]:
@@ -101,9 +105,30 @@ def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> 
 
 def on_a_line(standing: Standing, term: Term) -> Standing:
     """The standing of a finding where joints move along one line: what has columns of every motion is not certain."""
+    return _at_most(standing, term, _UNCERTAIN)
+
+
+def of_a_model(standing: Standing, term: Term) -> Standing:
+    """The standing of a finding where the torque was computed from a weight, by somebody's own model."""
+    return _at_most(standing, term, _OF_A_MODEL)
+
+
+def of_weights(session: Session) -> frozenset[int]:
+    """Joints whose torque was computed from a weight in all recordings, by their indices."""
+    from_weight = np.ones(session.robot.nv, dtype=bool)
+    for log in session.logs:
+        m, use = log.motion, log.valid_in_band
+        # Accelerations of single samples are noise.
+        t, q, v, a, tau = (log.band(x)[use] for x in (m.t, m.q, m.v, m.a, log.tau))
+        from_weight &= computed_from_weight(session.robot, Motion(t, q, v, a), tau)
+    return frozenset(np.flatnonzero(from_weight).tolist())
+
+
+def _at_most(standing: Standing, term: Term, most: float) -> Standing:
+    """A standing that is no more probable than ``most`` if it is one of a load, of links or of a torque scale."""
     if term.effect.inertial is None and not term.effect.scales_joint:
         return standing
-    return replace(standing, probability=min(standing.probability, _UNCERTAIN))
+    return replace(standing, probability=min(standing.probability, most))
 
 
 def _left(

@@ -22,7 +22,14 @@ from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_of
-from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
+from identification.diagnosis.search.imitation import (
+    along_lines,
+    beside_imitation,
+    imitated_by,
+    of_a_model,
+    of_weights,
+    on_a_line,
+)
 from identification.gates.least_size import large_enough
 from identification.notes import Said
 from phantom_dyn.array_types import Float
@@ -82,7 +89,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
     drawn = drawn_blocks(within)
     once = np.ones((1, len(within.counts)))
     shares = shares_of(judge, plain, shown.named)
-    lines = along_lines(problem.session)
+    lines, weights = along_lines(problem.session), of_weights(problem.session)
     out = []
     for term in ordered(chosen):
         if not term.named:
@@ -99,6 +106,8 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         standing = shown.standings[term]
         if not lines.isdisjoint(rows_of(problem, term)):
             standing = on_a_line(beside_imitation(standing, imitated_by(plain, chosen, term)), term)
+        if not weights.isdisjoint(rows_of(problem, term)):
+            standing = of_a_model(standing, term)
         low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

@@ -1,0 +1,104 @@
+"""What a recording can tell of weights: torques that a model of the weight computed, and joints that only lift.
+
+Gravity compensation asks for the weight that its own model holds: recorded as torque, it shows that model and nothing
+of the robot. Friction of a gear grows with its load, and where the load is only lifted it has the sign of the weight
+everywhere: the two are one torque.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.checks.smoothed_copy import Smooth
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.errors import listed
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# Share of a torque that its best weight leaves, up to which it may have been computed from the position alone; and the
+# same as a share of what inertia and modelled friction need beside any weight. Measured torques leave 50 % and more of
+# either, a compensation that was recorded as torque 1 % and 9 %.
+_OF_TORQUE, _OF_MOTION = 0.05, 0.3
+# Of the squared weight under which a joint moves, lifted less lowered: beyond it the motion is one way. Motions that go
+# up and down by the same places come to 0.1 to 0.35.
+_ONE_WAY = 0.7
+# Share of a joint's usual speed from which on it moves, and of its torque from which on its weight matters.
+_MOVES, _MATTERS = 0.1, 0.05
+_ROWS, _FEWEST = 2000, 100
+
+
+def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
+    """True for joints whose torque is a weight at each position, and holds nothing of inertia and friction.
+
+    Args:
+        robot: The given model.
+        motion: Samples of a recording.
+        tau: Its torque [N m or N].
+    """
+    rows = np.linspace(0, len(motion.t) - 1, min(len(motion.t), _ROWS)).astype(int)
+    moved = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+    still = _at_rest(moved)
+    needed = inverse_dynamics(robot, moved) - inverse_dynamics(robot, still)
+    weights = rigid_body_regressor(robot, still)
+    out = np.zeros(robot.nv, dtype=bool)
+    for j in range(robot.nv):
+        columns = np.column_stack([np.ones(len(rows)), weights[:, j]])
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        both = np.column_stack([tau[rows, j], needed[:, j]])
+        left = both - columns @ (np.linalg.lstsq(columns / size, both, rcond=1e-9)[0] / size[:, None])
+        rest, motion_alone = np.linalg.norm(left, axis=0)
+        spread = np.linalg.norm(both[:, 0] - both[:, 0].mean())
+        out[j] = rest < _OF_TORQUE * spread and rest < _OF_MOTION * motion_alone
+    return out
+
+
+def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Squared weight that each joint lifts, less that which it lowers, over both; 0 where its weight hardly matters.
+
+    Args:
+        robot: The given model.
+        motion: Samples of a recording.
+        tau: Its torque [N m or N].
+    """
+    weight = inverse_dynamics(robot, _at_rest(motion))
+    moves = np.abs(motion.v) > _MOVES * np.sqrt(np.mean(motion.v**2, axis=0))
+    matters = np.sqrt(np.mean(weight**2, axis=0)) > _MATTERS * np.sqrt(np.mean(tau**2, axis=0))
+    both = np.sum(weight**2 * moves, axis=0)
+    lifted = np.sum(weight**2 * np.sign(weight * motion.v) * moves, axis=0)
+    known = matters & (both > 0) & (moves.sum(axis=0) > _FEWEST)
+    return np.where(known, lifted / np.where(both > 0, both, 1.0), 0.0)
+
+
+def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+    """Sentences on torques that were computed from a weight, and on joints that only lift or only lower theirs."""
+    if smooth.tau is None or smooth.inside.sum() < _FEWEST:
+        return ()
+    motion, tau = smooth.motion(smooth.inside), smooth.tau[smooth.inside]
+    names, out = np.array(robot.joint_names), list[str]()
+    computed = computed_from_weight(robot, motion, tau)
+    if computed.any():
+        out.append(
+            f"{file}: the torque of {listed(tuple(names[computed]))} is a weight at each position, without what "
+            "inertia and friction need: gravity compensation that was recorded as torque, while something else moved "
+            "the robot. What is found of loads there is what the compensation's own model holds, and not what hangs on "
+            "the robot: record a motion that the drives make."
+        )
+    one_way = lifted_less_lowered(robot, motion, tau)
+    for j in np.flatnonzero(np.abs(one_way) > _ONE_WAY):
+        lifts = one_way[j] > 0
+        share = 50 * (1 + abs(one_way[j]))
+        out.append(
+            f"{file}: {names[j]} {'lifts' if lifts else 'lowers'} its weight for {share:.0f} % of its motion under "
+            "load: friction that grows with load is weight there, and a load comes out too "
+            f"{'large' if lifts else 'small'}, on a geared servo by half. Record a motion that lifts and lowers "
+            "through the same places, such as a sum of two sines."
+        )
+    return tuple(out)
+
+
+def _at_rest(motion: Motion) -> Motion:
+    none = np.zeros_like(motion.v)
+    return Motion(motion.t, motion.q, none, none)
