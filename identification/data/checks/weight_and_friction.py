@@ -26,7 +26,7 @@ _OF_TORQUE, _OF_MOTION = 0.05, 0.3
 # up and down by the same places come to 0.1 to 0.35.
 _ONE_WAY = 0.7
 # Share of a joint's usual speed from which on it moves, and of its torque from which on its weight matters.
-_MOVES, _MATTERS = 0.1, 0.05
+_MOVES, _MATTERS = 0.1, 0.3
 _ROWS, _FEWEST = 2000, 100
 
 
@@ -92,8 +92,8 @@ def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
         share = 50 * (1 + abs(one_way[j]))
         out.append(
             f"{file}: {names[j]} {'lifts' if lifts else 'lowers'} its weight for {share:.0f} % of its motion under "
-            "load: friction that grows with load is weight there, and a load comes out too "
-            f"{'large' if lifts else 'small'}, on a geared servo by half. Record a motion that lifts and lowers "
+            "load: friction that grows with load is weight there, and a load may come out too "
+            f"{'large' if lifts else 'small'}, with the gear of a servo by half. Record a motion that lifts and lowers "
             "through the same places, such as a sum of two sines."
         )
     return tuple(out)

@@ -9,7 +9,7 @@ import numpy as np
 from identification.data.log import Band
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
+from identification.diagnosis.fit.gap import judged_noise, measured_torque, sample_weights, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
@@ -122,7 +122,9 @@ def floor_of(
     quieter = np.where(comes_and_goes, most / value, 1.0)
     value, low, high = value * quieter, low * quieter, high * quieter
     moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
-    for j, seen in enumerate(repeated_noise(session, residual, tuple(use & (held == 0.0) for use, held in moving))):
+    free = tuple(use & (held == 0.0) for use, held in moving)
+    counts = tuple(sample_weights(problem, k, slice(None)) for k in range(len(residual)))
+    for j, seen in enumerate(repeated_noise(session, residual, free, counts)):
         if seen is None:
             continue
         reach = float(np.exp(ndtri(1.0 - wrong / 200.0) * seen.error))

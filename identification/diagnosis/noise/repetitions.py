@@ -25,6 +25,12 @@ _LEAST_OVERLAP = 0.1  # of the energy of the shorter recording
 _WINDOW = 0.5  # s: over this long two stretches have to agree
 _STANDS = 0.01  # of the largest joint velocity: a joint that moves less says nothing about the motion
 _LEAST = 40.0  # independent differences: fewer leave a deviation uncertain by more than a tenth
+# A drive that follows loosely repeats its reference, and its motion to some per cent: it may differ by so much if what
+# the model is wrong by differs by less than a third of what does not repeat.
+_LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
+_FEW = 20.0  # independent differences of these: the interval is as wide as they leave it
+# Clocks of two recordings of a bus differ by so much; in between are so many places where one may begin.
+_CLOCKS, _PLACES = 0.02, 41
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class Repeated:
 
 
 def repeated_noise(
-    session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...]
+    session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...], counts: Series | None = None
 ) -> tuple[Repeated | None, ...]:
     """Noise of each joint's torque in the judged band; None for a joint whose motion does not come again.
 
@@ -53,6 +59,7 @@ def repeated_noise(
         session: Recordings and their band.
         residual: What an explanation leaves of the torque of each log, in the judged band.
         usable: True where a sample counts, for each log.
+        counts: What a sample counts where motions come again loosely; None: they are not compared.
     """
     rows = len(session.robot.joint_names)
     apart: list[list[Float[Array, " n"]]] = [[] for _ in range(rows)]
@@ -62,7 +69,93 @@ def repeated_noise(
         for j in range(rows):
             use = agree & usable[first][a, j] & usable[second][b, j]
             apart[j].append((residual[first][a, j] - residual[second][b, j])[use])
-    return tuple(_spread(parts) for parts in apart)
+    strictly = [_spread(parts) for parts in apart]
+    if counts is None or all(one is not None for one in strictly):
+        return tuple(strictly)
+    loosely = _loosely_repeated(session, residual, counts)
+    return tuple(other if one is None else one for one, other in zip(strictly, loosely, strict=True))
+
+
+def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
+    """Noise of each joint by recordings of one reference whose motions agree to some per cent."""
+    rows, logs = len(session.robot.joint_names), session.logs
+    apart: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
+    of_model = np.zeros(rows)
+    left = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
+    for first in range(len(logs) if session.differences == ALIKE else 0):
+        for second in range(first + 1, len(logs)):
+            found = _beside(logs[first], logs[second])
+            if found is None:
+                continue
+            mine, theirs, agree, unlike = found
+            other = _between(residual[second], theirs)
+            weight = agree[:, None] * counts[first][mine] * _between(counts[second], theirs)
+            of_model = np.maximum(of_model, unlike * left)
+            for j in range(rows):
+                apart[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
+    out = [_weighted_spread(parts) for parts in apart]
+    return [
+        one if one is not None and most < _OF_MODEL * one.value else None
+        for one, most in zip(out, of_model, strict=True)
+    ]
+
+
+def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None:
+    """Samples of one log, where they are among those of another that begins at about the same time, and whether alike.
+
+    Clocks differ, and a motion begins between two samples. None where the motions are not alike.
+    """
+    rates = _rate(first), _rate(second)
+    if abs(rates[0] / rates[1] - 1.0) > _CLOCKS:
+        return None
+    v, w = _velocity(first), _velocity(second)
+    usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
+    moves = usual > _STANDS * usual.max()
+    best = (np.inf, 0.0)
+    at = np.arange(len(v)) * rates[1] / rates[0]
+    for shift in np.linspace(-1.0, 1.0, _PLACES):
+        inside = (at + shift >= 0) & (at + shift <= len(w) - 1)
+        other = _between(w, (at + shift)[inside])
+        unlike = float(np.sqrt(np.mean(((v[inside] - other)[:, moves] / usual[moves]) ** 2)))
+        best = min(best, (unlike, float(shift)))
+    if best[0] > _LOOSELY:
+        return None
+    inside = (at + best[1] >= 0) & (at + best[1] <= len(w) - 1)
+    mine, theirs = np.flatnonzero(inside), (at + best[1])[inside]
+    q, p = first.motion.q[first.samples][mine], _between(second.motion.q[second.samples], theirs)
+    way = np.maximum(np.ptp(q, axis=0), 1e-12)
+    apart = np.maximum(
+        ((v[mine] - _between(w, theirs))[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2
+    )
+    agree = moving_mean(apart.max(axis=1), max(1, round(_WINDOW * rates[0]))) < _LOOSELY**2
+    return mine, theirs, agree, best[0]
+
+
+def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
+    """A series between its samples, by the cubic through four of them."""
+    k = np.clip(np.floor(at).astype(int), 1, len(x) - 3)
+    u = (at - k)[:, None]
+    a, b, c, d = (x[k + shift] for shift in (-1, 0, 1, 2))
+    return (
+        -u * (u - 1) * (u - 2) / 6 * a
+        + (u + 1) * (u - 1) * (u - 2) / 2 * b
+        - (u + 1) * u * (u - 2) / 2 * c
+        + (u + 1) * u * (u - 1) / 6 * d
+    )
+
+
+def _weighted_spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
+    """The same as `_spread` of differences that count differently."""
+    independent, squares, count = 0.0, 0.0, 0.0
+    for apart, weight in parts:
+        used = weight > 0
+        if used.sum() > 1:
+            own = weight[used]
+            independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(apart[used])
+            squares, count = squares + float(own @ apart[used] ** 2), count + float(own.sum())
+    if independent < _FEW:
+        return None
+    return Repeated(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
 
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:

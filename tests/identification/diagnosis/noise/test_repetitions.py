@@ -19,9 +19,16 @@ from places import ROBOTS
 RATE, SIGMA, PERIOD = 100.0, np.array([0.3, 0.02]), 8.0  # [Hz], [N m], [s]
 
 
-def log_of(seconds: float, period: float = PERIOD, start: float = 0.0, still: bool = False) -> Log:
+def log_of(
+    seconds: float,
+    period: float = PERIOD,
+    start: float = 0.0,
+    still: bool = False,
+    rate: float = RATE,
+    sway: float = 1.0,
+) -> Log:
     """A motion of two waves that comes again after a period; the second joint may stand still, but for its encoder."""
-    t = np.arange(0.0, seconds, 1.0 / RATE)
+    t = np.arange(0.0, seconds, 1.0 / rate)
     w = 2.0 * np.pi / period
     phase = np.stack([w * (t + start), 2.0 * w * (t + start) + 1.0], axis=1)
     speed = np.array([w, 2.0 * w])
@@ -31,7 +38,8 @@ def log_of(seconds: float, period: float = PERIOD, start: float = 0.0, still: bo
     if still:
         noise = np.random.default_rng(3).standard_normal(len(t))
         q[:, 1], v[:, 1], a[:, 1] = 1e-6 * noise, 1e-5 * noise, 0.0
-    return Log("a.csv", ("j1", "j2"), Motion(t, q, v, a), np.zeros_like(q), low_pass(20.0, RATE), np.ones(len(t), bool))
+    motion = Motion(t, sway * q, sway * v, sway * a)
+    return Log("a.csv", ("j1", "j2"), motion, np.zeros_like(q), low_pass(20.0, rate), np.ones(len(t), bool))
 
 
 def session_with(*logs: Log) -> Session:
@@ -110,3 +118,52 @@ def test_samples_that_do_not_count_say_nothing(rng):
     seen = repeated_noise(session, residual, use)
     assert seen[0] is None
     assert seen[1].value == pytest.approx(SIGMA[1], rel=0.1)
+
+
+# One reference on a servo that follows it loosely: clocks differ by 0.3 %, starts by 4 ms, motions by 5 %.
+LOOSELY: tuple[dict[str, float], ...] = (
+    {},
+    {"rate": 1.003 * RATE, "start": 0.004},
+    {"rate": 1.001 * RATE, "start": -0.003, "sway": 1.05},
+)
+
+
+def loose_log(rate: float = RATE, start: float = 0.0, sway: float = 1.0) -> Log:
+    return log_of(0.9 * PERIOD, start=start, rate=rate, sway=sway)
+
+
+def slow_noise(session: Session, rng, error: float) -> tuple[np.ndarray, ...]:
+    """Noise of known size below a fifth of the rate, and an error of the model that follows the motion."""
+    out = []
+    for log in session.logs:
+        white = rng.standard_normal((len(log.samples), 2))
+        smooth = np.column_stack([np.convolve(x, np.hanning(9), "same") for x in white.T])
+        out.append(smooth / smooth.std(axis=0) * SIGMA + error * np.sin(log.motion.q[log.samples]))
+    return tuple(out)
+
+
+def counting(residual: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    return tuple(np.ones(part.shape) for part in residual)
+
+
+def test_repetitions_of_a_loose_servo_show_the_noise(rng):
+    session = session_with(*(loose_log(**how) for how in LOOSELY))
+    residual = slow_noise(session, rng, 1.0)
+    first, second = repeated_noise(session, residual, everywhere(residual), counting(residual))
+    assert first is not None
+    assert first.value == pytest.approx(SIGMA[0], rel=0.15)
+    # A twentieth of the model's error is as large as this joint's noise.
+    assert second is None
+
+
+def test_loose_repetitions_are_not_compared_where_loads_differ(rng):
+    session = session_with(*(loose_log(**how) for how in LOOSELY))
+    differing = replace(session, differences=Differences(robots=(session.robot,) * 3))
+    residual = slow_noise(session, rng, 1.0)
+    assert repeated_noise(differing, residual, everywhere(residual), counting(residual)) == (None, None)
+
+
+def test_a_motion_that_differs_by_a_fifth_is_no_repetition(rng):
+    session = session_with(log_of(0.9 * PERIOD), log_of(0.9 * PERIOD, sway=1.25))
+    residual = slow_noise(session, rng, 0.0)
+    assert repeated_noise(session, residual, everywhere(residual), counting(residual)) == (None, None)
