@@ -39,6 +39,7 @@ class Code(Enum):
     IMPLAUSIBLE_SIZE = auto()
     FRICTION_DRIVES = auto()
     MISSING_PART = auto()
+    DRIVE_SUM = auto()
     MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()
     NO_EXPERIMENT = auto()

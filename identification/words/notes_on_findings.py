@@ -114,10 +114,23 @@ def _zeros_compared(note: Note) -> str:
     return f"The zero of {note.joint} is off by {sizes}: {end}."
 
 
+def _drive_sum(note: Note) -> str:
+    n = note.numbers
+    parts = (
+        "back-EMF, viscous friction and the lateness of its reference" if n["late"] else "back-EMF and viscous friction"
+    )
+    return (
+        f"The voltage of {note.joint} shows one sum: {parts} make {n['sum']:.3g} ± {n['std']:.2g} {n['unit']} "
+        f"together. Each by itself is as right as the constants of the motor in robot.yaml, by which "
+        f"{n['back_emf']:.3g} of it is back-EMF{', and as the time that is put down to the bus' if n['late'] else ''}."
+    )
+
+
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
     Code.FRICTION_DRIVES: _friction_drives,
     Code.MISSING_PART: _missing_part,
+    Code.DRIVE_SUM: _drive_sum,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,
     Code.NO_EXPERIMENT: _no_experiment,

@@ -11,6 +11,7 @@ from identification.diagnosis.columns.soft_friction import soft_joints
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.drive_sums import drive_sums
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
@@ -41,7 +42,7 @@ Array = np.ndarray
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on what the sizes of findings say of the robot, and on each size that no sound robot has."""
-    robot, out = shown.problem.session.robot, list[Said]()
+    robot, out = shown.problem.session.robot, list[Said](drive_sums(shown))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
         assert isinstance(effect, Effect)
