@@ -92,7 +92,9 @@ def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
 
 
 def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
-    """Torque of one joint, or None if nothing gives it."""
+    """Torque of one joint, or None if nothing gives it; zeros where nobody knows its drive."""
+    if not actuator.drive_known:
+        return np.zeros(len(table.columns["t"]))
     if f"tau.{joint}" in table.columns:
         return table.columns[f"tau.{joint}"]
     if f"i.{joint}" in table.columns:
@@ -108,7 +110,8 @@ def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
     instead = ", or the references q_ref.<joint> of its position controllers, so that motion alone can be judged"
     return (
         f"{table.file} has {what} {names}: add tau.<joint>, or the motor current i.<joint> with torque_constant in "
-        f"robot.yaml, or say actuated: false there for a joint without a drive{instead if all_missing else ''}."
+        f"robot.yaml, or say actuated: false there for a joint without a drive, or drive: unknown "
+        f"for one that something moves with a torque that nobody knows{instead if all_missing else ''}."
     )
 
 
@@ -136,7 +139,7 @@ def drive_torque(
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()
     tau = side_by_side([values for values in found.values() if values is not None])
-    driven = [actuator.actuated for _, actuator in pairs]
+    driven = [actuator.actuated and actuator.drive_known for _, actuator in pairs]
     some = [bool(np.any(column)) for column in tau.T]
     if torque_needed and any(driven) and not any(x for x, live in zip(some, driven, strict=True) if live):
         raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")

@@ -22,6 +22,7 @@ from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
+from identification.data.unknown_drives import unknown_words, without_unknown_torques
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only, side_by_side
@@ -235,7 +236,7 @@ def recording(
     forces = _of_frames(table, "f")
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
-    warnings = [*table.warnings, *_require_joints(table, robot)]
+    warnings = [*table.warnings, *_require_joints(table, robot), *unknown_words(table.file, robot)]
     optional = {}
     for key, quantity in (("v", "v"), ("current", "i"), ("voltage", "u"), ("q_ref", "q_ref"), ("x", "x")):
         optional[key], sentences = _complete(table, quantity, joints)
@@ -323,7 +324,7 @@ def read_recording(
     if clock is not None and anyway:
         # Motion that lasts for days cannot be simulated or compared: it is judged in the unit that its clock has.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
-    found = mended(found, robot.prismatic)
+    found = without_unknown_torques(mended(found, robot.prismatic), robot)
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
     wrong = rest.wrong if clock is None or clock in rest.wrong else (clock, *rest.wrong)

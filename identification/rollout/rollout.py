@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
@@ -76,6 +77,9 @@ def rollout_of(explained: Explained) -> Rollout:
         explained: A diagnosis as far as it has come.
     """
     past = recorded_past(explained.session.robot, explained.session.logs)
+    if unknown_drives(explained.session.robot).any():
+        numbers = {"controlled": False, "problem": "a joint is moved by a torque that nobody knows"}
+        return Rollout(None, {}, {}, warnings=past, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
     torque = _torques()
 
     def settle(shot: Shot, model: Model) -> Shot:

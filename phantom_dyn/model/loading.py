@@ -252,6 +252,7 @@ def _actuator(stated: JointConfig, armature: float, own: Drive) -> Actuator:
         encoder_counts=stated.encoder_counts,
         encoder_side=stated.encoder_side,
         actuated=stated.actuated,
+        drive_known=stated.drive is None,
         resistance=stated.resistance,
         voltage_limit=stated.voltage_limit,
         controller=controller,

@@ -51,6 +51,7 @@ class JointConfig(_Strict, frozen=True):
     encoder_counts: Positive | None = None
     encoder_side: Literal["motor", "link"] = "motor"
     actuated: bool = True
+    drive: Literal["unknown"] | None = None
     resistance: Positive | None = None
     voltage_limit: Positive | None = None
     controller: ControllerConfig | None = None

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from identification.data.log import Band
+from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
@@ -193,7 +194,7 @@ def _given_part(session: Session) -> _GivenPart:
         (),
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
-        usable=tuple(usable_samples(log) for log in logs),
+        usable=tuple(usable_samples(log) & ~unknown_drives(robot) for log in logs),
         doubt=tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True)),
     )
 

@@ -11,6 +11,7 @@ from identification.data.changes import Change
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed_where, within_limits
+from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.columns.operations import carrying_known, operate
@@ -130,7 +131,7 @@ def session_of(
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
-    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
+    logs = tuple(replace(log, tau=with_model_torque(robot, log.motion, within_limits(log.tau, robot))) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
     if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
         seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)

@@ -120,7 +120,7 @@ def shapes_of(
     )
     for effect in (*common, *own, *STRUCTURES):
         for joint in (*effect.places(robot), *(together if effect.shared else ())):
-            if effect.untestable(robot, operation, joint) is not None:
+            if effect.untestable(robot, operation, joint) is not None or _hidden_by_drives(robot, effect, joint):
                 continue
             point = near.get((effect.name, joint))
             if point is None:
@@ -130,6 +130,18 @@ def shapes_of(
                 shapes = effect.refined(point.coefficients, point.shape)
             out.append((effect, joint, tuple(shapes)))
     return tuple(out)
+
+
+def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
+    """Why drives of which no torque is known hide an effect; None where they do not.
+
+    Without any torque all parameters may be scaled alike, down to bodies without mass, which fit best.
+    """
+    if joint in robot.joint_names and not robot.actuators[robot.joint_names.index(joint)].drive_known:
+        return f"the torque of the drive of {joint} is not known (drive: unknown in robot.yaml)"
+    if effect.inertial is None or any(one.actuated and one.drive_known for one in robot.actuators):
+        return None
+    return "no joint that is judged has a drive: inertias show there in their ratios only"
 
 
 def _is_load(effect: Effect) -> bool:
@@ -150,6 +162,7 @@ def untestable_places(
     for effect in catalogue.effects_of(robot):
         for joint in effect.places(robot):
             why = effect.untestable(robot, operation, joint)
+            why = _hidden_by_drives(robot, effect, joint) or why
             if why is None and tried is not None and (effect.name, joint) not in tried:
                 why = f"what the given model leaves on {joint} has no trace of it, so that no size of it was tried"
             if why is not None:

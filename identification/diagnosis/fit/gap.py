@@ -12,6 +12,9 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
 from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -103,10 +106,25 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band."""
-    columns = problem.columns
-    torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
-    return problem.session.in_judged_band(torque)
+    """Measured torque of every log in the judged band; of a joint without a drive what its own inertia takes.
+
+    There no torque is measured, and gaps are held against that which accelerates the joint.
+    """
+    columns, session = problem.columns, problem.session
+    torque = [model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True)]
+    for row, actuator in enumerate(session.robot.actuators):
+        if not actuator.actuated:
+            for log, own in zip(session.logs, torque, strict=True):
+                own[:, row] = log.band(_own_inertia(session.robot, log.motion, row))
+    return session.in_judged_band(tuple(torque))
+
+
+def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
+    """Torque that a joint's own inertia takes, the other joints held [N m or N]."""
+    still, alone = np.zeros_like(motion.v), np.zeros_like(motion.a)
+    alone[:, row] = motion.a[:, row]
+    moved, held = (inverse_dynamics(robot, Motion(motion.t, motion.q, still, a)) for a in (alone, still))
+    return moved[:, row] - held[:, row]
 
 
 def row_counts(problem: Problem) -> Float[Array, " nv"]:

@@ -161,7 +161,8 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
     share = [variance / (variance + d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
-    return [np.sqrt(s / mean) for s in share]
+    # Of a row without usable samples none counts, whatever its weight.
+    return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
 
 
 def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
