@@ -39,6 +39,7 @@ class Change:
         controllers: Position controllers by joint, where they are not those of the robot.
         changed: What is different there by an amount that is to be found.
         exclude: Stretches of its time [s] to leave out of every fit.
+        beside: Further files of the recording, row by row.
     """
 
     file: str
@@ -46,6 +47,7 @@ class Change:
     controllers: Mapping[str, Controller] = field(default_factory=dict)
     changed: tuple[Kind, ...] = ()
     exclude: tuple[tuple[float, float], ...] = ()
+    beside: tuple[str, ...] = ()
 
     @property
     def unknown(self) -> tuple[Kind, ...]:

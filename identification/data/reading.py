@@ -13,12 +13,20 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
+from identification.data.duty_cycles import with_voltages
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.loops_of_drives import computed_from_references, loops_of
 from identification.data.mending import mended
-from identification.data.readers.contract_columns import FEWEST_ROWS, FRAME_AXES, MEANT, UnknownNamesError, column_of
+from identification.data.readers.contract_columns import (
+    ALONE,
+    FEWEST_ROWS,
+    FRAME_AXES,
+    MEANT,
+    UnknownNamesError,
+    column_of,
+)
 from identification.data.readers.presets import fitting_presets
-from identification.data.readers.read_table import read_table
+from identification.data.readers.read_table import Files, read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
@@ -52,6 +60,10 @@ class ReadOptions:
     ref_topic: str | None = None
     excluded: tuple[tuple[float, float], ...] = ()
     anyway: bool = False
+
+
+# Fields of a recording by the quantity that they hold.
+_OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:
@@ -178,7 +190,7 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
         column = column_of(name)
         if (
             column is None
-            or column.quantity in ("t", *FRAME_AXES)
+            or column.quantity in (*ALONE, *FRAME_AXES)
             or column.of in (*robot.joint_names, *robot.passive_names)
         ):
             continue
@@ -232,13 +244,13 @@ def recording(
     """
     joints = robot.joint_names
     left_out = _excluded(table, excluded)
-    table = _without_wild_rows(table, left_out)
+    table = with_voltages(_without_wild_rows(table, left_out))
     forces = _of_frames(table, "f")
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
     warnings = [*table.warnings, *_require_joints(table, robot), *unknown_words(table.file, robot)]
     optional = {}
-    for key, quantity in (("v", "v"), ("current", "i"), ("voltage", "u"), ("q_ref", "q_ref"), ("x", "x")):
+    for key, quantity in _OPTIONAL.items():
         optional[key], sentences = _complete(table, quantity, joints)
         # Current and voltage of some joints only are usual: the torque of the others may be measured.
         warnings += sentences if quantity not in ("i", "u") else ()
@@ -288,7 +300,7 @@ def recording(
 
 
 def read_recording(
-    path: str | Path,
+    path: Files,
     robot: Robot,
     *,
     columns: str | Path | None = None,
@@ -301,7 +313,8 @@ def read_recording(
     """A recording from a file, checked: its warnings say what may be wrong with it, ``wrong`` what certainly is.
 
     Args:
-        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset.
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset; several files of one
+            recording stand side by side.
         robot: The robot that was recorded.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
@@ -332,7 +345,11 @@ def read_recording(
 
 
 def _table(
-    path: str | Path, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None
+    path: Files,
+    robot: Robot,
+    columns: str | Path | None,
+    topic: str | None,
+    ref_topic: str | None,
 ) -> Table:
     """Columns of a file, see `read_table`; where their names are unknown, the refusal says what may help."""
     try:

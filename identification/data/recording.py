@@ -120,6 +120,7 @@ class Recording:
         current: Motor currents [A].
         voltage: Motor voltages [V].
         q_ref: References of the position controllers.
+        v_ref: References of the velocity controllers.
         x: Link-side positions of a second encoder.
         temperature: Of the drives [deg C], NaN for joints without a column.
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
@@ -157,6 +158,7 @@ class Recording:
     current: Float[Array, "N nv"] | None = None
     voltage: Float[Array, "N nv"] | None = None
     q_ref: Float[Array, "N nv"] | None = None
+    v_ref: Float[Array, "N nv"] | None = None
     x: Float[Array, "N nv"] | None = None
     temperature: Float[Array, "N nv"] | None = None
     forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)

@@ -77,6 +77,7 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         current=some(recording.current),
         voltage=some(recording.voltage),
         q_ref=some(recording.q_ref),
+        v_ref=some(recording.v_ref),
         x=some(recording.x),
         temperature=some(recording.temperature),
         forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},

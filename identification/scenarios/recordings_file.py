@@ -17,7 +17,7 @@ from phantom_dyn.errors import ParameterError, UsageError, known_names, shortene
 from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.model.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
 
-_KEYS = ("file", "payload", "controller", "changed", "exclude")
+_KEYS = ("file", "payload", "controller", "changed", "exclude", "files")
 _PAYLOAD_KEYS = ("mass", "center")
 _GAINS = ("kp", "kd", "delay")
 _CONTROLLER_KEYS = ("kind", *_GAINS)
@@ -26,7 +26,8 @@ _CONTROLLER_KEYS = ("kind", *_GAINS)
 def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
     """Known changes of each recording from a ``recordings.yaml``, in the order of the recordings.
 
-    A recording that the file does not name is like the given model in all. A file is found as it is written there,
+    A recording that the file does not name is like the given model in all. Of one in several files, side by side, the
+    first is that of the diagnosis. A file is found as it is written there,
     seen from the folder of the ``recordings.yaml`` or from the working folder, or by its name alone.
 
     Args:
@@ -49,6 +50,7 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
     for k, entry in enumerate(entries):
         key = f"recordings[{k}]"
         change = _change(entry, str(path), key, joints)
+        change = replace(change, beside=tuple(_place(file, path, key) for file in change.beside))
         at = _which(change.file, path, key, logs)
         if at in seen:
             raise ParameterError(
@@ -104,16 +106,41 @@ def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a mapping with file and what was different.")
     _known_keys(entry, file, key, _KEYS)
-    if "file" not in entry:
-        raise ParameterError(f"{file}: {key}.file is missing, wanted the recording that the entry is about.")
+    name, *beside = _files(entry, file, key)
     gains = entry.get("controller")
     return Change(
-        file=text_at(entry["file"], file, f"{key}.file"),
+        file=name,
+        beside=tuple(beside),
         payload=_payload(entry["payload"], file, f"{key}.payload") if "payload" in entry else None,
         controllers=_controllers(gains, file, f"{key}.controller", joints) if "controller" in entry else {},
         changed=_changed(entry["changed"], file, f"{key}.changed") if "changed" in entry else (),
         exclude=_stretches(entry["exclude"], file, f"{key}.exclude") if "exclude" in entry else (),
     )
+
+
+def _files(entry: Mapping[Any, Any], file: str, key: str) -> list[str]:
+    """The files of a recording, of which the first names it."""
+    if ("file" in entry) == ("files" in entry):
+        raise ParameterError(
+            f"{file}: {key} wants either file, the recording that the entry is about, or files, several of one "
+            "recording side by side."
+        )
+    if "file" in entry:
+        return [text_at(entry["file"], file, f"{key}.file")]
+    names = [
+        text_at(name, file, f"{key}.files[{k}]") for k, name in enumerate(list_at(entry["files"], file, f"{key}.files"))
+    ]
+    if not names:
+        raise ParameterError(f"{file}: {key}.files is empty, wanted names such as [pos.csv, tau.csv].")
+    return names
+
+
+def _place(file: str, path: Path, key: str) -> str:
+    """A further file, seen from the folder of the ``recordings.yaml`` or from the working folder."""
+    for folder in (path.parent, Path()):
+        if (folder / file).exists():
+            return str(folder / file)
+    raise ParameterError(f"{path}: {key}.files names {shortened(file)}, which does not exist: correct the name.")
 
 
 def _payload(entry: Any, file: str, key: str) -> KnownPayload:
@@ -232,7 +259,7 @@ def read_changed(
     asked = bool(change.controllers) and states_controllers(there)
     left_out = (*excluded, *change.exclude)
     found = read_recording(
-        path,
+        (path, *change.beside),
         there,
         columns=columns,
         topic=topic,

@@ -10,6 +10,7 @@ tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
 tau.j3: {compensated: [gravity, friction]}  # of one joint, and its friction too
 tau.j4: {low_pass: 20}               # it went through a low pass of first order at 20 Hz, which is taken back
+rate: 100                            # [Hz] rows come at this rate: the time of a log that has none
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -24,12 +25,15 @@ from pathlib import Path
 from typing import Any, cast
 
 import msgspec
+import numpy as np
 
 from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
 from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.settings_file import describe, read_settings
+
+Array = np.ndarray
 
 _PLACE = "{joint}"
 _NUMBER = "{number}"
@@ -76,6 +80,7 @@ class ColumnMap:
         compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
             is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through; ``""`` as above.
+        rate: Rows a second of a log without time [Hz]; None where it has one.
     """
 
     file: str
@@ -83,6 +88,7 @@ class ColumnMap:
     ignored: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
+    rate: float | None = None
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -173,14 +179,26 @@ def read_column_map(path: str | Path) -> ColumnMap:
     ignored = content.pop("ignore", [])
     if not isinstance(ignored, list) or not all(isinstance(name, str) for name in ignored):
         raise LogError(f"{path.name}: ignore is {describe(ignored)}, wanted a list of column names.")
-    if not content and not ignored:
+    rate = _rate(path.name, content.pop("rate", None), content)
+    if not content and not ignored and rate is None:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
     rest = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
     low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in rest.items() if hertz is not None}
     sources = {key: source_of(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
-    return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass)
+    return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate)
+
+
+def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:
+    """Rows a second that a map states [Hz]; None where it states none."""
+    if given is None:
+        return None
+    if not isinstance(given, int | float) or isinstance(given, bool) or not _LEAST <= given <= _MOST:
+        raise LogError(f"{file}: rate is {describe(given)}, wanted the rows a second of a log without time [Hz].")
+    if "t" in content:
+        raise LogError(f"{file}: both rate and t are given: leave rate out where the log has a time.")
+    return float(given)
 
 
 def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
@@ -228,6 +246,15 @@ def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | Non
     if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _LEAST <= hertz <= _MOST:
         raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0 (1e-6 to 1e12).")
     return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
+
+
+def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Array]) -> Array:
+    """Times of rows at the rate that a map states [s]."""
+    if "t" in raw.names and "t" not in columns.ignored:
+        raise LogError(
+            f"{columns.file}: rate is given, but {raw.file} has a column t: leave rate out, or add ignore: [t]."
+        )
+    return np.arange(len(next(iter(out.values()), ()))) / rate
 
 
 def matching(name: str, names: Sequence[str]) -> dict[str, str]:
@@ -303,6 +330,8 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
         if source.name in raw.problems:
             raise LogError(raw.problems[source.name])
         out[key] = raw.columns[source.name] * source.factor
+    if columns.rate is not None:
+        out = {"t": _times(raw, columns, columns.rate, out), **out}
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
     warnings = (*raw.warnings, *told)
     table = RawTable(

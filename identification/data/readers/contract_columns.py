@@ -19,9 +19,11 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "x", "temp", "f", "p", "o"]
+Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp", "supply", "f", "p", "o"]
 
-JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "x", "temp")
+JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp")
+ALONE: tuple[Quantity, ...] = ("t", "supply")
+"""Columns of the whole robot, whose name is that of their quantity."""
 
 FRAME_AXES: dict[str, tuple[str, ...]] = {"f": ("x", "y", "z"), "p": ("x", "y", "z"), "o": ("qx", "qy", "qz", "qw")}
 """Parts of a force, a position and an orientation (quaternion) of a frame."""
@@ -38,6 +40,9 @@ LARGEST: dict[Quantity, float] = {
     "i": 1e6,
     "u": 1e6,
     "q_ref": 1e6,
+    "v_ref": 1e6,
+    "duty": 1e3,
+    "supply": 1e6,
     "x": 1e6,
     "temp": 2e3,
     "f": 1e9,
@@ -58,6 +63,9 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "q_ref": _POSITION,
     "x": _POSITION,
     "v": _SPEED,
+    "v_ref": _SPEED,
+    "duty": {"1": 1.0, "percent": 0.01},
+    "supply": {"V": 1.0, "mV": 1e-3},
     "tau": {**_TORQUE, **_FORCE},
     "i": {"A": 1.0, "mA": 1e-3},
     "u": {"V": 1.0, "mV": 1e-3},
@@ -68,7 +76,7 @@ UNITS: dict[Quantity, dict[str, float]] = {
 }
 
 # A count is a position; a speed in counts is per second.
-COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v")
+COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v", "v_ref")
 
 FEWEST_ROWS = 50
 FEWEST_POSES = 20
@@ -89,8 +97,8 @@ class Column:
 
 def column_of(name: str) -> Column | None:
     """Meaning of a column name, or None if it is none of the contract's."""
-    if name == "t":
-        return Column("t")
+    if name in ALONE:
+        return Column(cast("Quantity", name))
     prefix, _, rest = name.partition(".")
     if prefix in JOINT_QUANTITIES and rest:
         return Column(cast("Quantity", prefix), rest)
@@ -147,7 +155,8 @@ def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[
         )
     if "t" not in wanted:
         raise UnknownNamesError(
-            f"{raw.file} has no column t (time in seconds), its columns are {own}: add it or map it with --columns.",
+            f"{raw.file} has no column t (time in seconds), its columns are {own}: add it or map it with "
+            "--columns; of rows at a known rate write rate: 100 [Hz] into the map.",
             raw.names,
         )
     if not any(column.quantity == "q" for column in wanted.values()):

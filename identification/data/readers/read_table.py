@@ -18,10 +18,14 @@ from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
 from identification.data.readers.presets import map_of, preset_of
 from identification.data.readers.sage import with_neighbours
+from identification.data.readers.side_by_side import side_by_side
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
+
+Files = str | Path | Sequence[str | Path]
+"""A file, or several of one recording."""
 
 
 def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
@@ -101,7 +105,7 @@ def _damaged(path: Path, error: Exception) -> str:
 
 
 def read_table(
-    path: str | Path,
+    path: Files,
     *,
     columns: str | Path | None = None,
     topic: str | None = None,
@@ -112,7 +116,7 @@ def read_table(
     """Columns of a log under the contract's names, checked and ready to use.
 
     Args:
-        path: See `read_raw`.
+        path: See `read_raw`; several files of one recording stand side by side, and topics are of the first.
         columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of one that is shipped,
             see `identification.data.readers.presets`.
         topic: See `read_raw`.
@@ -132,7 +136,10 @@ def read_table(
     if own_map is not None and joints is not None:
         require_joints(own_map, (*joints, *other_joints))
     users = own_map is not None
+    path, *others = (path,) if isinstance(path, str | Path) else path
     raw = read_raw(path, topic=topic, ref_topic=ref_topic)
+    if others:
+        raw = side_by_side(raw, [read_raw(one) for one in others])
     if preset is not None:
         raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
         raw = replace(raw, motor_orders=raw.motor_orders or preset.motor_orders)

@@ -69,7 +69,7 @@ def test_a_file_is_seen_from_the_folder_of_the_yaml(said, tmp_path):
         ("recordings: [{file: a.csv, exclude: [[1, x]]}]", "recordings[0].exclude[0][1] is the text 'x', wanted"),
         ("recording: []", "there is no key recording, the keys are recordings; did you mean recordings?"),
         ("recordings: [a.csv]", "recordings[0] is the text 'a.csv', wanted a mapping with file"),
-        ("recordings: [{changed: [friction]}]", "recordings[0].file is missing"),
+        ("recordings: [{changed: [friction]}]", "recordings[0] wants either file"),
         ("recordings: [{file: 3}]", "recordings[0].file is 3, wanted a text"),
         ("recordings: [{file: c.csv}]", "is c.csv, which is not among the recordings that were given: the recordings"),
         (
