@@ -93,7 +93,7 @@ def test_recordings_yaml_names_the_files_of_a_recording(tmp_path):
     (change,) = read_changes(path, [positions], robot.joint_names)
     np.testing.assert_allclose(read_changed(positions, robot, change).tau, TAU)
     path.write_text("recordings: [{files: [pos.csv, gone.csv]}]\n")
-    with pytest.raises(ParameterError, match="gone[.]csv, which does not exist"):
+    with pytest.raises(ParameterError, match=r"gone[.]csv, which does not exist"):
         read_changes(path, [positions], robot.joint_names)
 
 
