@@ -25,6 +25,7 @@ _ALWAYS = 200_000_000
 _TIMES = 50
 """Beyond that, how many times its own size: measured numbers do not pack better than ten times."""
 _STEP = 1_000_000
+_MAGIC = 8  # bytes at the end of an MCAP file
 _SAMPLE = 8  # bytes of a number once it is read
 
 
@@ -102,7 +103,8 @@ def require_small_mcap(path: Path) -> None:
 
     Raises:
         LogError: If they do.
-        DamagedError: If its index points at what is no chunk.
+        DamagedError: If its index points at what is no chunk, or a record is longer than the file: a reader takes as
+            much memory as it declares.
     """
     with path.open("rb") as file:
         file.seek(8)
@@ -115,7 +117,7 @@ def require_small_mcap(path: Path) -> None:
                 (packed,) = struct.unpack("<Q", file.read(8))
                 chunks.append((start, _Chunk(packing, file.tell(), min(packed, length), declared)))
             elif kind == 8:
-                indexed.add(struct.unpack("<QQQ", file.read(24))[2])
+                indexed.add(_indexed_chunk(file.read(length), path.stat().st_size))
             elif kind == 2:
                 summary = struct.unpack("<Q", file.read(8))[0]
                 if summary and summary not in starts:
@@ -131,10 +133,26 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
     while start + 9 <= size:
         file.seek(start)
         kind, length = struct.unpack("<BQ", file.read(9))
+        if start + 9 + length > size:
+            raise DamagedError("a record is longer than the file")
+        if kind == 2 and start + 9 + length + _MAGIC != size:
+            raise DamagedError("its footer is not at its end")
         yield start, kind, length
         if kind == 2:  # the footer, the last one
             return
         start += 9 + length
+
+
+def _indexed_chunk(record: bytes, size: int) -> int:
+    """Where an entry of an index says that a chunk begins, of a file of some size."""
+    (start,) = struct.unpack_from("<Q", record, 16)
+    at = 32
+    # Its offsets of messages, their length, and the name of the packing.
+    at += 4 + struct.unpack_from("<I", record, at)[0] + 8
+    at += 4 + struct.unpack_from("<I", record, at)[0]
+    if struct.unpack_from("<Q", record, at)[0] > size:
+        raise DamagedError("its index declares a chunk that is longer than the file")
+    return start
 
 
 def require_small_bag(path: Path) -> None:

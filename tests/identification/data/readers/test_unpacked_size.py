@@ -114,6 +114,38 @@ def test_an_index_that_points_beside_the_chunks(tmp_path):
         require_small_mcap(path)
 
 
+def changed(path, at: int, value: int):
+    """The file with eight of its bytes replaced by a number."""
+    content = bytearray(path.read_bytes())
+    content[at : at + 8] = struct.pack("<Q", value)
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("at", [9, 30])
+def test_a_record_of_an_mcap_that_is_longer_than_the_file(tmp_path, at):
+    # Lengths of the head and of the chunk: a reader asks for as much memory.
+    path = mcap(tmp_path, "", b"1234", 4)
+    assert path.read_bytes()[at - 1] in (1, 6)
+    assert "a record is longer than the file" in refusal(changed(path, at, 3 * GIGABYTE))
+
+
+def test_a_footer_of_an_mcap_that_stands_before_its_end(tmp_path):
+    path = mcap(tmp_path, "", b"1234", 4)
+    content = path.read_bytes()
+    footer = content[-37:-8]
+    path.write_bytes(content[:29] + footer + content[29:])
+    with pytest.raises(DamagedError, match="its footer is not at its end"):
+        require_small_mcap(path)
+
+
+def test_an_index_of_an_mcap_that_declares_a_chunk_of_gigabytes(tmp_path):
+    path = mcap(tmp_path, "", b"1234", 4)
+    packed_at = path.stat().st_size - 37 - 16
+    assert struct.unpack("<QQ", path.read_bytes()[packed_at : packed_at + 16]) == (4, 4)
+    assert "a chunk that is longer than the file" in refusal(changed(path, packed_at, 3 * GIGABYTE))
+
+
 def bag_record(head: dict[bytes, bytes], data: bytes) -> bytes:
     fields = b"".join(struct.pack("<I", len(k) + 1 + len(v)) + k + b"=" + v for k, v in head.items())
     return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(data)) + data
