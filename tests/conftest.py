@@ -113,6 +113,17 @@ def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 1e6)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_mujoco_log() -> Generator[None, None, None]:
+    """No MUJOCO_LOG.TXT in the working folder, which MuJoCo writes its warnings into where nobody takes them."""
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    yield
+    mujoco.set_mju_user_warning(before)
+
+
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """Random numbers that depend on nothing but the name of the test, wherever its file lies."""
