@@ -14,6 +14,7 @@ from identification.data.checks.against_model import (
     model_torque,
     spread_samples,
 )
+from identification.data.checks.beyond_range import beyond_range
 from identification.data.checks.certain_faults import certain_faults, load_or_current_words
 from identification.data.checks.drive_loops import check_computed, check_controllers
 from identification.data.checks.filtered_torques import check_filtered, filtered_joints
@@ -94,11 +95,13 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if smooth is None or recording.tau is None:
-        return Checked((*out, *check_degrees(recording, robot, None, None)), certain_faults(recording, robot, None)[0])
+        wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
+        return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)
     external = _external_torque(recording, robot)
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     reading = reading_of(smooth, None if forces is None else forces.tau)
     wrong, offers = certain_faults(recording, robot, reading)
+    wrong = wrong or beyond_range(recording, robot)
     if wrong or offers:
         # What else a comparison with the model finds is mostly the echo of these.
         return Checked((*out, *offers), wrong)

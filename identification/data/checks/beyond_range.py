@@ -1,0 +1,67 @@
+"""Positions that a joint cannot have: more than a turn outside the range that the robot's file states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.checks.smoothed_copy import included
+from identification.data.readers.map_entries import entries_words
+from identification.data.recording import Fault, Recording
+from phantom_dyn.array_types import Float
+from phantom_dyn.model.robot import Robot, position_limits
+
+Array = np.ndarray
+
+_TURN = 2 * np.pi  # [rad]
+# Share of a recording that lies so far outside: less is a spike or a turn that was miscounted for a while.
+_MOST = 0.05
+
+
+def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
+    """What is wrong with positions more than a turn outside a joint's range; no torque is needed to know it.
+
+    Where whole turns less are inside, the encoder counts turns, and nothing is wrong with the motion.
+
+    Args:
+        recording: Raw samples.
+        robot: Gives the ranges.
+    """
+    lower, upper = position_limits(robot)
+    q = recording.q[included(recording)]
+    if not len(q):
+        return ()
+    found = [
+        row
+        for row in range(robot.nv)
+        if not robot.prismatic[row] and np.isfinite([lower[row], upper[row]]).all()
+        if _outside(q[:, row], lower[row], upper[row])
+    ]
+    if not found:
+        return ()
+    names = [robot.joint_names[row] for row in found]
+    row = found[0]
+    extreme = float(q[np.argmax(np.abs(q[:, row])), row])
+    why = (
+        f"q.{names[0]} reaches {extreme:.4g} rad, and its range is {lower[row]:.3g} to {upper[row]:.3g} rad: more than "
+        "a turn outside"
+    )
+    what = f"the positions of {', '.join(names)} are where {'it' if len(names) == 1 else 'they'} cannot be"
+    if all(_inside(np.deg2rad(q[:, row]), lower[row], upper[row]) for row in found):
+        entries = {f"q.{name}": f"{{from: q.{name}, unit: deg}}" for name in names}
+        return (Fault(what, why, entries_words(recording, entries)),)
+    return (Fault(what, why, "correct the unit or the zero of the column, or the range in the robot's file"),)
+
+
+def _outside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
+    """True if a good part of the positions is more than a turn outside, and whole turns do not bring them inside."""
+    far = (q > upper + _TURN) | (q < lower - _TURN)
+    if far.mean() < _MOST:
+        return False
+    turns = np.round((np.median(q) - 0.5 * (lower + upper)) / _TURN)
+    return not _inside(q - turns * _TURN, lower, upper)
+
+
+def _inside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
+    """True if positions are in the range, or outside by less than a twentieth of it."""
+    room = 0.05 * (upper - lower)
+    return bool(q.min() >= lower - room and q.max() <= upper + room)
