@@ -22,12 +22,10 @@ from identification.data.readers.contract_columns import (
     FEWEST_ROWS,
     FRAME_AXES,
     MEANT,
-    UnknownNamesError,
     column_of,
 )
-from identification.data.readers.presets import fitting_presets
-from identification.data.readers.read_table import Files, read_table
-from identification.data.readers.suggested_map import suggested_map
+from identification.data.readers.read_table import Files
+from identification.data.recognised_layouts import table_of
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
@@ -328,7 +326,7 @@ def read_recording(
     """
     # An hour of samples is hundreds of megabytes: the table has no name here, so that it is held no longer than needed.
     found = recording(
-        _table(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
+        table_of(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
     )
     if found.poses_alone:
         # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
@@ -344,6 +342,7 @@ def read_recording(
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)
 
 
+<<<<<<< HEAD
 def _table(
     path: Files,
     robot: Robot,
@@ -376,6 +375,8 @@ def _advice(names: tuple[str, ...], robot: Robot) -> str:
     return preset + own
 
 
+=======
+>>>>>>> f32ef08b (Read the layouts of presets without being told)
 def unassigned_recording(table: Table) -> Recording:
     """The joints of a table as they stand there, for checks without a robot; torque and speed if all joints have it."""
     joints = _joints_of(table, "q")

@@ -116,10 +116,23 @@ def test_bam_is_of_one_joint(tmp_path):
         read_table(path, columns="bam", joints=JOINTS)
 
 
-def test_a_file_whose_columns_are_those_of_a_preset_is_told_so(tmp_path):
-    path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_q_1"], [T, series(0), series(1)])
-    with pytest.raises(LogError, match="look like those of --columns ur_rtde"):
-        read_recording(path, load_robot(CHECKOUT / "tests" / "robots" / "planar2.urdf"))
+@pytest.mark.parametrize("number", ["_{}", "[{}]"])
+def test_currents_of_a_known_layout_ask_for_the_constants_in_the_sentence_that_names_it(tmp_path, number):
+    robot = load_robot(CHECKOUT / "tests" / "robots" / "planar2.urdf")
+    names = [f"actual_{quantity}{number.format(j)}" for quantity in ("q", "current") for j in range(2)]
+    path = text_table(tmp_path / "log.csv", ["timestamp", *names], [T, *(series(k) for k in range(4))])
+    with pytest.raises(LogError, match=r"read as --columns ur_rtde: .* add torque_constant and gear_ratio of shoulder"):
+        read_recording(path, robot)
+
+
+def test_a_known_layout_is_read_without_being_named_and_said(tmp_path):
+    robot = load_robot(CHECKOUT / "tests" / "robots" / "planar2.urdf")
+    names = [f"state.{quantity}[{j}]" for quantity in ("q", "tau_J") for j in range(2)]
+    columns = [0.1 * np.sin(3 * T + k) for k in range(4)]
+    found = read_recording(text_table(tmp_path / "log.csv", ["time", *names], [1e3 * T, *columns]), robot)
+    np.testing.assert_allclose(found.t, T, atol=1e-12)
+    np.testing.assert_allclose(found.tau, np.column_stack(columns[2:]))
+    assert any("its columns are those of --columns libfranka" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize(("preset", "time", "unit", "layout"), LAYOUTS, ids=[f"{p}-{t}" for p, t, _, _ in LAYOUTS])
