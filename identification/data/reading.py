@@ -342,41 +342,6 @@ def read_recording(
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)
 
 
-<<<<<<< HEAD
-def _table(
-    path: Files,
-    robot: Robot,
-    columns: str | Path | None,
-    topic: str | None,
-    ref_topic: str | None,
-) -> Table:
-    """Columns of a file, see `read_table`; where their names are unknown, the refusal says what may help."""
-    try:
-        return read_table(
-            path,
-            columns=columns,
-            topic=topic,
-            ref_topic=ref_topic,
-            joints=robot.joint_names,
-            other_joints=(*robot.passive_names, *robot.locked),
-        )
-    except UnknownNamesError as error:
-        if columns is not None:
-            raise
-        raise LogError(f"{error}{_advice(error.names, robot)}") from error
-
-
-def _advice(names: tuple[str, ...], robot: Robot) -> str:
-    """What may help with columns of other names: a map that is shipped, and one to begin with; empty where nothing."""
-    fitting = fitting_presets(names)
-    preset = f" The columns look like those of --columns {fitting[0]}." if len(fitting) == 1 else ""
-    suggested = suggested_map(names, robot.joint_names)
-    own = f" A map to begin with, to be checked and saved as columns.yaml:\n{suggested}" if suggested else ""
-    return preset + own
-
-
-=======
->>>>>>> f32ef08b (Read the layouts of presets without being told)
 def unassigned_recording(table: Table) -> Recording:
     """The joints of a table as they stand there, for checks without a robot; torque and speed if all joints have it."""
     joints = _joints_of(table, "q")

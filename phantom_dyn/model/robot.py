@@ -44,10 +44,10 @@ class Actuator:
     encoder_counts: float | None = None
     encoder_side: Literal["motor", "link"] = "motor"
     actuated: bool = True
-    drive_known: bool = True
     resistance: float | None = None
     voltage_limit: float | None = None
     controller: Controller | None = None
+    drive_known: bool = True
 
 
 @dataclass(frozen=True)

@@ -106,14 +106,15 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band; of a joint without a drive what its own inertia takes.
+    """Measured torque of every log in the judged band; where no joint has any, what their own inertia takes.
 
-    There no torque is measured, and gaps are held against that which accelerates the joint.
+    Gaps are then held against that which accelerates the joints.
     """
     columns, session = problem.columns, problem.session
     torque = [model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True)]
-    for row, actuator in enumerate(session.robot.actuators):
-        if not actuator.actuated:
+    actuators = session.robot.actuators
+    for row, actuator in enumerate(actuators):
+        if not actuator.actuated and not any(one.actuated and one.drive_known for one in actuators):
             for log, own in zip(session.logs, torque, strict=True):
                 own[:, row] = log.band(_own_inertia(session.robot, log.motion, row))
     return session.in_judged_band(tuple(torque))
