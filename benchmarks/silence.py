@@ -74,9 +74,9 @@ def pairs(seeds: Sequence[int], *, slow: bool, jobs: int) -> Iterator[Pair]:
         names = [case.id for _, *two in made for case in two]
         run_all(default_command(), names, cases, results, jobs=jobs, what="diagnosed")
         for seed, case, without in made:
-            said = [_said(results, one.id) for one in (case, without)]
-            if None not in said:
-                yield _compared(seed, case, *said)
+            own, other = (_said(results, one.id) for one in (case, without))
+            if own is not None and other is not None:
+                yield _compared(seed, case, own, other)
 
 
 def _said(results: Path, name: str) -> dict | None:
