@@ -1,7 +1,7 @@
 """How often poses of a UR10 or a closed chain blame a robot that is right, and find what is wrong with another.
 
     python -m benchmarks.measured_poses --seeds 3000:3100
-    python -m benchmarks.measured_poses --seeds 3100:3200 --told    # in the robot's root frame, base and target, too
+    python -m benchmarks.measured_poses --seeds 3100:3200 --in-root-frame  # base and target, too
     python -m benchmarks.measured_poses --seeds 5300:5340 --chains  # PHANToM 1.5, CEA branch, four-bar, five-bar
 
 Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
@@ -178,14 +178,14 @@ def main() -> None:
     """Print false claims, truths in the set, extras and the largest errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="0:100")
-    parser.add_argument("--told", action="store_true")
+    parser.add_argument("--in-root-frame", action="store_true")
     parser.add_argument("--chains", action="store_true")
     given = parser.parse_args()
     first, last = map(int, given.seeds.split(":"))
     if given.chains:
         chains(range(first, last))
         return
-    at_root = (np.eye(4), np.eye(4)) if given.told else None
+    at_root = (np.eye(4), np.eye(4)) if given.in_root_frame else None
     robot, text = load_robot("example:ur10"), Path(find_robot("example:ur10")).read_text()
     false = found = tested = extra = 0
     errors: dict[str, list[float]] = {}
@@ -195,7 +195,7 @@ def main() -> None:
         false += bool(right.findings or right.verdict != "no_gap")
         true, key, size = wrong_robot(seed, text, robot.joint_names)
         told = at_root
-        if given.told and seed % 3:
+        if given.in_root_frame and seed % 3:
             true = TrueRobot(text)
             told, key, size = told_poses(seed)
         said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, told),))

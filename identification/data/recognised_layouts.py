@@ -15,7 +15,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None) -> Table:
-    """Columns of a file, see `read_table`; of unknown names a layout that is known is read, else told how to map."""
+    """Columns of a file, see `read_table`; a known layout is read, and for other names the refusal shows a map."""
 
     def read(columns: str | Path | None) -> Table:
         others = (*robot.passive_names, *robot.locked)

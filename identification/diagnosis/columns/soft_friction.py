@@ -79,7 +79,7 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
     """
     if not any(robot.soft_friction):
         return robot
-    bases = [_bodies(robot, *one) for one in recorded]
+    bases = [_bodies(robot, one) for one in recorded]
     shown = np.array(known, dtype=float)
     for _ in range(_ESTIMATES):
         robot = _rubbing(robot, shown)
@@ -111,9 +111,9 @@ def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array],
     return True
 
 
-def _bodies(robot: Robot, operation: Operation, lacking: Array, band: Band) -> Float[Array, "n nv p"]:
+def _bodies(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
     """Columns of all inertial parameters at the samples of the band."""
-    del lacking
+    operation, _, band = one
     slow = Motion(*(band(x) for x in (operation.t, operation.q, operation.v, operation.a)))
     return rigid_body_regressor(robot, slow)
 

@@ -39,9 +39,7 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
     return tuple(out)
 
 
-def _numbers(
-    problem: Problem, fitted: JointFit, sizes: dict[tuple[str, str | None], dict[str, Value]]
-) -> FittedNumbers:
+def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers:
     moves = moves_of(problem.session.robot)
     timing = float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
     soft = [(str(moves[k].place), float(fitted.x[k])) for k in problem.moves if moves[k].kind == SOFTNESS]

@@ -29,8 +29,7 @@ class Range:
         units: Of the parameters that it is about, of a hinge and of a linear joint.
         by_speed: True if it is measured by the largest torque over the largest speed, not by the largest torque.
         most: Of that measure.
-        because: Why.
-        source: What sound robots have, and where that is from.
+        because: Why: no measured number, but how a drive works.
     """
 
     quantity: str
@@ -38,7 +37,6 @@ class Range:
     by_speed: bool
     most: float
     because: str
-    source: str
 
 
 # The range is twice as wide as its reason says, as a torque may be recorded too small by as much.
@@ -50,7 +48,6 @@ RANGES: tuple[Range, ...] = (
         2.0,
         "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that "
         "was recorded",
-        "13 to 47 % on the UR10 and 14 % on EMPS, of the friction fitted to the recordings of docs/real_recordings.md",
     ),
     Range(
         "viscous friction times the largest speed over the largest recorded torque of the joint",
@@ -59,7 +56,6 @@ RANGES: tuple[Range, ...] = (
         2.0,
         "a drive that moves a joint gives its friction at least, and at the largest speed this is more than twice the "
         "largest torque that was recorded",
-        "14 to 82 % on the UR10 and 20 % on EMPS, of the same",
     ),
 )
 

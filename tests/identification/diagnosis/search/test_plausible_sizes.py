@@ -35,5 +35,5 @@ def test_what_is_no_friction_has_no_range_by_the_recorded_torque(quiet):
     assert implausible(quiet.session, term, np.array([5.0 * quiet.session.largest_torque[1]])) is None
 
 
-def test_each_range_says_why_and_what_sound_robots_have():
-    assert all(one.because and one.source and one.most > 0.0 for one in RANGES)
+def test_each_range_says_why():
+    assert all(one.because and one.most > 0.0 for one in RANGES)
