@@ -1,5 +1,6 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
+#   make nightly the long tests that `make test` leaves out: coverage, power and whole studies
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
@@ -31,7 +32,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint wheel lowest bench blind drake speed mutants fuzz docs lock clean setup tools
+.PHONY: demo test nightly lint wheel lowest bench blind drake speed mutants fuzz docs lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -40,6 +41,9 @@ demo: setup
 # Byte code is kept whatever the environment says: else each worker and each process of a test compiles every module.
 test: setup
 	@env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest
+
+nightly: setup
+	@env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -m nightly
 
 lint: setup
 	@$(BIN)/ruff check .

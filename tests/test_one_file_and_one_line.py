@@ -74,6 +74,7 @@ def said_by_pytest(checkout: Path, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.nightly
 def test_what_goes_through_all_effects_passes_with_it(checkout):
     out = said_by_pytest(checkout, *GOING_THROUGH_ALL)
     # It was there: the tests that have each effect as a case have it.
