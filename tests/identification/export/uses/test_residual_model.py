@@ -31,14 +31,18 @@ REST = made_up_rest(lambda x: 0.0 * x["t"], seconds=9.0)
 HELD_OUT_S = 15.0
 
 
-@pytest.mark.parametrize("number", range(len(library(REST))), ids=lambda k: library(REST)[k].texts[0])
-def test_every_term_of_the_library_is_the_same_in_the_file(number):
-    term, log = library(REST)[number], REST.logs[0]
-    terms, states = residual_terms(REST, [(text, 1.0) for text in term.texts])
+def test_every_term_of_the_library_is_the_same_in_the_file():
+    log = REST.logs[0]
     every = {name: (-1e9, 1e9) for name in log.inputs}
-    law = loaded(residual_code(replace(SPRING, terms=terms, states=states, valid=every, slow=1e-9)))
-    wanted = np.sum([column(log) for column in term.columns], axis=0)
-    np.testing.assert_allclose(law["Residual"]().along(log.inputs), wanted, rtol=1e-6, atol=1e-6 * np.ptp(wanted))
+    others = []
+    for term in library(REST):
+        terms, states = residual_terms(REST, [(text, 1.0) for text in term.texts])
+        law = loaded(residual_code(replace(SPRING, terms=terms, states=states, valid=every, slow=1e-9)))
+        wanted = np.sum([column(log) for column in term.columns], axis=0)
+        along = law["Residual"]().along(log.inputs)
+        if not np.allclose(along, wanted, rtol=1e-6, atol=1e-6 * np.ptp(wanted)):
+            others.append(term.texts[0])
+    assert others == []
 
 
 def test_the_file_needs_numpy_alone(tmp_path):
