@@ -105,6 +105,8 @@ def test_the_page_is_served_until_ctrl_c_which_ends_the_command_cleanly(pendulum
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONWARNINGS": "error"},
+        # A shell lets what it runs in the background ignore Ctrl-C, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
         assert command.stdout is not None
