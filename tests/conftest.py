@@ -17,49 +17,70 @@ from jaxtyping import install_import_hook
 
 # Shape annotations of these packages are checked, save those of compiled functions. Where checks would
 # cost many times what they check (a step of phantom_dyn.simulation, a fit of the diagnosis), modules are named one by
-# one. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float
+# one.
+CHECKED = [
+    "identification.data",
+    "identification.degrade",
+    "identification.diagnosis.fit.joint_fit",
+    "identification.diagnosis.fit.whole_model",
+    "identification.diagnosis.columns.operations",
+    "identification.diagnosis.result",
+    "identification.estimators",
+    "identification.excitation",
+    "identification.experiments",
+    "identification.export",
+    "identification.identify",
+    "identification.next_experiment",
+    "identification.regression",
+    "identification.reporting.page.explaining",
+    "identification.reporting.page.gap_figures",
+    "identification.reporting.page.robot_scene",
+    "identification.reporting.charts.thinning",
+    "identification.rollout",
+    "identification.scenarios",
+    "phantom_dyn.devices",
+    "phantom_dyn.dynamics",
+    "phantom_dyn.effects",
+    "phantom_dyn.haptics",
+    "phantom_dyn.loops",
+    "phantom_dyn.maps",
+    "phantom_dyn.model.inertia",
+    "phantom_dyn.model.robot",
+    "phantom_dyn.motion",
+    "phantom_dyn.shapes",
+    "phantom_dyn.walking",
+]
+# Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float
 # (PEP 484).
-install_import_hook(
-    [
-        "identification.data",
-        "identification.degrade",
-        "identification.diagnosis.fit.joint_fit",
-        "identification.diagnosis.fit.whole_model",
-        "identification.diagnosis.columns.operations",
-        "identification.diagnosis.result",
-        "identification.estimators",
-        "identification.excitation",
-        "identification.experiments",
-        "identification.export",
-        "identification.identify",
-        "identification.next_experiment",
-        "identification.regression",
-        "identification.reporting.page.explaining",
-        "identification.reporting.page.gap_figures",
-        "identification.reporting.page.robot_scene",
-        "identification.reporting.charts.thinning",
-        "identification.rollout",
-        "identification.scenarios",
-        "phantom_dyn.devices",
-        "phantom_dyn.dynamics",
-        "phantom_dyn.effects",
-        "phantom_dyn.haptics",
-        "phantom_dyn.loops",
-        "phantom_dyn.maps",
-        "phantom_dyn.model.inertia",
-        "phantom_dyn.model.robot",
-        "phantom_dyn.motion",
-        "phantom_dyn.shapes",
-        "phantom_dyn.walking",
-    ],
-    "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
-)
+install_import_hook(CHECKED, "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 
 import jaxtyping
 import numpy as np
 import pytest
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+TESTS = Path(__file__).resolve().parent
+CHECKOUT = TESTS.parent
+# Folders whose tests check annotations, as they call one function after the other. So do those in no folder.
+CHECKING = {
+    TESTS / folder
+    for folder in (
+        "identification/data",
+        "identification/degrade",
+        "identification/diagnosis/columns",
+        "identification/diagnosis/fit",
+        "identification/estimators",
+        "identification/excitation",
+        "identification/experiments",
+        "identification/export",
+        "identification/identify",
+        "identification/next_experiment",
+        "identification/regression",
+        "identification/reporting",
+        "identification/rollout",
+        "identification/scenarios",
+        "phantom_dyn",
+    )
+}
 
 
 @pytest.hookimpl(wrapper=True)
@@ -78,14 +99,17 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Check annotations where they add something: they take up to half of a test's time.
+    """Check annotations where they add something: they take up to two thirds of a test's time.
 
-    Left out are tests marked ``whole``, which run as a whole, or many times, what others check, and all but the first
-    case of a parametrised test, since the others call the same functions.
+    They are checked in the folders ``CHECKING``. Left out are tests marked ``whole``, which run as a whole, or many
+    times, what others check, and all but the first case of a parametrised test, since the others call the same
+    functions.
     """
     case = getattr(item, "callspec", None)
     later = case is not None and any(case.indices.values())
-    jaxtyping.config.update("jaxtyping_disable", later or item.get_closest_marker("whole") is not None)
+    elsewhere = item.path.parent != TESTS and CHECKING.isdisjoint(item.path.parents)
+    whole = item.get_closest_marker("whole") is not None
+    jaxtyping.config.update("jaxtyping_disable", later or elsewhere or whole)
 
 
 @pytest.fixture(scope="session")

@@ -199,6 +199,7 @@ def test_under_its_controller_the_true_model_stays_near_the_recording(planar, re
     assert found.rms_after["shoulder"] < 0.05 * found.rms_before["shoulder"]
 
 
+@pytest.mark.whole
 def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, record):
     made = record(pendulum, cause("coulomb_friction", "pin", 1.0))
     rollout = diagnose(pendulum, (made.recording,)).rollout

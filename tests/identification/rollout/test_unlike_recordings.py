@@ -17,6 +17,9 @@ from phantom_dyn.model.robot import Controller
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, simulate
 
+# Whole diagnoses: what they call is checked beside the functions.
+pytestmark = pytest.mark.whole
+
 RUBS = Cause(effect_named("coulomb_friction"), "pin", np.array([1.0]))
 
 

@@ -147,6 +147,7 @@ def rubbing(pendulum):
     return diagnose(*moved_by_controllers(robot, recordings))
 
 
+@pytest.mark.whole
 def test_friction_is_found_without_gains(rubbing):
     (finding,) = rubbing.findings
     assert finding.effect in ("coulomb_friction", "stribeck_friction", "presliding_friction")
@@ -154,6 +155,7 @@ def test_friction_is_found_without_gains(rubbing):
     assert size.value == pytest.approx(1.0, rel=0.15)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("effect", ["torque_constant", "viscous_friction"])
 def test_what_the_gains_take_up_cannot_be_tested(rubbing, effect):
     (entry,) = (entry for entry in rubbing.not_testable if entry.effect == effect)
@@ -161,11 +163,13 @@ def test_what_the_gains_take_up_cannot_be_tested(rubbing, effect):
     assert not [bound for bound in rubbing.bounds if bound.effect == effect]
 
 
+@pytest.mark.whole
 def test_without_a_gap_and_without_gains_nothing_is_found(pendulum, swung):
     diagnosis = diagnose(*moved_by_controllers(pendulum, (swung,)))
     assert (diagnosis.verdict, diagnosis.findings) == ("no_gap", ())
 
 
+@pytest.mark.whole
 def test_viscous_friction_without_gains_is_no_finding(pendulum):
     diagnosis = diagnose(*moved_by_controllers(pendulum, (moved(pendulum, cause("viscous_friction", "pin", 2.0)),)))
     assert diagnosis.findings == ()

@@ -20,6 +20,9 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError
 
+# Whole diagnoses: what they call is checked beside the functions.
+pytestmark = pytest.mark.whole
+
 LOADED = Change("b.csv", KnownPayload(1.5, (0.0, 0.0, -0.9)))
 
 

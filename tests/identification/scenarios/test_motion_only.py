@@ -26,6 +26,9 @@ from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 from places import ROBOTS
 
+# Whole diagnoses: what they call is checked beside the functions.
+pytestmark = pytest.mark.whole
+
 KP, KD = 60.0, 6.0
 
 

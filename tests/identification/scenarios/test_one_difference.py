@@ -15,6 +15,9 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters
 from phantom_dyn.errors import LogError
 
+# Whole diagnoses: what they call is checked beside the functions.
+pytestmark = pytest.mark.whole
+
 LOAD = KnownPayload(0.8, (0.05, 0.0, -0.3))
 CHANGES = (Change("bare.csv"), Change("loaded.csv", changed=("payload",)))
 
