@@ -12,6 +12,7 @@ from benchmarks import kills
 RUN, OTHER = "0" * 32, "1" * 32
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_runs_killed_at_random_moments_leave_nothing_broken(tmp_path):
     tally = kills.killed(3, 3, tmp_path)

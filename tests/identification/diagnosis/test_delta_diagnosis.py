@@ -29,6 +29,7 @@ def diagnosed(delta: Robot, effects: list):
     return dyn.diagnose(delta, robot.recording(position_noise=1e-6, torque_noise=0.005))
 
 
+@pytest.mark.nightly
 def test_a_delta_as_modelled_has_no_gap(delta):
     assert diagnosed(delta, []).verdict == "no_gap"
 
@@ -40,6 +41,7 @@ def test_a_load_on_the_platform_is_found_with_its_mass(delta):
     assert finding.parameters["mass"].value == pytest.approx(0.3, abs=0.03)
 
 
+@pytest.mark.nightly
 def test_friction_of_a_passive_joint_is_found_there(delta):
     (finding,) = diagnosed(delta, [("coulomb_friction", "swing0", {"torque": 0.05})]).findings
     assert (finding.effect, finding.joint) == ("coulomb_friction", "swing0")

@@ -49,7 +49,7 @@ def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, 
     assert found.verdict == "explained"
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-9])
+@pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.nightly), 1e-9])
 def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar2, lacking, rng, size):
     # Known truth: white noise stands in the columns of the torques. A model without mass would leave as little.
     recording = lacking()

@@ -17,6 +17,9 @@ from phantom_dyn.motion import Motion
 
 mujoco = pytest.importorskip("mujoco")
 
+# Whole diagnoses: what they call is checked beside the functions.
+pytestmark = pytest.mark.whole
+
 ARM = """<mujoco model="arm">
   <compiler angle="radian"/>
   <option timestep="{step}"/>
@@ -88,7 +91,7 @@ def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.nightly), 3])
 def test_mujoco_fits_its_own_model(tmp_path, seed):
     robot, text = arm(tmp_path)
     found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 0))
@@ -96,7 +99,7 @@ def test_mujoco_fits_its_own_model(tmp_path, seed):
     assert Note(Code.SOFT_FRICTION) in found.result.notes
 
 
-@pytest.mark.parametrize("seed", [1, 2, 8])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.nightly) for seed in (1, 2)), 8])
 def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
     # Known truth: five samples. In the motion of seed 3 Stribeck friction on one joint does as well.
     robot, text = arm(tmp_path)
