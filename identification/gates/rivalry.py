@@ -9,6 +9,11 @@ from identification.engine.claims import GateResult
 
 # times: as many wins as the finding, from which on a rival takes its place: the likeliest leads (contract).
 OUTDONE = 1.0
+# of the likeliest: causes that together are as likely as that lead where the likeliest needs others to cancel it.
+NEARLY_AS_LIKELY = 0.5
+# times: power of the torques of several effects, each by itself, over that of their sum, above which they cancel: each
+# then makes on average more than twice what they make together.
+MOST_CANCELLED = 4.0
 
 
 def plausible_size(outside: float, unit: str, *, rival_is: bool) -> GateResult:

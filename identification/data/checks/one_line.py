@@ -21,6 +21,9 @@ Array = np.ndarray
 # Correlation of two velocities from which on two joints move along one line. Joints that a planner starts and stops
 # together come to 0.6 to 0.9; those that follow one profile, some milliseconds apart, to 0.99 and more.
 _ALONG = 0.97
+# Share of a motion's power in the strongest line of its spectrum, with so many bins about it, from which on it is one
+# sine.
+_ALONE, _LINE = 0.98, 3
 # Share of its fastest joint's speed below which a joint hardly moves.
 _STILL = 1e-3
 # Samples of the regressor.
@@ -66,6 +69,14 @@ def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
         if len(group) > 1:
             out.append(tuple(int(moving[k]) for k in sorted(group)))
     return tuple(out)
+
+
+def is_one_sine(x: Float[Array, " N"]) -> bool:
+    """True for motion of one frequency, in which torque has two numbers: with the velocity, and with the position."""
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
+    peak = int(np.argmax(power[1:])) + 1 if len(power) > 1 else 0
+    # A motion of fewer periods than a line is wide may be anything that is slow.
+    return bool(peak > _LINE and power[peak - _LINE : peak + _LINE + 1].sum() > _ALONE * power[1:].sum())
 
 
 def separated(robot: Robot, motion: Motion) -> Separated:

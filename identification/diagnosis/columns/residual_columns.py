@@ -16,6 +16,7 @@ from identification.data.log import Band
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
+from identification.diagnosis.columns.one_sine import held, moving, two_numbers_beside_more
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.columns.session import Series, Session
@@ -184,17 +185,22 @@ class _GivenPart:
 
 
 def _given_part(session: Session) -> _GivenPart:
-    robot, logs, moves = session.robot, session.logs, moves_of(session.robot)
+    robot, logs = session.robot, session.logs
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
-    operations = tuple(operate(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(logs))
+    moves = moving(logs)
+    few = two_numbers_beside_more(logs, moves)
+    operations = tuple(
+        operate(robots[k], held(log) if (few[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz)
+        for k, log in enumerate(logs)
+    )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
-        moves,
+        moves_of(robot),
         operations,
         (),
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
-        usable=tuple(usable_samples(log) & ~unknown_drives(robot) for log in logs),
+        usable=tuple(usable_samples(log) & ~unknown_drives(robot) & ~row for log, row in zip(logs, few, strict=True)),
         doubt=tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True)),
     )
 

@@ -14,6 +14,7 @@ from identification.data.signals import process_all, smoothed_where, within_limi
 from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
+from identification.diagnosis.columns.one_sine import in_one_sine, moving
 from identification.diagnosis.columns.operations import carrying_known, operate
 from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
 from identification.diagnosis.columns.soft_friction import with_shown_friction
@@ -69,6 +70,11 @@ class Session:
     def largest_speed(self) -> Float[Array, " nv"]:
         """Of each joint in all logs."""
         return np.max([_largest(log.motion.v) for log in self.logs], axis=0)
+
+    @cached_property
+    def in_one_sine(self) -> frozenset[int]:
+        """Joints that move at one frequency alone in every recording in which they move, by their indices."""
+        return in_one_sine(self.logs, moving(self.logs))
 
     def in_judged_band(self, series: Series) -> Series:
         """In-band series of each log without what lies above the judged band, of the same length."""

@@ -30,8 +30,6 @@ _SWING = 0.2
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
 # Way of a joint that moves, at least [rad or m], and in deviations of its readings.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
-# Bins about a line of a spectrum, and the share of its power in them where there is no other line.
-_LINE, _ALONE = 3, 0.98
 # Noise of readings is not white: so many times what white noise would leave.
 _CAUTION = 3.0
 
@@ -94,17 +92,10 @@ def _noise_of_readings(log: Log, j: int) -> float:
         least = min(least, 1.4826 * float(np.median(np.abs(differences))) / gain)
     step = (log.reading_steps[j] if len(log.reading_steps) > j else None) or 0.0
     shakes = max(least, step / np.sqrt(12), 1e-12)
-    if np.ptp(q) < max(_LEAST_WAY, _BEYOND_SHAKE * shakes) or _is_one_sine(q):
+    if np.ptp(q) < max(_LEAST_WAY, _BEYOND_SHAKE * shakes):
         return np.inf
     band = log.band
     return float(_CAUTION * 2 * np.pi * shakes * np.sqrt(2 * band.cutoff_hz**3 / (3 * band.rate_hz)))
-
-
-def _is_one_sine(q: Float[Array, " N"]) -> bool:
-    """True for motion of one frequency: it tells two numbers, of which a dozen causes make any."""
-    power = np.abs(np.fft.rfft((q - q.mean()) * np.hanning(len(q)))) ** 2
-    peak = int(np.argmax(power[1:])) + 1
-    return bool(power[max(peak - _LINE, 1) : peak + _LINE + 1].sum() > _ALONE * power[1:].sum())
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:

@@ -22,6 +22,8 @@ from phantom_dyn.signals.recursive import lagging
 Array = np.ndarray
 
 _SLOW = 3
+# Share of a rhythm that the motion of the joint makes, from which it is no rhythm of its own.
+_OF_THE_MOTION = 0.9
 
 
 def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
@@ -62,7 +64,10 @@ class Rhythm(Rival):
     regime = "everywhere"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The two strongest frequencies [Hz] of the torque residual."""
+        """The two strongest frequencies [Hz] of the torque residual, but not that of a joint that swings in one sine.
+
+        There sine and cosine are the position and the velocity, and what goes with these is no rhythm of its own.
+        """
         j = row_of(robot, joint)
         residual = np.array(operation.residual[:, j])
         v = operation.v[:, j]
@@ -78,7 +83,9 @@ class Rhythm(Rival):
             peak = int(np.argmax(power))
             if power[peak] <= 0:
                 break
-            out.append((float(frequency[peak]),))
+            hertz = float(frequency[peak])
+            if not _swings_at(hertz, operation, j):
+                out.append((hertz,))
             power[np.abs(frequency - frequency[peak]) < 2.0 / seconds] = 0.0
         return tuple(out)
 
@@ -90,6 +97,15 @@ class Rhythm(Rival):
         """Sine and cosine of time."""
         phase = 2 * np.pi * shape[0] * (operation.t - operation.t[0])
         return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
+
+
+def _swings_at(hertz: float, operation: Operation, j: int) -> bool:
+    """True if sine and cosine of a frequency are sums of a joint's position and velocity."""
+    phase = 2 * np.pi * hertz * (operation.t - operation.t[0])
+    waves = np.column_stack([np.sin(phase), np.cos(phase)])
+    own = np.column_stack([np.ones(len(phase)), operation.q[:, j], operation.v[:, j]])
+    left = waves - own @ np.linalg.lstsq(own, waves, rcond=None)[0]
+    return bool(np.sum(left**2) < (1.0 - _OF_THE_MOTION) * np.sum(waves**2))
 
 
 class Field(Rival):

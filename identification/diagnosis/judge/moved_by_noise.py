@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.data.checks.one_line import is_one_sine
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.session import Series
@@ -170,10 +171,15 @@ def loud_search(
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
-    """Frequency up to which the torque has many times the power of what is left [Hz]."""
+    """Frequency up to which the torque has many times the power of what is left [Hz].
+
+    One sine has nothing below its line: what is quiet there is no end.
+    """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
     # The first bin is a constant, which a spectrum takes off.
     quiet = np.flatnonzero((power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0))
+    if is_one_sine(torque):
+        quiet = quiet[quiet >= np.argmax(power)]
     return float(f[quiet[0]]) if len(quiet) else np.inf

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
+from identification.gates import rivalry
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -57,3 +58,17 @@ def losses_in(
     losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
     twins, apart = ([key in some for key in keys] for some in free)
     return losses, (*costs_of(other, sets, twins), *costs_of(other, sets, twins, apart))
+
+
+def adds_up(search: Search, chosen: Chosen) -> bool:
+    """False for effects that hardly show but for what they take off each other.
+
+    On one sine a large lag and much friction make what little friction makes alone: of causes that the data cannot
+    separate, those are less likely that have to cancel.
+    """
+    a, theta = search.problem.total_a, search.evaluate(chosen).theta
+    each = [np.array(one.columns) for one in ordered(chosen)]
+    every = np.concatenate(each)
+    whole = float(theta[every] @ a[np.ix_(every, every)] @ theta[every])
+    apart = sum(float(theta[own] @ a[np.ix_(own, own)] @ theta[own]) for own in each)
+    return apart <= rivalry.MOST_CANCELLED * whole

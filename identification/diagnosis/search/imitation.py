@@ -1,8 +1,8 @@
-"""What else makes the torque of a finding where joints move along one line: several effects together, sizes free.
+"""What else makes the torque of a finding where joints move along one line, or in one sine: several effects together.
 
 There the torque of every joint is a function of one variable, and sums of laws imitate others. A comparison of single
 effects does not see that. So those few effects are looked for that make what a finding makes, beside the other findings
-whose sizes may change with them.
+whose sizes may change with them. In one sine the same goes for what has columns of every motion; friction shows there.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ def along_lines(session: Session) -> frozenset[int]:
     """Joints that move along one line with others in all recordings, by their indices."""
     velocities = [log.motion.v[log.valid] for log in session.logs]
     return frozenset(row for line in lines_of(np.concatenate(velocities)) for row in line)
+
+
+def of_every_motion(term: Term) -> bool:
+    """True of an effect whose columns are made of all that a motion asks for: loads, links and torque scales."""
+    return term.effect.inertial is not None or term.effect.scales_joint
 
 
 def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
@@ -126,7 +131,7 @@ def of_weights(session: Session) -> frozenset[int]:
 
 def _at_most(standing: Standing, term: Term, most: float) -> Standing:
     """A standing that is no more probable than ``most`` if it is one of a load, of links or of a torque scale."""
-    if term.effect.inertial is None and not term.effect.scales_joint:
+    if not of_every_motion(term):
         return standing
     return replace(standing, probability=min(standing.probability, most))
 

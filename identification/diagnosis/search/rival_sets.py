@@ -12,7 +12,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
-from identification.diagnosis.search.fair_costs import costs_of, losses_in
+from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
@@ -217,8 +217,16 @@ def _leader(
         at: _sound(search, key, key - chosen) and not _new_in_old(search, key - chosen) for at, key in there.items()
     }
     shares = {(): rivalry.OUTDONE * own} | {at: kept[at] for at in there}
-    # Of twins the one leads that needs fewer causes: with all bodies goes a load.
-    first = max(shares, key=lambda at: (is_sound[at], shares[at], -len(there.get(at, chosen)), at == ()))
+    sine = bool(search.problem.session.in_one_sine)
+    plain = {at for at in shares if sine and adds_up(search, there.get(at, chosen))}
+    if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
+        plain = set()
+
+    def rank(at: tuple[Place, ...]) -> tuple[bool, bool, float, int, bool]:
+        # Of twins the one leads that needs fewer causes: with all bodies goes a load.
+        return is_sound[at], at in plain, shares[at], -len(there.get(at, chosen)), at == ()
+
+    first = max(shares, key=rank)
     outside, unit = _outside(search, chosen, term)
     ahead = max((kept[at] for at in there if is_sound[at] >= is_sound[()]), default=0.0)
     gates = until_failed(

@@ -11,6 +11,7 @@ from dataclasses import replace
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import asked, claimed, dropped, least_missed, rows_of
 from identification.diagnosis.search.containment import possible, with_term
+from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import simplified, swapped
 from identification.engine.claims import GateResult
@@ -25,6 +26,8 @@ _MOST_TERMS, _MOST_TERMS_EACH = 40, 6
 _MOST_JUDGED = 24
 # The same for the best effect below the threshold of chance.
 _SHORT_JUDGED = 8
+# Effects that a search begins with anew where a joint moves in one sine, and joints of a robot for which that is done.
+_MOST_BEGUN, _MOST_JOINTS_BEGUN = 8, 3
 # Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
 _MOST_NAMELESS = 4
 _MOST_NAMELESS_JUDGED = 8
@@ -47,7 +50,36 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
             break
+    chosen = _from_other_beginnings(search, chosen, progress)
     return with_nameless(search, chosen, progress)
+
+
+def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+    """The same set, or a better one that begins with another effect, where a joint moves in one sine.
+
+    There torque is two numbers. One effect that makes a little of both gains most alone, and beside it the two that
+    make one each gain nothing more.
+    """
+    sines = search.problem.session.in_one_sine
+    if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
+        return chosen
+    named = tuple(term for term in search.terms if term.named and not sines.isdisjoint(rows_of(search.problem, term)))
+    gains = search.gains(frozenset(), named)
+    first: dict[Place, Term] = {}
+    for term in sorted(named, key=lambda term: -gains[term]):
+        first.setdefault(term.place, term)
+    best = chosen
+    for term in [*first.values()][:_MOST_BEGUN]:
+        if term in chosen:
+            continue
+        trial = replace(search, record=search.record.forked())
+        tried = dropped(trial, forward(trial, search.alone[term], progress))
+        stays = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
+        if not stays.passed:
+            search.record.take(trial.record)
+            search.record.lost(best - tried, stays, instead=tried - best)
+            best = tried
+    return best
 
 
 def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
@@ -154,8 +186,10 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
     """Add structures outside the catalogue to the set, or put them in the place of named effects.
 
     A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
-    is then dropped. One that stands for several effects at a lower price takes their place.
+    is then dropped. One that stands for several effects at a lower price takes their place, but not where a joint moves
+    in one sine: there every torque is two numbers, and a structure with as many makes any of them.
     """
+    sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
     accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
@@ -168,7 +202,10 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                     continue
                 tried = _only_needed(search, term, base, chosen)
                 # What is there stays if it explains more than a set with the structure, as far as that is asked for.
-                needed = _asked_of_nameless(search, len(chosen - tried), accuracy)
+                gone = len(chosen - tried)
+                if not sines.isdisjoint(rows_of(search.problem, term)):
+                    gone = min(gone, 1)
+                needed = _asked_of_nameless(search, gone, accuracy)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
                 if not stays.passed and claimed(search, tried, tried - {term}):
                     better[tried] = stays

@@ -28,6 +28,7 @@ from identification.diagnosis.search.imitation import (
     beside_imitation,
     imitated_by,
     of_a_model,
+    of_every_motion,
     of_weights,
     on_a_line,
 )
@@ -90,7 +91,8 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
     drawn = drawn_blocks(within)
     once = np.ones((1, len(within.counts)))
     shares = shares_of(judge, plain, shown.named)
-    lines, weights = along_lines(problem.session), of_weights(problem.session)
+    lines, sines = along_lines(problem.session), problem.session.in_one_sine
+    compensated = of_weights(problem.session)
     out = []
     for term in ordered(chosen):
         if not term.named:
@@ -105,9 +107,10 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         standing = shown.standings[term]
-        if not lines.isdisjoint(rows_of(problem, term)):
+        rows = rows_of(problem, term)
+        if not lines.isdisjoint(rows) or (of_every_motion(term) and not sines.isdisjoint(rows)):
             standing = on_a_line(beside_imitation(standing, imitated_by(plain, chosen, term)), term)
-        if not weights.isdisjoint(rows_of(problem, term)):
+        if not compensated.isdisjoint(rows):
             standing = of_a_model(standing, term)
         low, high = np.percentile(closed(drawn), [2.5, 97.5])
         finding = Finding(

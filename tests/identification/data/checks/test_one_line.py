@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.data.checks.one_line import lines_of, separated
+from identification.data.checks.one_line import is_one_sine, lines_of, separated
 from phantom_dyn.motion import Motion
 
 
@@ -56,3 +56,10 @@ def test_a_check_of_a_good_motion_names_none(lab, planar2):
 def test_one_joint_alone_is_on_no_line(joints):
     v = np.cos(np.arange(100.0))[:, None] * np.ones((1, joints))
     assert lines_of(v) == (((0, 1, 2),) if joints == 3 else ())
+
+
+@pytest.mark.parametrize(("hertz", "alone"), [((0.7,), True), ((0.7, 1.1), False), ((0.1,), False)])
+def test_motion_of_one_frequency_is_one_sine(rng, hertz, alone):
+    t = np.arange(4000) / 200.0
+    q = sum(np.sin(2 * np.pi * f * t) for f in hertz) + 1e-3 * rng.standard_normal(len(t))
+    assert is_one_sine(q) is alone

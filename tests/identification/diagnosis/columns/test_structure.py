@@ -9,12 +9,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.structure import STRUCTURES
+from identification.diagnosis.columns.structure import STRUCTURES, _swings_at
 from identification.diagnosis.fit.fitting import fit
 from identification.pipeline import diagnose
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.motion import Motion
+from places import ROBOTS
 
 Array = np.ndarray
 
@@ -153,3 +156,11 @@ def test_a_drive_that_changes_is_no_other_name_for_what_was_found(planar2, lab, 
     (shape, *_) = structure.shapes(planar2, plain, "elbow")
     before, after = (structure.signature(planar2, one, "elbow", shape).columns for one in (plain, later))
     np.testing.assert_array_equal(after, before)
+
+
+@pytest.mark.parametrize(("hertz", "own"), [(0.5, False), (0.8, True)])
+def test_what_goes_with_a_sine_of_the_joint_is_no_rhythm_of_its_own(hertz, own):
+    t = np.arange(4000) / 200.0
+    q, v = np.sin(np.pi * t)[:, None], np.pi * np.cos(np.pi * t)[:, None]
+    operation = Operation.of(load_robot(ROBOTS / "pendulum.urdf"), Motion(t, q, v, -(np.pi**2) * q))
+    assert _swings_at(hertz, operation, 0) is not own
