@@ -9,6 +9,7 @@ from uuid import uuid4
 import numpy as np
 
 from identification.data.changes import Change
+from identification.data.checks.torque_lag import LagSentence
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, wrong_with
 from identification.diagnosis.columns.prepared import Prepared, prepared
@@ -21,7 +22,7 @@ from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.next_experiment.proposal import Proposal
-from identification.notes import Code, Note
+from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.noise_band import borne_out_by_motion
@@ -186,7 +187,7 @@ def _result(
         data_warnings=(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
-            *(said for recording in session.recordings for said in recording.said),
+            *(said for recording in session.recordings for said in recording.said if not _found(said, judgement)),
             *rollout.warnings,
             *judgement.warnings,
             *burst_notes(judgement.bursts, judgement.joints),
@@ -205,3 +206,11 @@ def _result(
         run=uuid4().hex,
         ledger=judgement.ledger,
     )
+
+
+def _found(said: Said, judgement: Judgement) -> bool:
+    """True of a sentence on an early torque whose joint is found to have a slow drive: there is nothing to shift."""
+    if not isinstance(said, LagSentence) or not said.early:
+        return False
+    slow = (one for one in judgement.findings if any(number.unit == "s" for number in one.parameters.values()))
+    return any(one.joint in (None, said.joint) for one in slow)

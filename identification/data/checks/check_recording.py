@@ -33,7 +33,7 @@ from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.suspects import slow_clock
 from identification.data.checks.taken_friction import check_friction_taken
-from identification.data.checks.times_and_torques import check_clipping, check_timing, check_zeros
+from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
 from identification.data.checks.torque_lag import check_lag
 from identification.data.checks.weight_and_friction import check_weights
 from identification.data.joint_torque import external_torque
@@ -79,6 +79,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     out += check_stillness(recording, prismatic, noise)
     out += check_clipping(recording)
     out += check_zeros(recording)
+    out += check_flat(recording)
     recording = busiest(recording)
     smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():

@@ -22,6 +22,8 @@ _GAP = 2.5
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
 # Share of rows, and number of stretches, from which on zeros are no torque of a drive that is off.
 _MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
+# Ways of a joint from one end to the other in which a torque that stays the same is no step of a test.
+_PASSAGES = 4
 # Share of the largest torque that the smallest one is, where the small ones are missing, and where all are alike.
 _GAP_BELOW, _ALIKE = 0.1, 0.9
 # Samples in a row at the extreme value below which it is the peak of a motion without noise that is repeated.
@@ -98,6 +100,37 @@ def check_zeros(recording: Recording) -> tuple[str, ...]:
                 f"What is said of {joint} is not to be relied on: log the torque before it is cut off."
             )
     return tuple(out)
+
+
+def check_flat(recording: Recording) -> tuple[str, ...]:
+    """Torques that stay the same in most rows of a stretch in which their joint goes to and fro."""
+    if recording.tau is None:
+        return ()
+    out, kept = [], included(recording)
+    for j, joint in enumerate(recording.joint_names):
+        tau, q = recording.tau[kept, j], recording.q[kept, j]
+        if not len(tau) or np.ptp(tau) == 0:
+            continue
+        edges = np.flatnonzero(np.diff(tau, prepend=np.nan, append=np.nan) != 0)
+        longest = int(np.argmax(np.diff(edges)))
+        start, stop = int(edges[longest]), int(edges[longest + 1])
+        if stop - start < _MOSTLY * len(tau) or _passages(q[start:stop], float(np.ptp(q))) < _PASSAGES:
+            continue
+        first, last = (time_text(float(recording.t[kept][k])) for k in (start, stop - 1))
+        out.append(
+            f"{recording.file}: tau.{joint} is {tau[start]:.6g} in every row from {first} to {last} s "
+            f"({100 * (stop - start) / len(tau):.0f} % of the rows), while {joint} goes to and fro: if its drive was "
+            f"held or off there, nothing is to be done; if its torque was not recorded, leave that out with "
+            f"--exclude {first}:{last}."
+        )
+    return tuple(out)
+
+
+def _passages(q: Float[Array, " n"], way: float) -> int:
+    """How often a joint goes from the lower to the upper third of its way, or back."""
+    thirds = np.digitize(q, q.min() + way * np.array([1 / 3, 2 / 3]))
+    ends = thirds[thirds != 1]
+    return int(np.count_nonzero(np.diff(ends)))
 
 
 def check_clipping(recording: Recording) -> tuple[str, ...]:

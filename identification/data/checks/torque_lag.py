@@ -303,6 +303,24 @@ def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
     return float(lags[k] + (0.5 * (left - right) / bend if bend > 0 else 0.0) * (lags[1] - lags[0]))
 
 
+class LagSentence(str):
+    """A sentence on a torque that is late or early.
+
+    Attributes:
+        joint: Its name.
+        early: True if the torque comes before its motion, as what a drive is asked for does where the drive is slow.
+    """
+
+    joint: str
+    early: bool
+
+    def __new__(cls, sentence: str, joint: str, *, early: bool) -> LagSentence:
+        """The sentence, and what it is about."""
+        out = super().__new__(cls, sentence)
+        out.joint, out.early = joint, early
+        return out
+
+
 def check_lag(recording: Recording, robot: Robot, smooth: Smooth, *, steep: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Sentences about torques that are late or early by about half a sample or more.
 
@@ -350,7 +368,8 @@ def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, filtered: L
     if robot.torque_hold == "instant" and abs(lag.samples + 0.5) < max(0.25, 3 * lag.std):
         hint = "torque_hold: zoh in robot.yaml explains half a sample"
     word = "late" if lag.samples > 0 else "early"
-    return (
+    sentence = (
         f"{file}: the torque of {lag.joint} is {word} against its motion by "
         f"{1e3 * abs(lag.samples) * smooth.step:.3g} ms ({abs(lag.samples):.2g} samples): {hint}."
     )
+    return LagSentence(sentence, lag.joint, early=lag.samples < 0)
