@@ -1,0 +1,122 @@
+"""Diagnoses each case of a folder written with 7, 9 and 17 digits, and prints what the digits change.
+
+    python benchmarks/digits.py FOLDER [--only NAME ...]
+
+Cases are folders as for `given_cases`. A number of 17 digits is the very double that was read; nine digits of a
+position in rad are nanoradians, which no encoder reads. So the verdict and the findings have to be the same; where two
+causes are so close that the ninth digit decides, each has to be a rival of the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+DIGITS = (17, 9, 7)
+Place = tuple[str, str | None]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis says, as far as digits must not change it.
+
+    Attributes:
+        verdict: Its verdict, or ``failed``.
+        findings: Effects and joints.
+        rivals: Effects and joints that may be there instead.
+        closed: Share of the gap that is closed; NaN where there is none.
+    """
+
+    verdict: str
+    findings: frozenset[Place] = frozenset()
+    rivals: frozenset[Place] = frozenset()
+    closed: float = float("nan")
+
+
+def written(log: Path, digits: int, out: Path) -> None:
+    """Write the columns of an NPZ or CSV log as CSV with so many significant digits."""
+    if log.suffix == ".npz":
+        with np.load(log) as columns:
+            named = {name: columns[name] for name in columns.files}
+    else:
+        table = np.genfromtxt(log, delimiter=",", names=True, deletechars="", dtype=float)
+        named = {name: table[name] for name in table.dtype.names or ()}
+    np.savetxt(out, np.column_stack([*named.values()]), f"%.{digits}g", ",", header=",".join(named), comments="")
+
+
+def told(answer: dict | None) -> Told:
+    """What a ``diagnosis.json`` says; None is a diagnosis that failed or was refused."""
+    if answer is None:
+        return Told("failed")
+    rivals = (at for one in answer["findings"] for rival in one["rivals"] for at in rival["effects"])
+    return Told(
+        answer["verdict"],
+        frozenset((one["effect"], one["joint"]) for one in answer["findings"]),
+        frozenset((at["effect"], at["joint"]) for at in rivals),
+        answer["gap"]["closed"] if answer["gap"]["closed"] is not None else float("nan"),
+    )
+
+
+def differences(all_told: dict[int, Told]) -> list[str]:
+    """A line for each number of digits that changes the verdict or the findings of all digits."""
+    whole = all_told[max(all_told)]
+    return [
+        f"{digits} digits: {_words(one)}; all digits: {_words(whole)}{_as_rivals(one, whole)}"
+        for digits, one in all_told.items()
+        if (one.verdict, one.findings) != (whole.verdict, whole.findings)
+    ]
+
+
+def _as_rivals(one: Told, whole: Told) -> str:
+    """Says whether what takes the place of a finding is its rival on both sides."""
+    rivals = one.findings - whole.findings <= whole.rivals and whole.findings - one.findings <= one.rivals
+    return " (rivals of each other)" if rivals and one.verdict == whole.verdict else ""
+
+
+def _words(one: Told) -> str:
+    named = ", ".join(sorted(f"{effect} {joint or ''}".strip() for effect, joint in one.findings)) or "nothing"
+    return f"{one.verdict}, {named}, {100 * one.closed:.0f} % closed"
+
+
+def diagnosed(folder: Path, digits: int) -> Told:
+    """What the command says of a case written with so many digits."""
+    log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
+    with tempfile.TemporaryDirectory() as place:
+        copy, out = Path(place) / "log.csv", Path(place) / "diagnosis.json"
+        written(log, digits, copy)
+        words = [sys.executable, "-m", "identification.cli", "diagnose", str(folder / "robot.urdf"), str(copy)]
+        done = subprocess.run([*words, "--json", str(out)], capture_output=True, check=False)
+        return told(json.loads(out.read_text()) if done.returncode == 0 else None)
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Reads the command line, diagnoses every case three times and prints what differs."""
+    parser = argparse.ArgumentParser(description="What digits of a log change of a diagnosis.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="*", help="names of cases")
+    options = parser.parse_args(words)
+    cases = sorted(path.parent for path in options.folder.glob("*/robot.urdf"))
+    cases = [case for case in cases if not options.only or case.name in options.only]
+    if not cases:
+        parser.exit(2, f"{options.folder} holds no case: wanted folders with robot.urdf and a log\n")
+    changed = 0
+    for case in cases:
+        lines = differences({digits: diagnosed(case, digits) for digits in DIGITS})
+        changed += bool(lines)
+        print(case.name, "the same" if not lines else "", *(f"\n  {line}" for line in lines), flush=True)
+    print(f"digits change {changed} of {len(cases)}")
+
+
+if __name__ == "__main__":
+    main()
