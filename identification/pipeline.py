@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from uuid import uuid4
 
 import numpy as np
@@ -39,6 +39,21 @@ from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
 
+@dataclass(frozen=True)
+class Answer:
+    """A diagnosis before the next experiment is planned, which changes nothing that it says.
+
+    Attributes:
+        diagnosis: Verdict, findings and all else.
+        explanation: What the next experiment is planned by; None: none is.
+        started: When the diagnosis began, by `time.perf_counter` [s].
+    """
+
+    diagnosis: Diagnosis
+    explanation: Explanation | None = None
+    started: float = 0.0
+
+
 def diagnose(
     robot: Robot,
     recordings: tuple[Recording, ...] | Reader,
@@ -50,6 +65,49 @@ def diagnose(
     progress: Progress = lambda _: None,
 ) -> Diagnosis:
     """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
+
+    Args and errors are those of `answered`; the next experiment is planned too.
+    """
+    answer = answered(
+        robot,
+        recordings,
+        held_out=held_out,
+        known=known,
+        changes=changes,
+        motion_only=motion_only,
+        progress=progress,
+    )
+    return with_next_experiment(answer, progress)
+
+
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
+def with_next_experiment(answer: Answer, progress: Progress = lambda _: None) -> Diagnosis:
+    """The diagnosis with the motion that separates most of its rivals, where one can be planned."""
+    found = answer.diagnosis
+    if answer.explanation is None:
+        return found
+    proposal = _proposed(answer.explanation, found.findings, progress)
+    return replace(
+        found,
+        next_experiment=proposal.experiment,
+        next_motion=proposal.motion,
+        notes=(*found.notes, *proposal.notes),
+        seconds=time.perf_counter() - answer.started,
+    )
+
+
+def answered(
+    robot: Robot,
+    recordings: tuple[Recording, ...] | Reader,
+    *,
+    held_out: int = 0,
+    known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
+    motion_only: bool = False,
+    progress: Progress = lambda _: None,
+) -> Answer:
+    """Verdict and findings of recordings, as soon as they are known.
 
     Recordings are judged by their torque; without one by that of their controllers, or by their positions at rest.
 
@@ -83,7 +141,7 @@ def diagnose(
             f"{given[0].file}: it is judged at rest, where every rest is held out in turn, so that held-out recordings "
             "and effects of an earlier diagnosis (--hold-out, --with) do not go with it; leave them out"
         )
-    return replace(diagnose_at_rest(driven, given), driven=driven)
+    return Answer(replace(diagnose_at_rest(driven, given), driven=driven))
 
 
 def _by_controllers(
@@ -92,7 +150,7 @@ def _by_controllers(
     held_out: int,
     known: tuple[KnownEffect, ...],
     progress: Progress,
-) -> Diagnosis:
+) -> Answer:
     """The diagnosis by the torque that controllers ask for, their gains estimated where the robot states none.
 
     Where gains are estimated and friction speaks for higher ones, both readings are diagnosed.
@@ -109,23 +167,23 @@ def _by_controllers(
     """
     driven, moved = moved_by_controllers(robot, recordings)
     first = _by_torque(prepared(driven, moved, held_out=held_out, known=known), progress)
-    scales = scales_by_friction(driven, moved, first.findings)
+    scales = scales_by_friction(driven, moved, first.diagnosis.findings)
     if not scales:
-        return replace(first, driven=driven)
+        return replace(first, diagnosis=replace(first.diagnosis, driven=driven))
     higher, again = with_scaled_gains(driven, moved, scales)
     second = _by_torque(prepared(higher, again, held_out=held_out, known=known), progress)
-    leads, found = either(first, second, scales)
-    return replace(found, driven=higher if leads else driven)
+    leads, found = either(first.diagnosis, second.diagnosis, scales)
+    leading = second if leads else first
+    return replace(leading, diagnosis=replace(found, driven=higher if leads else driven), started=first.started)
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
 @one_blas_thread()
-def _by_torque(given: Prepared, progress: Progress) -> Diagnosis:
+def _by_torque(given: Prepared, progress: Progress) -> Answer:
     """The diagnosis by torques and measured poses, stage by stage."""
     robot, changes = given.robot, given.changes
     if not given.seen:
         progress(Announcement(Stage.FITTING_POSES))
-        return diagnosis_of_poses(robot, given.tracked, given.places)
+        return Answer(diagnosis_of_poses(robot, given.tracked, given.places))
     progress(Announcement(Stage.FILTERING))
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explained(session, progress)
@@ -140,19 +198,15 @@ def _by_torque(given: Prepared, progress: Progress) -> Diagnosis:
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
-    proposal = Proposal()
-    if session.differences.own:
-        # Rivals between recordings are about what changed, which no further motion of one of them separates.
-        judgement = with_user_words(named_by_recording(judgement, session), robot)
-    else:
-        judgement = with_user_words(judgement, robot)
-        proposal = _proposed(explanation, judgement.findings, progress)
+    # Rivals between recordings are about what changed, which no further motion of one of them separates.
+    between = bool(session.differences.own)
+    judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
-    seconds = time.perf_counter() - given.started
-    found = _result(session, given.files, judgement, rollout, proposal, seconds)
+    found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
-    return with_poses(found, robot, given.tracked, given.places)
+    found = with_poses(found, robot, given.tracked, given.places)
+    return Answer(found, None if between else explanation, given.started)
 
 
 def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Progress) -> Proposal:
@@ -169,7 +223,6 @@ def _result(
     files: tuple[str, ...],
     judgement: Judgement,
     rollout: Rollout,
-    proposal: Proposal,
     seconds: float,
 ) -> Diagnosis:
     """Everything that the stages have found, in the shape of the contract."""
@@ -192,13 +245,12 @@ def _result(
             *judgement.warnings,
             *burst_notes(judgement.bursts, judgement.joints),
         ),
-        next_experiment=proposal.experiment,
+        next_experiment=None,
         rollout=rollout.json,
         seconds=seconds,
         version=__version__,
         evidence=judgement.evidence,
-        notes=(*rollout.notes, *judgement.notes, *proposal.notes),
-        next_motion=proposal.motion,
+        notes=(*rollout.notes, *judgement.notes),
         wrong=wrong_with(session.recordings),
         gap=judgement.gap,
         minor=judgement.minor,

@@ -21,7 +21,7 @@ from identification.cli.arguments import (
     one_blas_thread,
     require_files,
 )
-from identification.cli.terminal.percentage import BATCH, DIAGNOSIS
+from identification.cli.terminal.percentage import AFTER_DIAGNOSIS, BATCH, DIAGNOSIS
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.cli.terminal.stage_times import StageTimes
@@ -32,7 +32,7 @@ from phantom_dyn.errors import UsageError
 if TYPE_CHECKING:
     from identification.data.recording import Recording
     from identification.diagnosis.columns.terms import KnownEffect
-    from identification.diagnosis.result import Diagnosis
+    from identification.pipeline import Answer
     from phantom_dyn.model.robot import Robot
 
 
@@ -66,6 +66,11 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME[,NAME]",
         help="what differs between the first LOG and the others, by an amount that is to be found "
         f"({', '.join(KINDS)}); all else is in common. With payload links and friction are fitted to the first LOG",
+    )
+    out.add_argument(
+        "--quick",
+        action="store_true",
+        help="stop at verdict and findings: --out gets diagnosis.json alone, and no next experiment is planned",
     )
     out.add_argument(
         "--motion-only",
@@ -113,6 +118,8 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     """
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
+    if arguments.quick and arguments.each:
+        raise UsageError("--quick was given with --each, which writes all files of every recording: leave out one")
     if arguments.profile and arguments.each:
         raise UsageError(
             "--profile was given with --each, whose recordings are diagnosed by several processes: profile one of them"
@@ -141,7 +148,8 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     """One diagnosis of all recordings."""
     from identification.export.all_files import not_written
     from identification.export.corrected.corrected_yaml import known_effects
-    from identification.reporting.diagnosis_summary import summary, written_lines
+    from identification.pipeline import with_next_experiment
+    from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
     from identification.reporting.stored.diagnosis_files import check_targets, write_outputs
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
@@ -152,11 +160,18 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
         if arguments.recordings is None and arguments.changed is None:
-            diagnosis = _diagnosis_of_logs(arguments, robot, known, excluded, progress)
+            answer = _answer_of_logs(arguments, robot, known, excluded, progress)
         else:
-            diagnosis = _diagnosis_of_changes(arguments, robot, known, excluded, progress)
+            answer = _answer_of_changes(arguments, robot, known, excluded, progress)
+    diagnosis = answer.diagnosis
+    say(summary(diagnosis))
+    sys.stdout.flush()
+    notes, not_held = len(diagnosis.notes), list[str]()
+    with Progress(Stage.WRITING, sys.stderr, stages=AFTER_DIAGNOSIS, times=times) as progress:
+        if not arguments.quick:
+            diagnosis = with_next_experiment(answer, progress.show)
+        del answer  # the columns of its explanation take most of the memory
         progress.show(Announcement(Stage.WRITING))
-        not_held: list[str] = []
         written = write_outputs(
             diagnosis,
             robot,
@@ -165,28 +180,33 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
             known=known,
             config=arguments.robot_config,
             tell=not_held.append,
+            answer_alone=arguments.quick,
         )
     if times is not None:
         say(times.table(), file=sys.stderr)
-    say(summary(diagnosis))
+    proposed = next_experiment_lines(diagnosis)
+    if proposed:
+        say("\n".join(["", *proposed, *note_lines(diagnosis.notes[notes:])]))
     say("\n".join(written_lines(written, arguments.out)))
     for sentence in not_held:
         say(sentence)
+    if arguments.quick:
+        return DONE
     if arguments.out is not None and not diagnosis.poses_alone and (lacking := not_written(arguments.out, written)):
         say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return DONE
 
 
-def _diagnosis_of_changes(
+def _answer_of_changes(
     arguments: argparse.Namespace,
     robot: Robot,
     known: tuple[KnownEffect, ...],
     excluded: tuple[tuple[float, float], ...],
     progress: Progress,
-) -> Diagnosis:
-    """Diagnosis of recordings, each read with what ``--recordings`` or ``--changed`` says of it."""
+) -> Answer:
+    """Answer of recordings, each read with what ``--recordings`` or ``--changed`` says of it."""
     from identification.data.changes import Change
-    from identification.pipeline import diagnose
+    from identification.pipeline import answered
     from identification.scenarios.recordings_file import changed_from_first, read_changed, read_changes
 
     paths = (*arguments.logs, *arguments.hold_out)
@@ -210,19 +230,19 @@ def _diagnosis_of_changes(
 
     recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
     held_out = len(arguments.hold_out)
-    return diagnose(robot, recordings, held_out=held_out, known=known, changes=changes, progress=progress.show)
+    return answered(robot, recordings, held_out=held_out, known=known, changes=changes, progress=progress.show)
 
 
-def _diagnosis_of_logs(
+def _answer_of_logs(
     arguments: argparse.Namespace,
     robot: Robot,
     known: tuple[KnownEffect, ...],
     excluded: tuple[tuple[float, float], ...],
     progress: Progress,
-) -> Diagnosis:
-    """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest."""
+) -> Answer:
+    """Answer of recordings by their torque; without one by that of the controllers, or in positions at rest."""
     from identification.data.reading import read_recording
-    from identification.pipeline import diagnose
+    from identification.pipeline import answered
 
     def read(path: str, torque_needed: bool) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
@@ -240,7 +260,7 @@ def _diagnosis_of_logs(
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
 
-    return diagnose(
+    return answered(
         robot,
         read_all,
         held_out=len(arguments.hold_out),

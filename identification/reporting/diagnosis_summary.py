@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
+from identification.notes import Said
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
@@ -35,15 +36,26 @@ def summary(diagnosis: Diagnosis) -> str:
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
     diagnosis = as_told(diagnosis.of_torques)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
-    proposal = (diagnosis.next_experiment or {}).get("say")
-    if proposal:
-        blocks += ["", _wrapped(f"Next experiment: {proposal}")]
+    proposed = next_experiment_lines(diagnosis)
+    if proposed:
+        blocks += ["", *proposed]
     notes = _notes(diagnosis)
     if notes:
         blocks += ["", *(_wrapped(note, "  ") for note in notes[:NOTES])]
     if len(notes) > NOTES:
         blocks.append(f"  {len(notes) - NOTES} more in the report.")
     return "\n".join(blocks).replace(NO_BREAK, " ")
+
+
+def next_experiment_lines(diagnosis: Diagnosis) -> list[str]:
+    """The motion that is to be recorded next, where one is proposed."""
+    proposal = (diagnosis.next_experiment or {}).get("say")
+    return [_wrapped(f"Next experiment: {proposal}")] if proposal else []
+
+
+def note_lines(notes: Sequence[Said]) -> list[str]:
+    """Notes, one after the other."""
+    return [_wrapped(f"Note: {sentence}", "  ") for sentence in note_sentences(notes)]
 
 
 def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:

@@ -236,6 +236,7 @@ def write_outputs(
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
     tell: Callable[[str], None] | None = None,
+    answer_alone: bool = False,
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
@@ -251,6 +252,7 @@ def write_outputs(
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
         tell: Is told in a sentence each which files could not be written, and what model files do not hold.
+        answer_alone: True to write no file but the JSON.
 
     Returns:
         The files written.
@@ -261,7 +263,9 @@ def write_outputs(
     """
     check_targets(out, json_file)
     texts: dict[str, str] = {}
-    if out is not None:
+    if out is not None and answer_alone:
+        texts = {INDEX: json_text(diagnosis)}
+    elif out is not None:
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         if tell is not None:
@@ -279,7 +283,7 @@ def write_outputs(
         if json_file is not None:
             renamed.enter_context(temporary_beside(json_file)).write_text(json_text(diagnosis), encoding="utf-8")
         if out is not None:
-            write_together(out, texts, obsolete=(NEXT, *MODELS))
+            write_together(out, texts, obsolete=(REPORT, NEXT, *MODELS))
     places = [] if out is None else [out / name for name in (INDEX, REPORT, *texts) if name in texts]
     return tuple(dict.fromkeys([*places, *([] if json_file is None else [json_file])]))
 

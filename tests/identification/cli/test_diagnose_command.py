@@ -18,6 +18,7 @@ import pytest
 from identification.cli.main import main
 from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
+from phantom_dyn.errors import UsageError
 
 pytestmark = pytest.mark.whole
 
@@ -125,6 +126,34 @@ def test_the_summary_is_short_and_plain(log, pendulum, capsys):
     assert text.startswith("The gap between robot and model is explained by Coulomb friction on joint pin.\n")
     assert len(text.splitlines()) < 60
     assert "\x1b" not in text
+
+
+def test_a_quick_run_writes_its_answer_alone(finished, tmp_path, log, pendulum, plain):
+    # The same answer as that of a whole run; a report of an earlier run would pass for this one's.
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("of an earlier run")
+    assert main(["diagnose", str(pendulum), str(log), "--quick", "--out", str(out)]) == 0
+    assert names_in(out) == ["diagnosis.json"]
+    content = json.loads((out / "diagnosis.json").read_text())
+    assert content["next_experiment"] is None
+    assert {name: content[name] for name in plain if name != "next_experiment"} == {
+        name: value for name, value in plain.items() if name != "next_experiment"
+    }
+
+
+def test_the_answer_is_printed_before_the_files_are_made(tmp_path, log, pendulum, capsys, monkeypatch):
+    def fail(*words, **options):
+        raise UsageError("no room")
+
+    monkeypatch.setattr("identification.reporting.stored.diagnosis_files.write_outputs", fail)
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(tmp_path / "out")]) == 2
+    assert "explained by Coulomb friction on joint pin" in capsys.readouterr().out
+
+
+def test_a_quick_run_of_each_recording_is_refused(log, pendulum, capsys):
+    assert main(["diagnose", str(pendulum), str(log), "--each", "--quick"]) == 2
+    assert "leave out one" in capsys.readouterr().err
 
 
 def test_a_profile_names_the_stages_and_leaves_the_answer_alone(log, pendulum, capsys):
