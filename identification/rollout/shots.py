@@ -125,16 +125,20 @@ def under_control(
         start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
-    law = law if model.late_references is None else with_late_references(law, model.late_references)
+    late = np.array([0.0 if a.controller is None else a.controller.reference_delay for a in robot.actuators])
+    late = late if model.late_references is None else late + model.late_references
+    law = with_late_references(law, late) if late.any() else law
     causes = (*controller_delays(robot), *model.commands, *model.causes)
     moving = replace(robot, torque_source="command")
     return np.array(simulated(moving, causes, law, start, max_step).q[window.start - first :])
 
 
 def controlled(robot: Robot) -> bool:
-    """True if the controller of every driven joint is stated, with a gain."""
+    """True if the controller of every driven joint is stated, with a gain that stays one."""
     driven = [a.controller for a in robot.actuators if a.actuated]
-    return bool(driven) and all(controller is not None and controller.kp > 0 for controller in driven)
+    return bool(driven) and all(
+        controller is not None and controller.kp > 0 and np.isinf(controller.drops_beyond) for controller in driven
+    )
 
 
 def control_law(robot: Robot, t: Float[Array, " N"], q_ref: Float[Array, "N nv"]) -> Tracking:

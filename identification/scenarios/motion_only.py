@@ -76,13 +76,16 @@ def _computed(recording: Recording, robot: Robot) -> Recording:
 def _bound(actuator: Actuator) -> float:
     """Where the torque that follows a reference is clipped: at the largest voltage, or as the drive's torque is."""
     voltage = voltage_bound(actuator)
+    if actuator.controller is not None:
+        voltage = min(voltage, actuator.controller.limit)
     return voltage if np.isfinite(voltage) or actuator.torque_limit is None else actuator.torque_limit
 
 
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """``kp (q_ref - q) - kd v``, late by the controller's own delay; zeros for joints without a drive.
+    """``kp (q_ref - q) - kd v``, late by the controller's own delays; zeros for joints without a drive.
 
-    The first part is a voltage where the drive states its largest one, and no more than that.
+    The first part is within the controller's limits; it is a voltage where the drive states its largest one, and no
+    more than that.
     """
     assert recording.q_ref is not None
     t = recording.t
@@ -92,8 +95,9 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
         controller = actuator.controller
         if controller is None or not actuator.actuated:
             continue
-        most = voltage_bound(actuator)
-        asked = np.clip(controller.kp * (recording.q_ref[:, k] - recording.q[:, k]), -most, most)
+        most, late = voltage_bound(actuator), controller.reference_delay
+        reference = np.interp(t - late, t, recording.q_ref[:, k]) if late else recording.q_ref[:, k]
+        asked = np.clip(controller.stiff_part(reference - recording.q[:, k]), -most, most)
         asked = asked - controller.kd * v[:, k]
         out[:, k] = asked if controller.delay == 0 else np.interp(t - controller.delay, t, asked)
     return out

@@ -27,12 +27,13 @@ from phantom_dyn.model.inertia import breaks_triangle, impossible_because
 from phantom_dyn.model.mjcf import add_loop_frames, check_mjcf, mjcf_facts
 from phantom_dyn.model.mjcf_compiler import compiled_mjcf
 from phantom_dyn.model.mjcf_tree import tree_of_mjcf
-from phantom_dyn.model.robot import Actuator, Controller, Robot, Tolerance
+from phantom_dyn.model.robot import Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.robot_xml import Drive, RobotXml, read_root, require_finite, urdf_facts
 from phantom_dyn.model.ros2_control import Ros2Config, is_ros2_control, ros2_config
 from phantom_dyn.model.settings_file import load_mapping
+from phantom_dyn.model.stated_drives import actuator_of
 from phantom_dyn.model.stated_loops import closed_chain
 from phantom_dyn.motion import linear_joints
 
@@ -237,28 +238,6 @@ def _require_simple_joints(model: pin.Model, path: Path) -> None:
         raise RobotError(f"{path} gives a model that is not finite: look for a zero axis, quaternion or vector in it.")
 
 
-def _actuator(stated: JointConfig, armature: float, own: Drive) -> Actuator:
-    """The drive as robot.yaml states it, else as the robot's file does."""
-    controller = stated.controller and Controller(
-        stated.controller.kind, stated.controller.kp, stated.controller.kd, stated.controller.delay
-    )
-    if controller is None and own.kp is not None:
-        controller = Controller("pd", own.kp, own.kd or 0.0)
-    return Actuator(
-        rotor_inertia=armature if stated.rotor_inertia is None else stated.rotor_inertia,
-        gear_ratio=stated.gear_ratio if stated.gear_ratio != 1.0 else own.gear_ratio or 1.0,
-        torque_constant=stated.torque_constant,
-        torque_limit=own.torque_limit if stated.torque_limit is None else stated.torque_limit,
-        encoder_counts=stated.encoder_counts,
-        encoder_side=stated.encoder_side,
-        actuated=stated.actuated,
-        drive_known=stated.drive is None,
-        resistance=stated.resistance,
-        voltage_limit=stated.voltage_limit,
-        controller=controller,
-    )
-
-
 def _has_drive(stated: JointConfig) -> bool:
     plain = JointConfig()
     return any(getattr(stated, key) != getattr(plain, key) for key in _DRIVE)
@@ -356,7 +335,7 @@ def _robot(
     names = tuple(model.names)[1:]
     drives = [stated.joints.get(name, JointConfig()) for name in names]
     actuators = tuple(
-        _actuator(drive, float(model.armature[k]), facts.drives.get(name, Drive()))
+        actuator_of(drive, float(model.armature[k]), facts.drives.get(name, Drive()))
         for k, (name, drive) in enumerate(zip(names, drives, strict=True))
     )
     model.armature = np.array([actuator.rotor_inertia for actuator in actuators])

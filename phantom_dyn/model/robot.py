@@ -25,12 +25,33 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Controller:
-    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, late by ``delay`` [s]."""
+    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, late by ``delay`` [s].
 
-    kind: Literal["pd"] = "pd"
+    Attributes:
+        kind: ``pd``, or ``duty``: the drive puts a share of the supply on the motor that grows with the position error.
+            ``kp`` is then that of the torque at standstill, and ``kd`` the back-EMF's.
+        kp: [N m/rad or N/m].
+        kd: [N m s/rad or N s/m].
+        delay: Of the whole torque [s].
+        reference_delay: By which the reference alone is late [s].
+        limit: Largest ``kp (q_ref - q)`` [N m or N].
+        drops_beyond: Position error from which on the limit is another [rad or m].
+        drops_to: That other limit [N m or N].
+    """
+
+    kind: Literal["pd", "duty"] = "pd"
     kp: float = 0.0
     kd: float = 0.0
     delay: float = 0.0
+    reference_delay: float = 0.0
+    limit: float = np.inf
+    drops_beyond: float = np.inf
+    drops_to: float = np.inf
+
+    def stiff_part(self, error: Float[Array, " N"]) -> Float[Array, " N"]:
+        """``kp (q_ref - q)`` within the limits [N m or N] at position errors [rad or m]."""
+        most = np.where(np.abs(error) > self.drops_beyond, min(self.drops_to, self.limit), self.limit)
+        return np.clip(self.kp * error, -most, most)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from phantom_dyn.model.settings_file import describe, read_settings
 NonNegative = Annotated[float, Meta(ge=0, le=1e12, description="a number of 0 or more, at most 1e12")]
 Positive = Annotated[float, Meta(ge=1e-12, le=1e12, description="a number above 0, from 1e-12 to 1e12")]
 Share = Annotated[float, Meta(ge=0, le=100, description="a number of 0 or more, at most 100")]
+Part = Annotated[float, Meta(ge=0, le=1, description="a share from 0 to 1")]
 Delay = Annotated[float, Meta(ge=0, le=10, description="a number of 0 or more, at most 10 s")]
 Ratio = Annotated[float, Meta(ge=-1e6, le=1e6, description="a number other than 0, from -1e6 to 1e6")]
 Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -33,12 +34,17 @@ class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class ControllerConfig(_Strict, frozen=True):
-    """Position controller of a joint, gains on the joint side; ``delay`` in s."""
+    """Position controller of a joint: ``pd`` has gains on the joint side, ``duty`` shares of the supply; times in s."""
 
-    kind: Literal["pd"] = "pd"
-    kp: NonNegative = 0.0
-    kd: NonNegative = 0.0
+    kind: Literal["pd", "duty"] = "pd"
+    kp: NonNegative | None = None
+    kd: NonNegative | None = None
     delay: Delay = 0.0
+    reference_delay: Delay = 0.0
+    gain: Positive | None = None
+    limit: Part | None = None
+    drops_beyond: Positive | None = None
+    drops_to: Part | None = None
 
 
 class JointConfig(_Strict, frozen=True):
@@ -133,9 +139,33 @@ def read_robot_config(path: Path) -> RobotConfig:
         if abs(joint.gear_ratio) < _LEAST_RATIO:
             wanted = _wanted(JointConfig, ["gear_ratio"])
             raise RobotError(f"{path}: joints.{name}.gear_ratio is {joint.gear_ratio:g}, wanted {wanted}.")
+        if joint.controller is not None:
+            _check_controller(joint, joint.controller, path, f"joints.{name}")
     loops = [_loop(loop, path, f"loops[{index}].") for index, loop in enumerate(content.loops)]
     values = {field: getattr(content, field) for field in content.__struct_fields__}
     return RobotConfig(**(values | {"joints": joints, "loops": loops}))
+
+
+def _check_controller(joint: JointConfig, stated: ControllerConfig, path: Path, key: str) -> None:
+    """Refuse keys of the other kind of controller, and a share of the supply that gives no torque."""
+    gains, shares = ("kp", "kd"), ("gain", "limit", "drops_beyond", "drops_to")
+    other = shares if stated.kind == "pd" else gains
+    strange = [name for name in other if getattr(stated, name) is not None]
+    if strange:
+        wanted = "kp and kd" if stated.kind == "pd" else "gain, limit, drops_beyond and drops_to"
+        raise RobotError(f"{path}: {key}.controller.{strange[0]} is no key of kind {stated.kind}, which has {wanted}.")
+    if stated.kind == "pd":
+        return
+    if stated.gain is None:
+        raise RobotError(f"{path}: {key}.controller.gain is missing, wanted the share of the supply per rad of error.")
+    lacking = [name for name in ("torque_constant", "resistance", "voltage_limit") if getattr(joint, name) is None]
+    if lacking:
+        raise RobotError(
+            f"{path}: {key}.{lacking[0]} is missing: a controller of kind duty gives a share of the supply "
+            "(voltage_limit), and resistance and torque_constant make a torque of it."
+        )
+    if (stated.drops_beyond is None) != (stated.drops_to is None):
+        raise RobotError(f"{path}: {key}.controller has one of drops_beyond and drops_to; give both, or neither.")
 
 
 def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop | FrameLoop:

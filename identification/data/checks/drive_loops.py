@@ -95,10 +95,10 @@ def _compared(
     t, q = recording.t, recording.q[:, j]
     tau = recording.tau[:, j] - recording.tau[:, j].mean()
     best = (0.0, -np.inf)
-    for delay in _DELAYS + controller.delay:
+    for delay in _DELAYS + controller.delay + controller.reference_delay:
         error = np.interp(t - delay, t, recording.q_ref[:, j]) - q
         most, limit = voltage_bound(actuator), actuator.torque_limit or np.inf
-        asked = np.clip(np.clip(controller.kp * error, -most, most) - controller.kd * v, -limit, limit)
+        asked = np.clip(np.clip(controller.stiff_part(error), -most, most) - controller.kd * v, -limit, limit)
         asked = asked - asked.mean()
         power = float(asked @ asked)
         if power > 0:

@@ -81,6 +81,26 @@ def test_a_controller_asks_no_more_than_its_drive_gives(pendulum):
     assert np.abs(commanded_torque(recording, weak)).max() == 2.0
 
 
+def test_a_controller_whose_reference_is_late_follows_the_earlier_one(pendulum):
+    # Five samples of 4 ms: position and speed are as they are, the reference is that of 20 ms before.
+    recording, _ = moved(pendulum)
+    late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, reference_delay=0.02)),))
+    ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
+    q_ref = recording.q_ref
+    np.testing.assert_allclose((ours - plain)[5:], KP * (q_ref[:-5] - q_ref[5:]), atol=1e-9)
+
+
+def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pendulum):
+    # Closed form on every sample: no more than 0.5 N m of stiffness where the error is above 0.02 rad.
+    recording, _ = moved(pendulum)
+    protected = Controller("duty", kp=KP, kd=0.0, drops_beyond=0.02, drops_to=0.5)
+    ours = commanded_torque(recording, replace(pendulum, actuators=(Actuator(controller=protected),)))
+    error = recording.q_ref - recording.q
+    large = np.abs(error) > 0.02
+    assert large.any()
+    np.testing.assert_allclose(ours, np.where(large, np.clip(KP * error, -0.5, 0.5), KP * error))
+
+
 def test_friction_is_named_from_positions_alone(rubbing):
     (finding,) = rubbing.findings
     assert finding.joint == "pin"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
@@ -20,6 +21,11 @@ joints:
 payload_frame: tool
 """
 
+SERVO = """
+joints:
+  turn: {torque_constant: 0.01, gear_ratio: 100, resistance: 2, voltage_limit: 12, controller: {kind: duty, gain: 2}}
+"""
+
 
 @pytest.fixture
 def load(tmp_path):
@@ -37,6 +43,17 @@ def test_every_key_of_a_drive_is_kept(load):
     assert load(EVERY_KEY).actuators[0] == Actuator(
         0.002, 100, 0.06, 5, 65536, "link", False, 4, 7.4, Controller("pd", 40, 1, 0)
     )
+
+
+def test_a_share_of_the_supply_is_a_torque_at_standstill(load):
+    # Closed form: constant 1 N m/A at the joint, 2 ohm, 12 V: 6 N m for the whole supply, 0.5 N m s/rad of back-EMF.
+    stated = "gain: 2, limit: 0.5, drops_beyond: 0.2, drops_to: 0.1, reference_delay: 0.03"
+    controller = load(SERVO.replace("gain: 2", stated)).actuators[0].controller
+    assert controller == Controller(
+        "duty", 12.0, 0.5, 0.0, 0.03, limit=3.0, drops_beyond=0.2, drops_to=0.6000000000000001
+    )
+    np.testing.assert_allclose(controller.stiff_part(np.array([0.1, 0.19, 0.21, -0.3])), [1.2, 2.28, 0.6, -0.6])
+    np.testing.assert_allclose(controller.stiff_part(np.array([0.1])), 12.0 * 0.1)
 
 
 def test_every_key_of_the_robot_is_kept(load):
@@ -103,6 +120,15 @@ def test_a_configuration_that_is_given_replaces_the_one_beside_the_robot(tmp_pat
         ("joints: {turn: {actuated: 1}}", r"joints\.turn\.actuated is 1, wanted true or false"),
         ("joints: {turn: {controller: {kind: pid}}}", r"turn\.controller\.kind is the text 'pid', wanted one of pd"),
         ("joints: {turn: {controller: {kp: -4}}}", r"joints\.turn\.controller\.kp is -4, wanted a number of 0 or more"),
+        ("joints: {turn: {controller: {kind: duty}}}", r"turn\.controller\.gain is missing, wanted the share"),
+        (
+            "joints: {turn: {controller: {kind: duty, gain: 2}}}",
+            r"turn\.torque_constant is missing: a controller of kind",
+        ),
+        ("joints: {turn: {controller: {gain: 2}}}", r"controller\.gain is no key of kind pd, which has kp and kd"),
+        (SERVO.replace("gain: 2", "gain: 2, kp: 3"), r"controller\.kp is no key of kind duty, which has gain, limit"),
+        (SERVO.replace("gain: 2", "gain: 2, drops_to: 0.1"), r"has one of drops_beyond and drops_to; give both"),
+        (SERVO.replace("gain: 2", "gain: 2, limit: 1.5"), r"controller\.limit is 1\.5, wanted a share from 0 to 1"),
         ("joints: {turn: 3}", r"joints is .*, wanted joint names, each with its keys"),
         ("joints: [turn]", r"joints is the list \['turn'\], wanted joint names, each with its keys"),
         ("joints: {turn: {rotor_inertia: }}", r"joints\.turn\.rotor_inertia is empty: give a value or remove the key"),

@@ -1,0 +1,62 @@
+"""Drives of joints as ``robot.yaml`` states them, else as the robot's file does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.model.robot import Actuator, Controller
+from phantom_dyn.model.robot_config import ControllerConfig, JointConfig
+from phantom_dyn.model.robot_xml import Drive
+
+
+def actuator_of(stated: JointConfig, armature: float, own: Drive) -> Actuator:
+    """The drive of a joint.
+
+    Args:
+        stated: By ``robot.yaml``.
+        armature: Rotor inertia by the robot's file [kg m^2 or kg].
+        own: The rest of what that file states.
+    """
+    controller = _controller(stated, stated.controller) if stated.controller else None
+    if controller is None and own.kp is not None:
+        controller = Controller("pd", own.kp, own.kd or 0.0)
+    return Actuator(
+        rotor_inertia=armature if stated.rotor_inertia is None else stated.rotor_inertia,
+        gear_ratio=stated.gear_ratio if stated.gear_ratio != 1.0 else own.gear_ratio or 1.0,
+        torque_constant=stated.torque_constant,
+        torque_limit=own.torque_limit if stated.torque_limit is None else stated.torque_limit,
+        encoder_counts=stated.encoder_counts,
+        encoder_side=stated.encoder_side,
+        actuated=stated.actuated,
+        drive_known=stated.drive is None,
+        resistance=stated.resistance,
+        voltage_limit=stated.voltage_limit,
+        controller=controller,
+    )
+
+
+def _controller(drive: JointConfig, stated: ControllerConfig) -> Controller:
+    r"""A controller with gains of the joint's torque.
+
+    A share :math:`g\,(q_r - q)` of the supply U at a motor with constant k, gear n and resistance R makes the torque
+    :math:`\tau = (k n U / R)\,g\,(q_r - q) - ((k n)^2 / R)\,v`.
+    """
+    if stated.kind == "pd":
+        return Controller("pd", stated.kp or 0.0, stated.kd or 0.0, stated.delay, stated.reference_delay)
+    # What reads the file has refused a drive without them.
+    assert drive.torque_constant is not None
+    assert drive.resistance is not None
+    assert drive.voltage_limit is not None
+    assert stated.gain is not None
+    constant = drive.torque_constant * drive.gear_ratio
+    whole = constant * drive.voltage_limit / drive.resistance
+    return Controller(
+        "duty",
+        kp=stated.gain * whole,
+        kd=constant**2 / drive.resistance,
+        delay=stated.delay,
+        reference_delay=stated.reference_delay,
+        limit=whole * (1.0 if stated.limit is None else stated.limit),
+        drops_beyond=np.inf if stated.drops_beyond is None else stated.drops_beyond,
+        drops_to=np.inf if stated.drops_to is None else whole * stated.drops_to,
+    )
