@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
 from identification.stages import Announcement, Stage
@@ -49,7 +50,7 @@ def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, 
     assert found.verdict == "explained"
 
 
-@pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.nightly), 1e-9])
+@pytest.mark.parametrize("size", by_night([1e-9, 1.0], 0))
 def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar2, lacking, rng, size):
     # Known truth: white noise stands in the columns of the torques. A model without mass would leave as little.
     recording = lacking()
@@ -68,7 +69,7 @@ def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
         assert abs(parameters[name].value - truth) < max(4 * parameters[name].std, 0.01 * abs(truth))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", by_night(range(6), 0, 1, 2))
 def test_nothing_is_found_where_nothing_is_wrong(diagnosed, seed):
     found = diagnosed(seed=seed)
     assert found.findings == ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
@@ -42,15 +43,15 @@ def test_a_model_that_has_it_leaves_no_gap(planar2, lacking):
     assert (again.verdict, again.findings) == ("no_gap", ())
 
 
-@pytest.mark.parametrize(
-    ("name", "theta"),
-    [
-        ("coulomb_friction", (0.4,)),
-        ("load_dependent_friction", (0.1,)),
-        ("presliding_friction", (0.5, 0.1)),
-        ("stribeck_friction", (0.3, 0.8, 0.3)),
-    ],
-)
+OTHERS = [
+    ("coulomb_friction", (0.4,)),
+    ("load_dependent_friction", (0.1,)),
+    ("presliding_friction", (0.5, 0.1)),
+    ("stribeck_friction", (0.3, 0.8, 0.3)),
+]
+
+
+@pytest.mark.parametrize(("name", "theta"), by_night(OTHERS, 0, 3))
 def test_other_friction_is_not_taken_for_it(diagnosed, name, theta):
     findings = diagnosed((name, "elbow", theta)).findings
     assert NAME not in {finding.effect for finding in findings}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
+from by_night import by_night
 from identification.data.recording import Recording
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
@@ -55,7 +56,7 @@ def recorded(name: str, *changes: tuple[str, str], seed: int = 1) -> tuple[Robot
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", LAST)
+@pytest.mark.parametrize("name", by_night(LAST, 0))
 def test_a_linkage_that_is_as_its_model_says_has_no_gap(name):
     diagnosis = dyn.diagnose(*recorded(name))
     assert diagnosis.verdict == "no_gap"
@@ -63,7 +64,7 @@ def test_a_linkage_that_is_as_its_model_says_has_no_gap(name):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", LAST)
+@pytest.mark.parametrize("name", by_night(LAST, 1))
 def test_a_load_on_a_linkage_is_found_with_its_mass(name):
     joint = f'name="{LAST[name]}" axis="0 1 0"/>'
     diagnosis = dyn.diagnose(*recorded(name, (joint, joint + LOAD.format(0.2))))
@@ -74,7 +75,7 @@ def test_a_load_on_a_linkage_is_found_with_its_mass(name):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(("name", "joint"), [("fourbar", "knee"), ("fivebar", "left_elbow")])
+@pytest.mark.parametrize(("name", "joint"), by_night([("fourbar", "knee"), ("fivebar", "left_elbow")], 1))
 def test_dry_friction_of_a_passive_joint_is_found_on_that_joint(name, joint):
     diagnosis = dyn.diagnose(*recorded(name, (f'name="{joint}"', f'name="{joint}" frictionloss="0.03"')))
     first = diagnosis.findings[0]
@@ -84,7 +85,7 @@ def test_dry_friction_of_a_passive_joint_is_found_on_that_joint(name, joint):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", LAST)
+@pytest.mark.parametrize("name", by_night(LAST, 0))
 def test_a_load_that_hides_behind_the_tolerances_is_told_with_a_mass_that_holds_it(name, lab):
     # Known truth: 60 g, which two tolerances of 5 % on three or four links can take up.
     robot = load_robot(ROBOTS / f"{name}.xml")

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import phantom_dyn as dyn
+from by_night import by_night
 from identification.diagnosis.result import Diagnosis
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -33,7 +34,7 @@ def of_turned(robot: Robot, turn: tuple[float, float, float], lab, seed: int = 3
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("turn", [(0.08, 0.0, -0.05), (0.0, 0.0, 0.1), (0.1, 0.0, 0.0)])
+@pytest.mark.parametrize("turn", by_night([((0.08, 0.0, -0.05),), ((0.0, 0.0, 0.1),), ((0.1, 0.0, 0.0),)], 0))
 def test_a_tilt_about_the_two_horizontal_axes_is_recovered_within_its_interval(phantom, lab, turn):
     first = of_turned(phantom, turn, lab).findings[0]
     assert (first.effect, first.joint) == ("base_tilt", None)

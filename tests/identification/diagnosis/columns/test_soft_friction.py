@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
+from by_night import by_night
 from identification.diagnosis.columns.nuisances import moves_of
 from identification.diagnosis.columns.soft_friction import softness
 from identification.notes import Code, Note
@@ -91,7 +92,7 @@ def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.nightly), 3])
+@pytest.mark.parametrize("seed", by_night([3, 2], 0))
 def test_mujoco_fits_its_own_model(tmp_path, seed):
     robot, text = arm(tmp_path)
     found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 0))
@@ -99,7 +100,7 @@ def test_mujoco_fits_its_own_model(tmp_path, seed):
     assert Note(Code.SOFT_FRICTION) in found.result.notes
 
 
-@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.nightly) for seed in (1, 2)), 8])
+@pytest.mark.parametrize("seed", by_night([8, 1, 2], 0))
 def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
     # Known truth: five samples. In the motion of seed 3 Stribeck friction on one joint does as well.
     robot, text = arm(tmp_path)

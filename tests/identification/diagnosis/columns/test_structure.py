@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.diagnosis.columns.structure import STRUCTURES, _swings_at
 from identification.diagnosis.fit.fitting import fit
 from identification.pipeline import diagnose
@@ -34,6 +35,8 @@ CAUSES: dict[str, Callable[[Array, Array, Array, Array, Array], Array]] = {
     "supply": lambda t, done, q, v, tau: 0.4 * tau[:, 1] * np.abs(tau).sum(axis=1) / np.abs(tau).sum(axis=1).max(),
 }
 
+DRIFTING_FRICTION, FIELD = 1, 5  # places among them of those that are diagnosed in every run
+
 
 @pytest.fixture(scope="module")
 def recorded(lab, planar2):
@@ -56,11 +59,6 @@ def diagnosed(planar2, recorded):
     return cache(lambda cause: diagnose(planar2, (recorded(cause),)))
 
 
-def by_night(causes, *soon: str):
-    """Cases of which ``soon`` are diagnosed in every run of the tests."""
-    return [cause if cause in soon else pytest.param(cause, marks=pytest.mark.nightly) for cause in causes]
-
-
 def explained(prepared, effect: str) -> float:
     """Share of the held-out loss that the best shape of an effect on the elbow takes off."""
     terms = [term for term in prepared.columns.terms if term.place == (effect, "elbow")]
@@ -76,7 +74,7 @@ def test_a_structure_explains_the_cause_that_it_stands_for(lab, planar2, recorde
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("cause", by_night(CAUSES, "drifting_friction", "field"))
+@pytest.mark.parametrize("cause", by_night(CAUSES, DRIFTING_FRICTION, FIELD))
 def test_a_cause_without_a_name_is_not_explained_by_one_of_the_catalogue(diagnosed, cause):
     # Known truth: the elbow has a gap, and nothing in the catalogue is its cause.
     found = diagnosed(cause)
@@ -85,7 +83,7 @@ def test_a_cause_without_a_name_is_not_explained_by_one_of_the_catalogue(diagnos
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("cause", by_night([n for n in CAUSES if n.startswith("drifting")], "drifting_friction"))
+@pytest.mark.parametrize("cause", by_night([name for name in CAUSES if name.startswith("drifting")], DRIFTING_FRICTION))
 def test_what_drifts_is_said_to_drift_with_time(diagnosed, cause):
     assert diagnosed(cause).unexplained.regime == "time_drift"
 
