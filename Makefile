@@ -54,7 +54,7 @@ lint: setup
 wheel: setup
 	@.ci/wheel
 
-# Twenty minutes, as `make test`; it has a folder of its own, which stays as long as the versions do.
+# As long as `make test`; it has a folder of its own, which stays as long as the versions do.
 lowest: setup
 	@.ci/lowest $(LOWEST)
 

@@ -140,6 +140,7 @@ def test_a_corrected_yaml_is_read_back_with_the_effects_and_refused_without(plan
         known_effects((path,), planar2)
 
 
+@pytest.mark.nightly
 def test_with_its_finding_in_the_model_nothing_is_left_to_find(robot, recording, diagnosis):
     value = diagnosis.findings[0].parameters["coefficient"].value
     assert diagnose(robot, (recording,), known=(KnownEffect("thick_oil", "elbow", (value,)),)).findings == ()

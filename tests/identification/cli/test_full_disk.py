@@ -56,6 +56,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_half_of_a_file(line, command,
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [log]
 
 
+@pytest.mark.nightly
 def test_a_disk_that_fills_while_netcdf_is_written_is_told_too(command):
     # NetCDF's own error says nothing of a disk, and its file is the larger one.
     line = "map phantom_1_5 --quantity manipulability --grid x=0:0.02:2,y=0:0.02:2,z=0:0.02:2 --out"
