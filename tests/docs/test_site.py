@@ -34,9 +34,15 @@ def snippets(page):
 # Lessons are whole; the snippets of other pages stand for files and clusters of the reader.
 LESSONS = [page for page in PAGES if page.parent.name in ("tutorials", "how_to") and snippets(page)]
 OTHERS = [page for page in PAGES if page not in LESSONS and snippets(page)]
+# Arms of six joints: their diagnoses take longest.
+LONG = {"ur_rtde", "so101_lerobot"}
 
 
-@pytest.mark.parametrize("page", LESSONS, ids=names(LESSONS))
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.nightly if page.stem in LONG else ()) for page in LESSONS],
+    ids=names(LESSONS),
+)
 def test_the_python_of_a_page_runs_and_says_the_truth(page, tmp_path, monkeypatch, request):
     # Known truth: the assertions in the snippets themselves, on simulated recordings; of real ones, what is published.
     if "datasets.fetch" in page.read_text():

@@ -201,16 +201,19 @@ def ur10(mirror) -> list[str]:
     return findings(printed("diagnose_ur10.py", **mirror))
 
 
+@pytest.mark.nightly
 def test_every_joint_of_the_ur10_has_friction(ur10):
     # Published: refitting friction lowers the error of each joint to a third at most.
     joints = {line.split()[-1] for line in ur10 if " friction on " in line}
     assert joints == set(load_robot("example:ur10").joint_names)
 
 
+@pytest.mark.nightly
 def test_the_inertias_of_the_ur10s_file_are_wrong(ur10):
     assert any(line.startswith("Wrong inertial parameters") for line in ur10)
 
 
+@pytest.mark.nightly
 def test_the_ur10_carries_nothing_and_has_no_spring(ur10):
     # Both lower the error a little; the inertias explain what they would.
     assert not [line for line in ur10 if "payload" in line or "spring" in line]
@@ -223,17 +226,20 @@ def double_pendulum(mirror, tmp_path_factory) -> list[str]:
     return out.split("== design_C1_identified.urdf")
 
 
+@pytest.mark.nightly
 def test_double_pendulum_names_coulomb_friction_where_it_is_not_modelled(double_pendulum):
     # Published: Coulomb torques of 0.16 and 0.12 that the plain model lacks.
     plain = {line for line in findings(double_pendulum[0]) if "Coulomb" in line}
     assert plain == {f"Coulomb friction on Joint{k}" for k in (1, 2)}
 
 
+@pytest.mark.nightly
 def test_double_pendulum_names_the_inertias_that_the_makers_file_has_wrong(double_pendulum):
     # Published: it counts m r^2 of both links twice.
     assert findings(double_pendulum[1])[0].startswith("Wrong inertial parameters")
 
 
+@pytest.mark.nightly
 def test_double_pendulum_finds_as_much_friction_whatever_a_model_holds_of_it(double_pendulum):
     # The makers' file holds 0.16 and 0.12 N m of it: what is found beyond these is what the plain model lacks of more.
     held = {"Joint1": 0.16, "Joint2": 0.12}
