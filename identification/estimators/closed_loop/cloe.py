@@ -20,6 +20,7 @@ from identification.data.log import Log
 from identification.engine.autocorrelation import samples_per_independent
 from identification.estimators.closed_loop.loop import Feedback, Loop, simulated, start_of
 from identification.estimators.closed_loop.plant import plant_of
+from identification.estimators.closed_loop.stated_controllers import require_own_controllers
 from identification.estimators.fit import Estimate, Fit, Status, Values, fit_of
 from identification.estimators.linear.scatter import autocorrelation
 from identification.regression.base_parameters import BaseParameters
@@ -197,7 +198,7 @@ def fit_cloe(
         The fit; ``others`` holds the states at the start of each recording.
 
     Raises:
-        LogError: If a log has no references.
+        LogError: If a log has no references, or its torque is not what the stated controllers ask for.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
         IdentifiabilityError: If the recording excites no parameter.
         EstimationError: If the simulated robot cannot move, or the estimates do not settle and ``on_failure`` is
@@ -233,6 +234,7 @@ def cloe(
     if not stretch > 0:
         raise ParameterError(f"The stretches were asked to last {stretch:g} s: give a time above 0.")
     start = start_of(regressor, feedback)
+    require_own_controllers(start.loops)
     base = start.base
     shooting = Shooting(regressor, base, start.loops, stretches_of(start.loops, stretch))
     measured = shooting.measured()
@@ -240,7 +242,7 @@ def cloe(
     for _ in range(iterations):
         weights = _weights(iterate.residual, measured)
         slopes = shooting.slopes(iterate.theta, iterate.states, iterate.outputs)
-        step, factor, left = _step(slopes, iterate, weights)
+        step, factor, left = _step(slopes, iterate, weights, base.base_names)
         inverse = solve_triangular(factor, np.eye(len(factor)))
         std = np.linalg.norm(inverse, axis=1)[-base.rank :]
         error = iterate.error(weights)
@@ -295,7 +297,9 @@ def _weights(left: Float[Array, "N c"], measured: Float[Array, "N c"]) -> Float[
     return np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
 
 
-def _step(slopes: Float[Array, "N c p"], iterate: _Iterate, weights: Float[Array, " c"]) -> tuple[Array, Array, float]:
+def _step(
+    slopes: Float[Array, "N c p"], iterate: _Iterate, weights: Float[Array, " c"], names: tuple[str, ...]
+) -> tuple[Array, Array, float]:
     """Gauss-Newton step, triangular factor, and the error after the step if the outputs were linear."""
     p, k = slopes.shape[2], len(iterate.state_error)
     rows = np.column_stack([(slopes * weights[:, None]).reshape(-1, p), (iterate.residual * weights).reshape(-1)])
@@ -303,9 +307,13 @@ def _step(slopes: Float[Array, "N c p"], iterate: _Iterate, weights: Float[Array
     R = np.asarray(np.linalg.qr(np.concatenate([rows, recorded]), mode="r"))
     factor = R[:p, :p]
     norms = np.linalg.norm(factor, axis=0)
-    if len(R) < p or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
+    weak = np.ones(p, dtype=bool) if len(R) < p else np.abs(np.diag(factor)) <= _LEAST * norms
+    if weak.any():
+        few = [name for name, unseen in zip(names, weak[p - len(names) :], strict=True) if unseen]
         raise IdentifiabilityError(
-            f"{len(rows)} equations do not determine {p} parameters and states: record more or give longer stretches."
+            f"The closed loop does not show {', '.join(few) or 'the states at the start of its stretches'} "
+            f"({len(rows)} equations): leave out the effects that these belong to, record a motion that moves every "
+            "joint for longer, or use an estimator without simulation, such as wls."
         )
     return solve_triangular(factor, R[:p, p]), factor, float(np.sum(R[p:, p] ** 2))
 
@@ -333,7 +341,7 @@ def _fit(shooting: Shooting, measured: Array, iterate: _Iterate, status: Status)
     regressor, base, r = shooting.regressor, shooting.base, shooting.base.rank
     weights = _weights(iterate.residual, measured)
     slopes = shooting.slopes(iterate.theta, iterate.states, iterate.outputs)
-    _, factor, _ = _step(slopes, iterate, weights)
+    _, factor, _ = _step(slopes, iterate, weights, base.base_names)
     rho = [autocorrelation(column, regressor.starts) for column in iterate.residual.T]
     memory = np.array([samples_per_independent(lags) for lags in rho])
     inverse = solve_triangular(factor, np.eye(len(factor)))

@@ -18,6 +18,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, resimulated, start_of
+from identification.estimators.closed_loop.stated_controllers import require_own_controllers
 from identification.estimators.fit import Fit, Status, fit_of, values_of_influence
 from identification.estimators.linear.least_squares import factor_of, influence_of, least_squares
 from identification.estimators.linear.scatter import residual_noise
@@ -54,7 +55,7 @@ def fit_didim(
         on_failure: What to do where the estimates do not settle.
 
     Raises:
-        LogError: If a log has no references.
+        LogError: If a log has no references, or its torque is not what the stated controllers ask for.
         ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
         IdentifiabilityError: If the recording excites no parameter.
         EstimationError: If the simulated robot cannot move, or the estimates do not settle and ``on_failure`` is
@@ -87,6 +88,7 @@ def didim(
         EstimationError: See `fit_didim`.
     """
     start = start_of(regressor, feedback)
+    require_own_controllers(start.loops)
     base, theta, simulation, weights = start.base, start.theta, start.simulation, start.weights
     for _ in range(iterations):
         rows, target = simulation.rows(base), _target(regressor, simulation)
