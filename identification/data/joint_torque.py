@@ -29,7 +29,7 @@ def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> floa
         raise LogError(
             f"{table.file} has {column} but no tau.{joint}, and the robot states no torque_constant of {joint}: add "
             "torque_constant (and gear_ratio) under joints in robot.yaml, or a column of the torque. "
-            "docs/how_to/formats.md lists those of common servos."
+            "docs/how_to/formats.md lists those of common drives."
         )
     return actuator.torque_constant * actuator.gear_ratio
 

@@ -49,7 +49,7 @@ def _recognised(table: Table, robot: Robot, preset: str) -> str:
         raise LogError(
             f"{table.file} was read as --columns {preset}: it has motor currents, and the robot no constants that make "
             f"torques of them: add torque_constant and gear_ratio of {', '.join(lacking)} under joints in robot.yaml."
-            " docs/how_to/formats.md lists those of common servos."
+            " docs/how_to/formats.md lists those of common drives."
         )
     return f"{table.file}: its columns are those of --columns {preset}, and were read so."
 
