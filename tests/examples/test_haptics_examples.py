@@ -17,6 +17,7 @@ PAGE = (CHECKOUT / "docs" / "haptics.md").read_text()
 pytestmark = pytest.mark.whole
 
 
+@pytest.mark.nightly
 def test_the_gallery_writes_every_figure_that_it_names_and_leaves_no_half_one(tmp_path):
     with matplotlib.rc_context({"savefig.dpi": 30}):  # a fifth of the dots: nobody looks at them
         out = printed("haptics_gallery.py", tmp_path)
@@ -26,6 +27,7 @@ def test_the_gallery_writes_every_figure_that_it_names_and_leaves_no_half_one(tm
     assert all(Path(name).read_bytes().startswith(b"\x89PNG") for name in named)
 
 
+@pytest.mark.nightly
 def test_without_the_robots_of_the_walk_the_gallery_runs_to_its_end_and_says_what_it_left_out(tmp_path, monkeypatch):
     """As after a plain installation, which has no example-robot-data."""
     monkeypatch.setattr("phantom_dyn.model.robot_files.examples_folder", lambda: None)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from by_night import by_night
 from identification.data.signals import process
 from identification.estimators import iv as iv_module
 from identification.estimators.closed_loop import didim as didim_module
@@ -76,13 +77,14 @@ def simulated_once(draws, monkeypatch) -> None:
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", FITS)
+@pytest.mark.parametrize("name", by_night(FITS, list(FITS).index("wls")))
 @pytest.mark.usefixtures("simulated_once")
 def test_intervals_hold_the_truth_in_92_to_98_per_cent_of_draws(name, draws):
     fits = [FITS[name](draws.drawn(k, simulated=name == "didim")) for k in range(DRAWS)]
     assert 0.92 < np.mean([draws.holds(fit, fit.cov) for fit in fits]) < 0.98
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 @pytest.mark.usefixtures("simulated_once")
 def test_least_squares_without_bias_is_called_biased_in_about_5_per_cent_of_draws(draws):
