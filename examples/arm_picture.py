@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Draws docs/arm.svg: the small arm as measured, as its given model moves and as its corrected model does.
 
 ``python examples/arm_picture.py [FILE]``. Both models start where the arm was and are driven by the recorded torques; a

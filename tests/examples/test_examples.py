@@ -174,6 +174,17 @@ def test_the_log_of_the_readme_is_what_its_script_writes(tmp_path):
     np.testing.assert_allclose(ours, shipped, atol=1e-3)
 
 
+@pytest.mark.nightly
+def test_the_moving_picture_of_the_readme_is_what_its_script_draws(tmp_path):
+    # Oracle: the points of the file, to a pixel; the last digits of a simulation hang on the processor.
+    printed("arm_picture.py", tmp_path / "arm.svg")
+    ours, shipped = (
+        re.findall(r"values='([^']*)'", path.read_text()) for path in (tmp_path / "arm.svg", DOCS / "arm.svg")
+    )
+    points = [[np.array(re.split("[ ;,]", one), dtype=float) for one in lines] for lines in (ours, shipped)]
+    np.testing.assert_allclose(points[0], points[1], atol=1.0)
+
+
 def test_the_readme_shows_what_is_found_on_emps(mirror, tmp_path):
     # Oracle: the run itself.
     out = printed("diagnose_emps.py", tmp_path, **mirror)
