@@ -31,7 +31,8 @@ from identification.diagnosis.noise.noise_floor import (
     smaller_noise,
     weights_of,
 )
-from identification.diagnosis.noise.whitening import whitened, whitening_of
+from identification.diagnosis.noise.sensed_noise import sensed_noise
+from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
 from identification.diagnosis.search.claims import asked, claimed
 from identification.diagnosis.search.refinement import (
     found_effects,
@@ -98,6 +99,8 @@ def explained(session: Session, progress: Progress = lambda _: None) -> Explanat
     again = recordings_read_again(session, columns, steps)
     noise, inside = estimate_noise(session, columns)
     noise = at_least_encoder_noise(noise, again.residual, columns.usable)
+    sensed = sensed_noise(session, columns)
+    noise = no_less_than_sensed(columns, noise, sensed)
     search = _set_up(session, columns, noise)
     spurious = spurious_gains(search, again, noise)
     encoders = noise_floor(session, columns, again.residual)
@@ -109,6 +112,7 @@ def explained(session: Session, progress: Progress = lambda _: None) -> Explanat
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
         noise, ratio = _settled_noise(last, columns)
+        noise = no_less_than_sensed(columns, noise, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
         found = found_effects(fitted, last.chosen)

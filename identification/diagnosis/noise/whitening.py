@@ -63,10 +63,7 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
         values=tuple(filters.columns(own, log) for log, own in enumerate(columns.values)),
         residual=filters.series(columns.residual),
         model_torque=filters.series(columns.model_torque),
-        usable=tuple(
-            np.column_stack([_reached(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
-            for part in columns.usable
-        ),
+        usable=_usable_white(filters, columns),
     )
     return made, filters.series(noise)
 
@@ -121,6 +118,26 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
+def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Series:
+    """Noise of each row, with that of the sensors added where what weighs the fits is less than sensors make of it.
+
+    What predictors leave may be smooth, or lie where friction is in doubt: white, and with such samples counting
+    little, it is then smaller than the noise of the sensors is.
+
+    Args:
+        columns: As computed.
+        noise: What no predictor foresees of each log's torque; zero where a sample is not usable.
+        sensed: The noise of the sensors in it.
+    """
+    filters = whitening_of(columns, noise)
+    use = _usable_white(filters, columns)
+    own, least = (
+        sum(np.sum(np.where(u, part, 0.0) ** 2, axis=0) for part, u in zip(filters.series(series), use, strict=True))
+        for series in (noise, sensed)
+    )
+    return tuple(np.where(own < least, part + more, part) for part, more in zip(noise, sensed, strict=True))
+
+
 def whitened_noise(
     columns: Columns,
     noise: Series,
@@ -163,6 +180,14 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
     # Of a row without usable samples none counts, whatever its weight.
     return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
+
+
+def _usable_white(filters: Whitening, columns: Columns) -> tuple[Bool[Array, "n nv"], ...]:
+    """Usable samples of each log after whitening."""
+    return tuple(
+        np.column_stack([_reached(len(kernel), use) for kernel, use in zip(filters.kernels, part.T, strict=True)])
+        for part in columns.usable
+    )
 
 
 def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,3 +54,26 @@ def test_a_long_recording_has_two_dozen_blocks(lab, planar2):
     long = lab.recording(planar2, lab.motion(2, seconds=100.0))
     blocks = split_blocks((process(long, planar2, cutoff_hz=log.band.cutoff_hz),), 5.0)
     assert 22 <= len(blocks) <= 26
+
+
+def test_what_a_joint_travels_in_one_stroke_is_shared_among_the_folds(lab, planar2):
+    # Joint 2 moves during one of forty seconds: no block holds more than a quarter of its travel.
+    log = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seconds=40.0)),)).logs[0]
+    v = log.motion.v.copy()
+    t = log.motion.t - log.motion.t[0]
+    v[:, 1] = np.where(np.abs(t - 20.0) < 0.5, np.sin(np.pi * (t - 19.5)), 0.0)
+    blocks = split_blocks((replace(log, motion=replace(log.motion, v=v)),), 5.0)
+    speed = np.abs(v[log.samples, 1])
+    shares = np.array([speed[block.start : block.stop].sum() for block in blocks]) / speed.sum()
+    assert shares.max() <= 1 / 4
+    assert sum(block.stop - block.start for block in blocks) == len(log.samples)
+
+
+def test_no_block_is_shorter_than_half_a_period_of_the_edge(lab, planar2):
+    # A joint that jumps from one sample to the next: its travel cannot be shared.
+    log = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seconds=40.0)),)).logs[0]
+    v = np.zeros_like(log.motion.v)
+    v[log.samples[100]] = 1.0
+    blocks = split_blocks((replace(log, motion=replace(log.motion, v=v)),), 2.0)
+    rate = log.band.rate_hz / log.band.step
+    assert min(block.stop - block.start for block in blocks) >= int(0.5 * rate / 2.0)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process
+from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.columns.standstill import usable_samples
+from identification.diagnosis.noise.sensed_noise import sensed_noise
 from identification.diagnosis.noise.sensor_floor import sensor_floor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 
@@ -75,3 +77,13 @@ def test_the_interval_holds_the_value(made):
 def test_readings_that_leave_no_band_above_show_no_noise(made):
     session, _ = made()
     assert not floors(replace(session, cutoff_hz=0.3 * session.logs[0].band.rate_hz)).known.any()
+
+
+def test_noise_that_is_drawn_from_the_sensors_is_as_large_as_the_true_one(made):
+    # In the judged band, on usable samples.
+    session, true = made(noise=0.05)
+    columns = build_columns(session, FitPoint())
+    (drawn,) = session.in_judged_band(sensed_noise(session, columns))
+    use = columns.usable[0]
+    found = np.sqrt(np.sum(np.where(use, drawn, 0.0) ** 2, axis=0) / use.sum(axis=0))
+    np.testing.assert_allclose(found / true, 1.0, atol=0.3)

@@ -8,7 +8,14 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from identification.diagnosis.noise.noise_floor import estimate_noise
-from identification.diagnosis.noise.whitening import Whitening, filtered, noise_filter, whitened, whitened_noise
+from identification.diagnosis.noise.whitening import (
+    Whitening,
+    filtered,
+    no_less_than_sensed,
+    noise_filter,
+    whitened,
+    whitened_noise,
+)
 
 
 def autoregressive(rng: np.random.Generator, coefficients: list[float], count: int) -> np.ndarray:
@@ -137,3 +144,21 @@ def test_two_recordings_are_whitened_by_one_law(quiet):
         np.testing.assert_allclose(both.residual[log], once.residual[0], rtol=1e-9)
         np.testing.assert_allclose(both.model_torque[log], once.model_torque[0], rtol=1e-9)
         np.testing.assert_allclose(both.values[log][1], once.values[0][1], rtol=1e-9)
+
+
+def test_a_smooth_rest_that_weighs_less_than_the_sensors_gets_their_noise(quiet, rng):
+    # A sine follows from two samples before it: white it is next to nothing, however large it is.
+    columns = quiet.columns
+    noise = quiet_noise(quiet)
+    smooth = noise.copy()
+    smooth[:, 0] = np.sin(0.05 * np.arange(len(noise)))
+    sensed = 0.01 * rng.normal(size=noise.shape)
+    (found,) = no_less_than_sensed(columns, (smooth,), (sensed,))
+    np.testing.assert_array_equal(found[:, 0], smooth[:, 0] + sensed[:, 0])
+
+
+def test_a_noise_above_that_of_the_sensors_stays_as_it_is(quiet, rng):
+    # White noise ten times as large as that of the sensors.
+    noise = rng.normal(size=quiet.columns.residual[0].shape)
+    (found,) = no_less_than_sensed(quiet.columns, (noise,), (0.1 * rng.normal(size=noise.shape),))
+    np.testing.assert_array_equal(found, noise)
