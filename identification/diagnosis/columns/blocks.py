@@ -7,14 +7,16 @@ import itertools
 import numpy as np
 
 from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
 from identification.engine.products.blocks import FOLDS, Block
 from phantom_dyn.array_types import Float, Int
 
-# share: of what a joint travels in all logs. A block with more is cut: no other shows what this one does.
-_MOST_TRAVEL = 2.0 / FOLDS
-
-# share: of the same, in each of its pieces.
+# share: of what a joint travels in all logs, in each piece of a block that is cut: what is held out is then shown by
+# the other folds.
 _PIECE = 1.0 / FOLDS
+
+# times its even share: the travel from which on a block is cut.
+_UNEVEN = 2.0
 
 # periods of the judged band's edge: a shorter block holds no value of its own.
 _SHORTEST = 0.5
@@ -33,15 +35,20 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
     length = max(1.0, min(5 * period, total / 12), total / 24)
     speeds = [np.abs(log.motion.v[log.samples]) for log in logs]
-    travelled = sum(log.band.step / log.band.rate_hz * v.sum(axis=0) for log, v in zip(logs, speeds, strict=True))
+    travelled = sum(v.sum(axis=0) / _rate(log) for log, v in zip(logs, speeds, strict=True))
+    every = [
+        np.linspace(0, len(v), max(1, round(len(v) / _rate(log) / length)) + 1).astype(int)
+        for log, v in zip(logs, speeds, strict=True)
+    ]
+    # So short a recording holds nothing back, however often it is cut.
+    count = sum(len(edges) - 1 for edges in every)
+    most = max(_PIECE, _UNEVEN / count) if count >= rules.LEAST_BLOCKS else 1.0
     blocks = []
-    for k, log in enumerate(logs):
-        count = len(log.samples)
-        rate = log.band.rate_hz / log.band.step
-        parts = max(1, round(count / rate / length))
-        edges = np.linspace(0, count, parts + 1).astype(int)
+    for k, (log, uniform) in enumerate(zip(logs, every, strict=True)):
+        rate = _rate(log)
+        shares = speeds[k] / (rate * np.maximum(travelled, 1e-300))
         shortest = max(int(_SHORTEST * rate / cutoff_hz), 2)
-        edges = _cut_by_travel(edges, speeds[k] / (rate * np.maximum(travelled, 1e-300)), shortest)
+        edges = _cut_by_travel(uniform, shares, most, shortest)
         guard = int(np.ceil(log.band.half / log.band.step))
         for i, (start, stop) in enumerate(itertools.pairwise(edges)):
             core = start + (guard if i and guard < (stop - start) // 2 else 0)
@@ -49,14 +56,20 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
+def _rate(log: Log) -> float:
+    """Samples in the band per second [Hz]."""
+    return log.band.rate_hz / log.band.step
+
+
 def _cut_by_travel(
-    edges: Int[np.ndarray, " e"], shares: Float[np.ndarray, "n nv"], shortest: int
+    edges: Int[np.ndarray, " e"], shares: Float[np.ndarray, "n nv"], most: float, shortest: int
 ) -> Int[np.ndarray, " f"]:
     """Edges of blocks, with more of them where one block holds much of what a joint travels.
 
     Args:
         edges: First samples of the blocks, and the end of the last.
         shares: Of its travel that each joint makes in a sample.
+        most: Share from which on a block is cut.
         shortest: Samples that a block has at least.
     """
     travel = np.vstack([np.zeros(shares.shape[1]), np.cumsum(shares, axis=0)])
@@ -64,7 +77,7 @@ def _cut_by_travel(
     for start, stop in itertools.pairwise(edges):
         own = travel[stop] - travel[start]
         joint = int(np.argmax(own))
-        if own[joint] > _MOST_TRAVEL:
+        if own[joint] > most:
             pieces = int(np.ceil(own[joint] / _PIECE))
             levels = travel[start, joint] + own[joint] * np.arange(1, pieces) / pieces
             for cut in start + np.searchsorted(travel[start:stop, joint], levels):

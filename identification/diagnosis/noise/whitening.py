@@ -119,7 +119,7 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
 
 
 def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Series:
-    """Noise of each row, with that of the sensors added where what weighs the fits is less than sensors make of it.
+    """Noise of each row, filled up with that of the sensors where what weighs the fits is less than these make of it.
 
     What predictors leave may be smooth, or lie where friction is in doubt: white, and with such samples counting
     little, it is then smaller than the noise of the sensors is.
@@ -135,7 +135,8 @@ def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Seri
         sum(np.sum(np.where(u, part, 0.0) ** 2, axis=0) for part, u in zip(filters.series(series), use, strict=True))
         for series in (noise, sensed)
     )
-    return tuple(np.where(own < least, part + more, part) for part, more in zip(noise, sensed, strict=True))
+    lacking = np.sqrt(np.maximum(1.0 - own / np.maximum(least, 1e-300), 0.0))
+    return tuple(part + lacking * more for part, more in zip(noise, sensed, strict=True))
 
 
 def whitened_noise(
