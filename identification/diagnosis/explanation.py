@@ -111,8 +111,7 @@ def explained(session: Session, progress: Progress = lambda _: None) -> Explanat
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
-        noise, ratio = _settled_noise(last, columns)
-        noise = no_less_than_sensed(columns, noise, sensed)
+        noise, ratio = _settled_noise(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
         found = found_effects(fitted, last.chosen)
@@ -139,8 +138,10 @@ def explained(session: Session, progress: Progress = lambda _: None) -> Explanat
     return replace(last, chosen=settled(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders)
 
 
-def _settled_noise(last: Explanation, columns: Columns) -> tuple[Series, float]:
+def _settled_noise(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
     """What the explanation leaves, weighed by itself: a fit that is weighed by too large a noise leaves more.
+
+    It is never less than the noise of the sensors.
 
     Returns:
         The noise, and the smallest ratio of new to old over the rows.
@@ -154,7 +155,10 @@ def _settled_noise(last: Explanation, columns: Columns) -> tuple[Series, float]:
         noise, lower = smaller_noise(_set_up(last.search.problem.session, few, noise), chosen, noise)
         if lower >= rules.LOWER_NOISE:
             break
-    return noise, ratio
+    noise = no_less_than_sensed(columns, noise, sensed)
+    sizes = (np.array([np.sum(part**2, axis=0) for part in series]).sum(axis=0) for series in (noise, last.noise))
+    new, old = sizes
+    return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 
 def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
