@@ -325,6 +325,7 @@ def test_the_demo_names_what_was_drawn_and_ends_with_reports_that_exist(mirror, 
     assert all(path.is_file() for path in named)
 
 
+@pytest.mark.nightly
 def test_the_size_that_the_fixed_demo_finds_is_the_drawn_one(demo, tmp_path):
     # Known truth: the friction that the generator drew, within three deviations.
     from benchmarks.blind.generate import draw_one

@@ -22,6 +22,7 @@ def test_it_is_at_most_forty_lines():
     assert len((EXAMPLES / "own_effect.py").read_text().splitlines()) <= 40
 
 
+@pytest.mark.nightly
 def test_it_finds_nothing_where_nothing_is_and_the_size_that_was_put_in(example, monkeypatch):
     found, diagnose = [], dyn.diagnose
 

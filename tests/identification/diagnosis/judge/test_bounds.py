@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.diagnosis.columns.terms import merged, untestable_places
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.bounds import (
@@ -320,12 +321,13 @@ def test_what_is_claimed_with_95_per_cent_power_exceeds_what_a_claim_needs(quiet
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction"])
+@pytest.mark.parametrize("name", by_night(["coulomb_friction", "viscous_friction"], 0))
 def test_an_effect_of_the_stated_size_is_found(hits, name):
     # Known truth: bounds are stated with 95 % power; of ten draws eight at least have to show it (less, 1 in 90).
     assert hits(name, 1.0, 10) >= 8
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_an_effect_of_a_third_of_the_stated_size_is_seldom_found(hits):
     # What is stated is not far more than what is needed.
