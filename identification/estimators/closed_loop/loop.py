@@ -77,7 +77,7 @@ def feedback_of(robot: Robot) -> Feedback:
         robot: Gives the actuators.
 
     Raises:
-        ParameterError: If a driven joint has no controller, or the controllers differ in delay.
+        ParameterError: If a driven joint has no controller, one that is not simulated, or they differ in delay.
     """
     pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
     lacking = [joint for joint, actuator in pairs if actuator.actuated and actuator.controller is None]
@@ -85,6 +85,16 @@ def feedback_of(robot: Robot) -> Feedback:
         raise ParameterError(
             f"The robot states no controller of {', '.join(lacking)}: add controller: {{kind: pd, kp: ..., kd: ...}} "
             "under joints in robot.yaml, or use an estimator without simulation, such as wls."
+        )
+    limited = [
+        joint
+        for joint, a in pairs
+        if a.controller and (a.controller.reference_delay > 0 or np.isfinite(a.controller.limit))
+    ]
+    if limited:
+        raise ParameterError(
+            f"The controllers of {', '.join(limited)} have late references or shares of a supply, which the simulation "
+            "does not know: use an estimator without simulation, such as wls."
         )
     stated = [actuator.controller for _, actuator in pairs]
     delays = {controller.delay for controller in stated if controller is not None}

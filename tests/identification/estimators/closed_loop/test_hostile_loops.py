@@ -159,3 +159,11 @@ def test_an_effect_without_a_law_in_the_loop_is_refused(fit: Callable, pendulum,
     regressor = gap_regressor(pendulum, swing, [(effect_named("load_dependent_friction"), "pin")])
     with pytest.raises(ParameterError, match="has no law for load_dependent_friction: leave it out, or use an estima"):
         fit(regressor)
+
+
+@pytest.mark.parametrize("controller", [Controller(kp=20.0, reference_delay=0.03), Controller("duty", 20.0, limit=5.0)])
+def test_a_controller_that_is_not_simulated_is_refused(controller):
+    robot = load_robot(ROBOTS / "pendulum.urdf")
+    robot = replace(robot, actuators=(replace(robot.actuators[0], controller=controller),))
+    with pytest.raises(ParameterError, match="controllers of pin have late references or shares of a supply"):
+        feedback_of(robot)
