@@ -146,6 +146,7 @@ def test_with_its_finding_in_the_model_nothing_is_left_to_find(robot, recording,
     assert diagnose(robot, (recording,), known=(KnownEffect("thick_oil", "elbow", (value,)),)).findings == ()
 
 
+@pytest.mark.nightly
 def test_workers_have_the_same_effects(robot, recording, tmp_path):
     for name in ("one", "two"):
         rows = np.column_stack([recording.t, recording.q, recording.tau])

@@ -56,6 +56,7 @@ def test_threads_hashes_and_processes_change_nothing(logs, tmp_path):
     assert '"findings": [{' in one
 
 
+@pytest.mark.nightly
 def test_jobs_change_nothing_nor_does_a_batch(logs, tmp_path):
     for jobs in (1, 2):
         words = ["diagnose", str(ROBOT), *map(str, logs), "--each", "--jobs", str(jobs)]

@@ -48,6 +48,7 @@ def test_the_platform_is_a_rod_away_from_each_elbow_and_level(delta):
             assert np.linalg.norm(place.translation - elbow) == pytest.approx(ROD, abs=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_an_exciting_motion_of_a_delta_stays_clear_of_a_singularity(delta):
     limits = limits_of(delta, velocity=3.0, acceleration=40.0)

@@ -39,6 +39,7 @@ def distances(robot: Robot, motion: Motion) -> np.ndarray:
     return distance_from_singularity(robot.solutions.at(motion.q).inverse)
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_every_candidate_closes_the_loop_and_stays_clear_of_a_singularity(five_bar, rng):
     limits = safe_limits(five_bar, (swinging(five_bar, 0.8),))

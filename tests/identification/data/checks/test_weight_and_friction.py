@@ -81,6 +81,7 @@ def written(tmp_path, arm, motion: Motion, tau: np.ndarray) -> str:
     return str(path)
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_no_load_is_certain_of_a_recorded_compensation(tmp_path, arm, rng):
     # The compensation's model is 1.3 times as heavy as the given one, a hand moves the arm.

@@ -81,6 +81,7 @@ def test_a_linkage_with_one_crank_moves_as_without_compiled_steps(tmp_path, monk
     assert_as_in_python(parallelogram(tmp_path, "linear"), monkeypatch)
 
 
+@pytest.mark.nightly
 def test_a_parallelogram_moves_alike_whether_its_loop_is_an_expression_or_a_point(tmp_path):
     # The point is solved at every step, the expression is constant.
     linear, point = (run(parallelogram(tmp_path, kind)) for kind in ("linear", "point"))
