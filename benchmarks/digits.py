@@ -28,7 +28,7 @@ Place = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
-class Told:
+class Answer:
     """What a diagnosis says, as far as digits must not change it.
 
     Attributes:
@@ -55,41 +55,41 @@ def written(log: Path, digits: int, out: Path) -> None:
     np.savetxt(out, np.column_stack([*named.values()]), f"%.{digits}g", ",", header=",".join(named), comments="")
 
 
-def told(answer: dict | None) -> Told:
+def answer_of(document: dict | None) -> Answer:
     """What a ``diagnosis.json`` says; None is a diagnosis that failed or was refused."""
-    if answer is None:
-        return Told("failed")
-    rivals = (at for one in answer["findings"] for rival in one["rivals"] for at in rival["effects"])
-    return Told(
-        answer["verdict"],
-        frozenset((one["effect"], one["joint"]) for one in answer["findings"]),
+    if document is None:
+        return Answer("failed")
+    rivals = (at for one in document["findings"] for rival in one["rivals"] for at in rival["effects"])
+    return Answer(
+        document["verdict"],
+        frozenset((one["effect"], one["joint"]) for one in document["findings"]),
         frozenset((at["effect"], at["joint"]) for at in rivals),
-        answer["gap"]["closed"] if answer["gap"]["closed"] is not None else float("nan"),
+        document["gap"]["closed"] if document["gap"]["closed"] is not None else float("nan"),
     )
 
 
-def differences(all_told: dict[int, Told]) -> list[str]:
+def differences(answers: dict[int, Answer]) -> list[str]:
     """A line for each number of digits that changes the verdict or the findings of all digits."""
-    whole = all_told[max(all_told)]
+    whole = answers[max(answers)]
     return [
         f"{digits} digits: {_words(one)}; all digits: {_words(whole)}{_as_rivals(one, whole)}"
-        for digits, one in all_told.items()
+        for digits, one in answers.items()
         if (one.verdict, one.findings) != (whole.verdict, whole.findings)
     ]
 
 
-def _as_rivals(one: Told, whole: Told) -> str:
+def _as_rivals(one: Answer, whole: Answer) -> str:
     """Says whether what takes the place of a finding is its rival on both sides."""
     rivals = one.findings - whole.findings <= whole.rivals and whole.findings - one.findings <= one.rivals
     return " (rivals of each other)" if rivals and one.verdict == whole.verdict else ""
 
 
-def _words(one: Told) -> str:
+def _words(one: Answer) -> str:
     named = ", ".join(sorted(f"{effect} {joint or ''}".strip() for effect, joint in one.findings)) or "nothing"
     return f"{one.verdict}, {named}, {100 * one.closed:.0f} % closed"
 
 
-def diagnosed(folder: Path, digits: int) -> Told:
+def diagnosed(folder: Path, digits: int) -> Answer:
     """What the command says of a case written with so many digits."""
     log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
     with tempfile.TemporaryDirectory() as place:
@@ -97,7 +97,7 @@ def diagnosed(folder: Path, digits: int) -> Told:
         written(log, digits, copy)
         words = [sys.executable, "-m", "identification.cli", "diagnose", str(folder / "robot.urdf"), str(copy)]
         done = subprocess.run([*words, "--json", str(out)], capture_output=True, check=False)
-        return told(json.loads(out.read_text()) if done.returncode == 0 else None)
+        return answer_of(json.loads(out.read_text()) if done.returncode == 0 else None)
 
 
 def main(words: Sequence[str] | None = None) -> None:

@@ -156,8 +156,7 @@ def _settled_noise(last: Explanation, columns: Columns, sensed: Series) -> tuple
         if lower >= rules.LOWER_NOISE:
             break
     noise = no_less_than_sensed(columns, noise, sensed)
-    sizes = (np.array([np.sum(part**2, axis=0) for part in series]).sum(axis=0) for series in (noise, last.noise))
-    new, old = sizes
+    new, old = (sum(np.sum(part**2, axis=0) for part in series) for series in (noise, last.noise))
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 

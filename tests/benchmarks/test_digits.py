@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.digits import Told, differences, told, written
+from benchmarks.digits import Answer, answer_of, differences, written
 
 FRICTION, SPRING = ("coulomb_friction", "j1"), ("parasitic_spring", "j1")
 
@@ -22,16 +22,16 @@ def test_a_log_has_the_digits_that_were_asked_for(tmp_path, rng, digits, apart, 
     assert apart / 5 <= error <= apart
 
 
-def test_another_finding_is_a_difference_and_a_rival_is_told_as_one():
-    whole = Told("explained", frozenset([FRICTION]), frozenset([SPRING]), 0.9)
-    other = Told("explained", frozenset([SPRING]), frozenset([FRICTION]), 0.9)
+def test_another_finding_is_a_difference_and_a_rival_is_named_as_one():
+    whole = Answer("explained", frozenset([FRICTION]), frozenset([SPRING]), 0.9)
+    other = Answer("explained", frozenset([SPRING]), frozenset([FRICTION]), 0.9)
     assert differences({17: whole, 9: whole, 7: whole}) == []
     (line,) = differences({17: whole, 9: other})
     assert line.startswith("9 digits: explained, parasitic_spring j1")
     assert line.endswith("(rivals of each other)")
-    (line,) = differences({17: whole, 9: Told("unknown")})
+    (line,) = differences({17: whole, 9: Answer("unknown")})
     assert not line.endswith("(rivals of each other)")
 
 
 def test_a_refusal_is_no_answer():
-    assert told(None).verdict == "failed"
+    assert answer_of(None).verdict == "failed"

@@ -18,14 +18,14 @@ from places import ROBOTS
 
 
 @pytest.mark.parametrize(("value", "said"), [(0.0, "is 0 in every row from 4"), (2.5, "is 2.5 in every row from 4")])
-def test_a_torque_that_stays_the_same_in_most_rows_is_told_with_the_stretch_to_leave_out(clean, arm, value, said):
+def test_a_torque_that_stays_the_same_in_most_rows_is_named_with_the_stretch_to_leave_out(clean, arm, value, said):
     recording = clean(rate=200.0)
     tau = recording.tau.copy()
     tau[recording.t >= 4.0, 1] = value
-    (told,) = check_flat(replace(recording, tau=tau))
-    assert f"tau.{arm.joint_names[1]} {said} to 19.995 s (80 % of the rows)" in told
-    assert told.endswith("--exclude 4:19.995.")
-    assert told in check_recording(replace(recording, tau=tau), arm)
+    (sentence,) = check_flat(replace(recording, tau=tau))
+    assert f"tau.{arm.joint_names[1]} {said} to 19.995 s (80 % of the rows)" in sentence
+    assert sentence.endswith("--exclude 4:19.995.")
+    assert sentence in check_recording(replace(recording, tau=tau), arm)
 
 
 def test_a_torque_that_stays_the_same_at_rest_or_for_a_short_time_is_no_fault(clean):
@@ -52,9 +52,9 @@ def test_a_torque_that_is_early_is_no_warning_beside_the_delay_that_is_found(rng
     # A drive that acts d late is asked for a torque d before the motion that it makes.
     tau = inverse_dynamics(robot, motion(t + 0.009)) + 0.02 * rng.standard_normal((len(t), 1))
     recording = Recording("bench.csv", robot.joint_names, t, motion(t).q + 1e-5 * rng.standard_normal(tau.shape), tau)
-    told = check_recording(recording, robot)
-    assert any("early against its motion" in text for text in told)
-    diagnosis = dyn.diagnose(robot, replace(recording, warnings=told))
+    warnings = check_recording(recording, robot)
+    assert any("early against its motion" in text for text in warnings)
+    diagnosis = dyn.diagnose(robot, replace(recording, warnings=warnings))
     (found,) = diagnosis.findings
     assert (found.effect, found.parameters["delay"].value) == ("input_delay", pytest.approx(0.009, abs=1e-3))
     assert not any("against its motion" in text for text in diagnosis.warnings)
