@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,6 @@ Array = np.ndarray
 MARGIN = 0.01
 """Share of a bound's size that is kept free: motions peak between samples, and a round ends a little outside."""
 _FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess, and its growth from round to round
-_OUT_OF_REACH = 1e8  # cost of a motion along which loops cannot be closed: above that of any other
 _CORRECTIONS = 30  # pairs of steps and slopes that L-BFGS keeps
 
 
@@ -41,12 +41,51 @@ class Penalty:
         return np.maximum(0.0, self.multipliers + self.weight * self.bounds.excess(values))
 
 
+class _Cost:
+    """Cost of weights for a line search, which may step to where loops cannot be closed and no cost exists.
+
+    There it is told the parabola that begins where the line begins, with its cost and slope, and has its least value at
+    a quarter of the step: the next trial is shorter by about that. A cost that is merely large would shorten the step
+    to nothing, and end the descent.
+    """
+
+    def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):
+        self._cost = cost
+        self._begin = self._last = (x, *cost(x))
+
+    def __call__(self, x: Array) -> tuple[float, Array]:
+        """Cost and slope."""
+        try:
+            self._last = (x.copy(), *self._cost(x))
+        except ChainError:
+            begin, value, slope = self._begin
+            step = x - begin
+            fall = float(slope @ step)  # below zero: lines go downhill
+            return value - fall, -3.0 * fall / float(step @ step) * step
+        return self._last[1:]
+
+    def accept(self, _: Array) -> None:
+        """Begin the next line where the last cost was found."""
+        self._begin = self._last
+
+    @property
+    def accepted(self) -> Array:
+        """Where the last line ended; a minimiser that gives up within a line may return a worse place."""
+        return self._begin[0]
+
+    @property
+    def value(self) -> float:
+        """Cost there."""
+        return self._begin[1]
+
+
 def descend(
     problem: DesignProblem,
     grid: Grid,
     weights: Float[Array, "K nv"],
     *,
     rounds: int = 5,
+    first: int = 0,
     iterations: int = 40,
     criterion: Criterion | None = None,
     progress: Progress = lambda _: None,
@@ -58,6 +97,8 @@ def descend(
         grid: Where the motion is looked at.
         weights: Start; of a chain one along which its loops can be closed.
         rounds: Of multipliers.
+        first: Number of the first round: the weight of excess grows with it. A descent that only mends a motion begins
+            with a late one, and stays near.
         iterations: Of L-BFGS in each.
         criterion: In place of the problem's own.
         progress: Takes the stages.
@@ -71,21 +112,20 @@ def descend(
     bounds = problem.bounds.inside(MARGIN)
     multipliers = np.zeros((2, len(grid.t), len(bounds.labels)))
     for number in range(rounds):
-        penalty = Penalty(bounds, _FIRST * _GROWTH**number, multipliers)
+        penalty = Penalty(bounds, _FIRST * _GROWTH ** (first + number), multipliers)
 
-        def cost(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
-            try:
-                value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
-            except ChainError:  # a step of the line search that is too long for the linkage
-                return _OUT_OF_REACH, np.zeros_like(x)
+        def of(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
+            value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
             return value, (slope * unit).ravel()
 
+        x = (weights / unit).ravel()
+        cost = _Cost(of, x)
         options = {"maxiter": iterations, "maxcor": _CORRECTIONS}
-        found = minimize(cost, (weights / unit).ravel(), jac=True, method="L-BFGS-B", options=options)
-        weights = found.x.reshape(unit.shape) * unit
+        minimize(cost, x, jac=True, method="L-BFGS-B", options=options, callback=cost.accept)
+        weights = cost.accepted.reshape(unit.shape) * unit
         motion = grid.motion(weights)
         values = problem.limited(motion, problem.regressor(motion))
         multipliers = penalty.pushes(values)
         excess = max(0.0, float(penalty.bounds.excess(values).max()))
-        progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": float(found.fun), "excess": float(excess)}))
+        progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": cost.value, "excess": float(excess)}))
     return weights

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
-from identification.excitation.descent import MARGIN, descend
+from identification.excitation.descent import descend
 from identification.excitation.design_problem import DesignProblem, Grid
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
@@ -20,11 +20,11 @@ from identification.excitation.motion_shapes import Shapes
 from identification.excitation.starts import (
     SHARES,
     constant_weights,
+    farthest_within_limits,
     feasible_postures,
     largest_within_limits,
     random_motion,
     random_weights,
-    worst_excess,
 )
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Float
@@ -37,6 +37,10 @@ Array = np.ndarray
 
 _DENSE = 10
 """Samples of the last check per sample of the design."""
+_FINER = (2, 4)
+"""Samples, per sample of the design, of the descents that mend what lies between samples."""
+_LOST = 0.05
+"""Part of a condition number that a design may lose where it is made smaller to keep limits between samples."""
 _ROWS = 5_000_000
 """Most rows of a reference: more are a slip of the rate or the duration."""
 # Sizes of a motion about its posture that are tried after a descent, the largest first.
@@ -161,9 +165,17 @@ def excite(
     _, start, posture = min(tried, key=lambda one: one[0])
     start = largest_within_limits(problem, dense, start, posture)
     _require_motion(problem, dense, start, posture)
-    designed = _within(problem, shapes, dense, descend(problem, grid, start, progress=progress), posture)
-    better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
-    weights = designed if better else start
+    designed = descend(problem, grid, start, progress=progress)
+    found = [start, *_within(problem, dense, designed, start, posture)]
+    for finer in _FINER:
+        # Where little is lost by keeping the limits between the samples too, the motion is as good as it was designed.
+        lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
+        if lost <= _LOST:
+            break
+        between = Grid.of(shapes, finer * shapes.samples)
+        designed = descend(problem, between, designed, rounds=4, first=4, iterations=25)
+        found += _within(problem, dense, designed, start, posture)
+    weights = min(found, key=lambda one: criterion_of(problem, grid, one))
     motion = dense.motion(weights)
     W = problem.regressor(motion)
     return Excitation(
@@ -189,13 +201,21 @@ def condition_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv
 
 
 def _within(
-    problem: DesignProblem, shapes: Shapes, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
-) -> Float[Array, "K nv"]:
-    """A motion close to the given one that keeps every limit also between the samples that it was made from."""
-    if worst_excess(problem, dense.motion(weights)).max() > 2 * MARGIN:
-        finer = Grid.of(shapes, 2 * shapes.samples)
-        weights = descend(problem, finer, weights, rounds=3, iterations=25)
-    return largest_within_limits(problem, dense, weights, posture, _REPAIRS)
+    problem: DesignProblem,
+    dense: Grid,
+    weights: Float[Array, "K nv"],
+    start: Float[Array, "K nv"],
+    posture: Float[Array, " nv"],
+) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
+    """Motions close to the given one that keep every limit also between the samples that it was made from.
+
+    One is smaller about the posture of the start. The other is nearer to the start: a linkage may move about another
+    posture by now, and what leads back to the first one may come close to a singularity.
+    """
+    return (
+        largest_within_limits(problem, dense, weights, posture, _REPAIRS),
+        farthest_within_limits(problem, dense, weights, start, _REPAIRS),
+    )
 
 
 def _require_motion(

@@ -20,6 +20,7 @@ Array = np.ndarray
 
 NEAR = 0.01
 """A limit counts as reached within this share of its size."""
+_SINGULAR = "distance of the loops from a singularity"
 _APART = 0.1  # size [m] that distances are measured in
 
 
@@ -100,7 +101,7 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     named = [unit for _, _, units_of, *_ in parts for unit in units_of]
     lower, upper = [part[3] for part in parts], [part[4] for part in parts]
     if solved_numerically(robot):
-        labels.append("distance of the loops from a singularity")
+        labels.append(_SINGULAR)
         named.append("")
         lower.append(np.array([limits.clear]))
         upper.append(np.array([np.inf]))
@@ -118,6 +119,8 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     with np.errstate(invalid="ignore"):
         half = (high - low) / 2
     size = np.where(np.isfinite(half), half, 1.0)
+    if _SINGULAR in labels:
+        size[labels.index(_SINGULAR)] = limits.clear
     size[len(size) - len(pairs) :] = _APART
     return Bounds(tuple(labels), tuple(named), low, high, size)
 

@@ -107,12 +107,22 @@ def largest_within_limits(
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
     """The largest motion between a posture and the given one that keeps all limits; the posture if none does."""
-    still = constant_weights(posture, len(weights))
+    return farthest_within_limits(problem, grid, weights, constant_weights(posture, len(weights)), shares)
+
+
+def farthest_within_limits(
+    problem: DesignProblem,
+    grid: Grid,
+    weights: Float[Array, "K nv"],
+    kept: Float[Array, "K nv"],
+    shares: tuple[float, ...] = SHARES,
+) -> Float[Array, "K nv"]:
+    """The motion nearest to the given one, on the way from ``kept`` to it, that keeps all limits; else ``kept``."""
     for share in shares:
-        smaller = still + share * (weights - still)
-        if worst_excess(problem, grid.motion(smaller)).max() <= 0:
-            return smaller
-    return still
+        between = kept + share * (weights - kept)
+        if worst_excess(problem, grid.motion(between)).max() <= 0:
+            return between
+    return kept
 
 
 @dataclass(frozen=True)
