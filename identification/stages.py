@@ -15,6 +15,7 @@ class Stage(Enum):
 
     LOADING = auto()
     READING = auto()
+    CHECKING = auto()
     FILTERING = auto()
     FITTING_POSES = auto()
     REGRESSORS = auto()

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading, one_blas_thread
+from identification.cli.terminal.percentage import CHECK
 from identification.cli.terminal.printed import say
+from identification.cli.terminal.progress import Progress
 from identification.files import is_lerobot, looks_like_log, require_existing, require_not_swapped
+from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
 
@@ -51,8 +55,12 @@ def run(arguments: argparse.Namespace) -> int:
     from identification.data.checked_file import checked_file
 
     robot = None if robot_file is None else _robot(robot_file, arguments)
+    options = {"columns": arguments.columns, "topic": arguments.topic, "ref_topic": arguments.ref_topic}
     for log in logs:
-        say(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic, ref_topic=arguments.ref_topic))
+        with Progress(Stage.READING, sys.stderr, stages=CHECK) as progress:
+            progress.show(Announcement(Stage.READING, detail={"file": Path(log).name}))
+            found = checked_file(log, robot, **options, progress=progress.show)
+        say(found)
     return DONE
 
 

@@ -10,9 +10,11 @@ from identification.data.checks.check_recording import check_recording
 from identification.data.checks.drive_loops import loop_sentences
 from identification.data.joint_torque import NoTorqueError
 from identification.data.readers.read_table import read_table
-from identification.data.reading import read_recording, unassigned_recording
+from identification.data.reading import mended_and_checked, recording, unassigned_recording
+from identification.data.recognised_layouts import table_of
 from identification.data.recording import Fault, Recording
 from identification.data.refusal import fault_sentence
+from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.model.robot import Robot
 
 _MEASURED = {False: "positions", True: "positions and orientations"}
@@ -87,37 +89,45 @@ def checked_file(
     columns: str | Path | None = None,
     topic: str | None = None,
     ref_topic: str | None = None,
+    progress: Progress = lambda _: None,
 ) -> CheckedRecording:
     """What is wrong with the recording in a file.
 
     Args:
-        path: See `read_recording`.
+        path: See `identification.data.reading.read_recording`.
         robot: The robot that was recorded; None: only what needs no model is checked.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of a bag that has several.
         ref_topic: Topic of a bag that has the references, where another one has them.
+        progress: Takes the stages.
 
     Raises:
         LogError: If the file is no recording at all.
     """
     if robot is None:
         found = unassigned_recording(read_table(path, columns=columns, topic=topic, ref_topic=ref_topic))
+        progress(Announcement(Stage.CHECKING, detail={"file": found.file}))
         warnings = (*found.warnings, *(() if found.poses_alone else check_recording(found, None)))
     else:
-        found = _read(path, robot, columns, topic, ref_topic)
+        found = _read(path, robot, columns, topic, ref_topic, progress)
         warnings = (*robot.warnings, *found.warnings)
     return checked_recording(replace(found, warnings=warnings), with_robot=robot is not None)
 
 
 def _read(
-    path: str | Path, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None
+    path: str | Path,
+    robot: Robot,
+    columns: str | Path | None,
+    topic: str | None,
+    ref_topic: str | None,
+    progress: Progress,
 ) -> Recording:
     """The recording, without torque where it holds poses alone, or references of controllers in its place."""
 
     def read(torque_needed: bool) -> Recording:
-        return read_recording(
-            path, robot, columns=columns, topic=topic, ref_topic=ref_topic, torque_needed=torque_needed
-        )
+        found = recording(table_of(path, robot, columns, topic, ref_topic), robot, torque_needed=torque_needed)
+        progress(Announcement(Stage.CHECKING, detail={"file": found.file}))
+        return mended_and_checked(found, robot)
 
     try:
         return read(True)

@@ -328,6 +328,17 @@ def read_recording(
     found = recording(
         table_of(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
     )
+    return mended_and_checked(found, robot, anyway=anyway)
+
+
+def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) -> Recording:
+    """A recording mended where that takes no guess, with what may be wrong with it and what certainly is.
+
+    Args:
+        found: As it was read.
+        robot: The robot that was recorded.
+        anyway: Let it be judged although it is certainly wrong.
+    """
     if found.poses_alone:
         # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)

@@ -9,6 +9,7 @@ from identification.stages import Announcement, Progress, Stage
 NAMES = {
     Stage.LOADING: "loading",
     Stage.READING: "reading",
+    Stage.CHECKING: "checking",
     Stage.FILTERING: "filtering",
     Stage.FITTING_POSES: "fitting poses",
     Stage.REGRESSORS: "computing regressors",

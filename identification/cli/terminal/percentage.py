@@ -57,6 +57,9 @@ IDENTIFICATION = (
 """Stages of ``phantom-dyn identify``. A short run takes most of its time to load libraries, a long one to estimate; so
 of the next two."""
 
+CHECK = (Share(Stage.READING, 40.0), Share(Stage.CHECKING, 60.0))
+"""Stages of ``phantom-dyn check``, for each recording."""
+
 EXCITATION = (
     Share(Stage.LOADING, 20.0),
     Share(Stage.POSTURES, 2.0),

@@ -174,3 +174,13 @@ def test_a_log_of_positions_and_references_is_checked_without_torque(pendulum, t
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q.pin,q_ref.pin", comments="")
     assert main(["check", str(pendulum), str(tmp_path / "log.csv")]) == 0
     assert capsys.readouterr().out.startswith("log.csv: 1000 samples, 9.99 s, 100 Hz")
+
+
+def test_it_shows_how_far_it_is_on_standard_error_alone(log, capsys, monkeypatch):
+    # Without a terminal a line is written every ten seconds; here every hundredth of one.
+    monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 0.01)
+    assert main(["check", str(log), "--robot", str(ARM)]) == 0
+    told = capsys.readouterr()
+    assert re.search(r"^0 s: +\d+ % checking log\.csv$", told.err, re.MULTILINE)
+    assert told.err.endswith("100 % done\n")
+    assert "%" not in told.out
