@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -125,6 +127,19 @@ def test_a_rhythm_in_time_beside_a_sine_of_another_frequency_stays_unknown(pendu
 def test_one_sine_is_no_standstill(pendulum, hertz):
     log = process(recorded(pendulum, sines(hertz), 0.0), pendulum)
     assert standing_still(log).mean() < 0.05
+
+
+@pytest.mark.parametrize("rate", [25.0, 200.0])
+def test_a_sine_on_each_joint_of_an_arm_is_no_standstill(rate):
+    # Known truth: both joints move all the time, one ten rows a period; for a second of rest the arm stands.
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    motion, other = sines(2.5, rate=rate), sines(0.8, rate=rate)
+    both = Motion(motion.t, *(np.hstack([getattr(one, key) for one in (motion, other)]) for key in "qva"))
+    rests = np.abs(both.t - 10.0) < 2.0
+    moving = recorded(robot, both, 0.0)
+    standing = replace(moving, q=np.where(rests[:, None], moving.q[rests][:1], moving.q))
+    assert standing_still(process(moving, robot)).mean() < 0.05
+    assert standing_still(process(standing, robot)).mean() > 0.05
 
 
 def test_a_sine_counts_as_loud_up_to_its_line(rng):
