@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, led_into_cone, possible_minimum
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import Minimum, minimum_of
@@ -25,6 +25,8 @@ Array = np.ndarray
 
 # Torque asked for over torque needed below which a row would vanish from a fit.
 _LEAST_GAIN = 0.02
+# Squared deviations that bodies which can exist cost, up to which all folds go the same way to them.
+_LITTLE_DENIED = 10.0
 
 
 @dataclass(frozen=True)
@@ -358,7 +360,8 @@ def _with_possible_bodies(
 ) -> Minimum:
     """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
 
-    A fit whose bodies exist is the best of all that do, so that nothing is computed there.
+    A fit whose bodies exist is the best of all that do, so that nothing is computed there. Where the data hardly show
+    what is impossible, the bodies of a fit without a fold are led back along the way that those of all blocks take.
     """
 
     def exist(x: Float[Array, " n"]) -> bool:
@@ -372,8 +375,10 @@ def _with_possible_bodies(
     without = found.without.copy()
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
+            little = objective - found.objective < _LITTLE_DENIED
+            led_back = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
             less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies)
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led_back is None else led_back
     return Minimum(x, objective, without)
 
 

@@ -37,6 +37,8 @@ _SOME_LENGTH = 0.3
 _ACCURACY = 1e-6
 # Times that the other coefficients are found again beside the bodies.
 _ROUNDS = 4
+# Usual ways that are followed at most into the cone, and halvings of the last part of the way.
+_FARTHEST, _HALVINGS = 4.0, 6
 # Order of the entries of a symmetric matrix in Clarabel's cone: columns of the upper triangle.
 _TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
 _ROOT_TWO = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _TRIANGLE])
@@ -91,13 +93,12 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
     given = model.inertias[index]
     points = [np.zeros(3), np.array(given.lever) if given.mass > 0 else np.zeros(3)]
     points += [model.jointPlacements[child].translation for child in model.children[index]]
-    longest = max((float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements), default=0.0)
-    longest = longest or float(np.abs(points[1]).max()) or _SOME_LENGTH
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     half = 0.5 * (high - low)
     half = np.maximum(half, _THINNEST * half.max())
     if len(model.children[index]) == 0:
-        half = np.maximum(half, longest)
+        longest = max(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
+        half = np.maximum(half, longest or float(np.abs(points[1]).max()) or _SOME_LENGTH)
     middle, half = 0.5 * (low + high), _WIDER * np.maximum(half, 1e-3)
     reach = np.zeros((6, 10))
     for axis in range(3):
@@ -108,10 +109,12 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
 
 def _given(robot: Robot, index: int) -> Reference:
     """The body of the model with units; one without mass is measured by the mean of the others."""
-    masses = np.array([inertia.mass for inertia in robot.model.inertias[1:]])
-    mass = float(masses[index - 1])
-    usual = float(masses[masses > 0].mean()) if np.any(masses > 0) else 1.0
-    return reference_body(robot.model.inertias[index].toDynamicParameters(), mass=mass if mass > 0 else usual)
+    given = robot.model.inertias[index]
+    mass = float(given.mass)
+    if mass <= 0:
+        masses = np.array([inertia.mass for inertia in robot.model.inertias[1:]])
+        mass = float(masses[masses > 0].mean()) if np.any(masses > 0) else 1.0
+    return reference_body(given.toDynamicParameters(), mass=mass)
 
 
 def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
@@ -157,6 +160,37 @@ def possible_minimum(
             a[np.ix_(others, others)], b[others] - a[np.ix_(others, at)] @ x[at], lower[others], upper[others]
         )
     return x
+
+
+def led_into_cone(
+    x: Float[Array, " k"],
+    way: Float[Array, " k"],
+    bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
+    bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
+) -> Float[Array, " k"] | None:
+    """The first coefficients along a way from which on bodies can exist, None if that is too far.
+
+    Args:
+        x: Where it begins, with bodies that cannot exist.
+        way: Straight ahead; its length is a usual one.
+        bounds: Lower and upper bounds of the coefficients, at which those beyond them are held.
+        bodies: Each with the places of its changes among the coefficients.
+    """
+
+    def after(part: float) -> Float[Array, " k"]:
+        return np.clip(x + part * way, *bounds)
+
+    def exist(part: float) -> bool:
+        return all(body.exists(after(part)[at]) for body, at in bodies)
+
+    beyond = next((part for part in (1.0, 2.0, _FARTHEST) if exist(part)), None)
+    if beyond is None:
+        return None
+    before = 0.0 if beyond == 1.0 else 0.5 * beyond
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (before + beyond)
+        before, beyond = (before, middle) if exist(middle) else (middle, beyond)
+    return after(beyond)
 
 
 def _in_cone(
