@@ -43,6 +43,7 @@ class Fitted:
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
         denied: Loss that bodies which cannot exist would have taken off beyond this fit, in sample.
+        led: What bodies that can exist change of the coefficients of the fit without that limit, ``(K,)``.
     """
 
     problem: Problem
@@ -54,6 +55,7 @@ class Fitted:
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
     denied: float = 0.0
+    led: Float[Array, " K"] | None = None
 
     @property
     def total(self) -> float:
@@ -139,10 +141,12 @@ class Near:
     Attributes:
         theta: All coefficients, NaN where a column is not in it, ``(K,)``.
         payload: Mass and first moments of a payload, ``(4,)``; None if there was none.
+        led: See `Fitted.led`; None where it is not known.
     """
 
     theta: Float[Array, " K"]
     payload: Float[Array, " 4"] | None = None
+    led: Float[Array, " K"] | None = None
 
     @staticmethod
     def nothing(problem: Problem) -> Near:
@@ -156,7 +160,7 @@ class Near:
         for term in terms:
             if term.effect.inertial == "point mass":
                 payload = found.theta[list(term.columns[:4])]
-        return Near(theta, payload)
+        return Near(theta, payload, found.led)
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -327,19 +331,24 @@ def _fit_linear(
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     denied = -found.objective
-    found = _with_possible_bodies(found, square, line, precision, (lower, upper), folds, _places(bodies, kept))
+    way = None if near.led is None or held_out is not None else near.led[kept]
+    free, places = found.x, _places(bodies, kept)
+    found = _with_possible_bodies(found, square, line, precision, (lower, upper), folds, places, way)
     denied += found.objective
-    theta = np.zeros(len(problem.precision))
+    theta, led = np.zeros(len(problem.precision)), near.led
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
+    if places and found.x is not free:
+        led = np.zeros(len(problem.precision))
+        led[kept] = found.x - free
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
     if held_out is None:
         none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied, led)
     fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied)
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied, led)
 
 
 def _places(bodies: tuple[Body, ...], kept: Int[Array, " n"]) -> list[tuple[Body, Int[Array, " 10"]]]:
@@ -357,28 +366,44 @@ def _with_possible_bodies(
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
     bodies: list[tuple[Body, Int[Array, " 10"]]],
+    way: Float[Array, " n"] | None,
 ) -> Minimum:
     """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
 
     A fit whose bodies exist is the best of all that do, so that nothing is computed there. Where the data hardly show
-    what is impossible, the bodies of a fit without a fold are led back along the way that those of all blocks take.
+    what is impossible, the way to bodies that can exist hardly changes: fits without a fold take that of all blocks.
+
+    Args:
+        found: The fit without that limit.
+        square: Columns times columns.
+        line: Columns times residual.
+        precision: Prior precision of each coefficient.
+        bounds: Of each coefficient.
+        folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
+        bodies: Bodies with the places of their changes.
+        way: From a similar fit to one whose bodies can exist, None to search for the nearest one.
     """
 
     def exist(x: Float[Array, " n"]) -> bool:
         return all(body.exists(x[at]) for body, at in bodies)
 
+    if not bodies:
+        return found
     with_prior = square + np.diag(precision)
     x, objective = found.x, found.objective
     if not exist(x):
-        x = possible_minimum(with_prior, line, bounds, x, bodies)
-        objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
-    without = found.without.copy()
+        before = _loss_of(with_prior, line, x)
+        led = None if way is None or not way.any() else led_into_cone(x, way, bounds, bodies)
+        if led is None or _loss_of(with_prior, line, led) - before > _LITTLE_DENIED:
+            led = possible_minimum(with_prior, line, bounds, x, bodies)
+        x = led
+        objective += _loss_of(with_prior, line, x) - before
+    little, without = objective - found.objective < _LITTLE_DENIED, found.without.copy()
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
-            little = objective - found.objective < _LITTLE_DENIED
-            led_back = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
+            led = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
             less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led_back is None else led_back
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led is None else led
     return Minimum(x, objective, without)
 
 

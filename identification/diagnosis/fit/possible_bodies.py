@@ -37,8 +37,8 @@ _SOME_LENGTH = 0.3
 _ACCURACY = 1e-6
 # Times that the other coefficients are found again beside the bodies.
 _ROUNDS = 4
-# Usual ways that are followed at most into the cone, and halvings of the last part of the way.
-_FARTHEST, _HALVINGS = 4.0, 6
+# Parts of a way into the cone that are tried, the closest about its end.
+_PARTS = np.array([0.25, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.02, 1.05, 1.1, 1.2, 1.4, 1.7, 2.0, 3.0, 4.0])
 # Order of the entries of a symmetric matrix in Clarabel's cone: columns of the upper triangle.
 _TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
 _ROOT_TWO = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _TRIANGLE])
@@ -62,12 +62,13 @@ class Body:
     given: Reference
     reach: Float[Array, "F 10"]
 
-    def exists(self, change: Float[Array, " 10"]) -> bool:
-        """True if the given body with this change can exist, to rounding."""
+    def exists(self, change: Float[Array, "*b 10"]) -> Array:
+        """True where the given body with a change can exist, to rounding, ``(*b,)``."""
         parameters = (self.given.standard + change) / self.given.scale
-        least = np.linalg.eigvalsh(pseudo_inertia(parameters))[0]
-        within = self.reach * self.given.scale @ parameters
-        return bool(least >= -_ROUNDING and np.all(within >= -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)))
+        least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
+        within = parameters @ (self.reach * self.given.scale).T
+        allowed = -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)
+        return (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
 
 
 def bodies_of_terms(robot: Robot, terms: Iterable[Term]) -> tuple[Body, ...]:
@@ -176,21 +177,9 @@ def led_into_cone(
         bounds: Lower and upper bounds of the coefficients, at which those beyond them are held.
         bodies: Each with the places of its changes among the coefficients.
     """
-
-    def after(part: float) -> Float[Array, " k"]:
-        return np.clip(x + part * way, *bounds)
-
-    def exist(part: float) -> bool:
-        return all(body.exists(after(part)[at]) for body, at in bodies)
-
-    beyond = next((part for part in (1.0, 2.0, _FARTHEST) if exist(part)), None)
-    if beyond is None:
-        return None
-    before = 0.0 if beyond == 1.0 else 0.5 * beyond
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (before + beyond)
-        before, beyond = (before, middle) if exist(middle) else (middle, beyond)
-    return after(beyond)
+    along = np.clip(x + _PARTS[:, None] * way, *bounds)
+    exist = np.logical_and.reduce([body.exists(along[:, at]) for body, at in bodies])
+    return along[np.argmax(exist)] if exist.any() else None
 
 
 def _in_cone(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +31,8 @@ _RECENT = 40
 class Fits:
     """The explicit cache of a search: what a set of effects leaves of one problem.
 
-    A fit depends on its set alone and, but for rounding, not on the order of the calls.
+    A fit depends on its set alone and, but for rounding, not on the order of the calls; in sample it does a little
+    where bodies cannot exist, see `Near.led`.
 
     Args:
         problem: What is fitted.
@@ -152,7 +154,7 @@ class Fits:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
             return self._start
-        return Near(Near.nothing(self.problem).after(similar, ()).theta, self._start.payload)
+        return replace(Near.nothing(self.problem).after(similar, ()), payload=self._start.payload)
 
     @cached_property
     def _start(self) -> Near:
