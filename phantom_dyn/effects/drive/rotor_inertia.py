@@ -19,6 +19,10 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+# Acceleration that a drive can give to its own rotor at least [rad/s^2]: a third of the least of public models, which
+# are in docs/plausible_ranges.md.
+_SLOWEST = 10.0
+
 
 class RotorInertia(Effect):
     """See the module."""
@@ -45,15 +49,21 @@ class RotorInertia(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""
-        least = 0.0 - float(robot.rotor_inertia[row_of(robot, joint)])
+        row = row_of(robot, joint)
+        modelled, strongest = float(robot.rotor_inertia[row]), robot.actuators[row].torque_limit
+        most, because = np.inf, "behind a gear the rotor counts with its ratio squared, often more than the link"
+        if strongest is not None and not robot.prismatic[row]:
+            most = strongest / _SLOWEST - modelled
+            because = (
+                f"the drive, which gives {strongest:.3g} N m, could not move a heavier rotor by {_SLOWEST:g} rad/s^2"
+            )
         return (
             Parameter(
                 "inertia",
                 inertia_unit(robot, joint),
-                least,
-                plausible=(least, np.inf),
-                plausible_because="what is modelled can be missing, no more; behind a gear the rotor counts with its "
-                "ratio squared, often more than the link",
+                0.0 - modelled,
+                plausible=(0.0 - modelled, max(most, 0.0)),
+                plausible_because=f"what is modelled can be missing, no more; {because}",
             ),
         )
 

@@ -47,7 +47,8 @@ PLAUSIBLE = {
     "torque_saturation": {"limit": (0.05 * LIMIT, 1.5 * LIMIT)},
     "input_delay": {"delay": (0.0, 0.1)},
     "actuator_lag": {"time_constant": (0.0, 0.1)},
-    "rotor_inertia": {"inertia": POSITIVE},
+    # The drive moves its rotor alone by 10 rad/s^2 at least.
+    "rotor_inertia": {"inertia": (0.0, LIMIT / 10.0)},
     "cogging": {"order": (0.0, 1e5), "amplitude": DRIVEN, "phase": TURN},
     "torque_ripple": {"order": (0.0, 1e5), "amplitude": (0.0, 0.5), "phase": TURN},
     # The arm carries a part of 0.4 kg on a fixed joint; a quarter more may be missing.
