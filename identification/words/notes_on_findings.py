@@ -8,6 +8,7 @@ from identification.diagnosis.result import EffectAt
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import joined, on_place
 from identification.words.effect_words import words_of
+from identification.words.numbers_and_names import NO_BREAK, with_unit
 
 Rivalry = tuple[Sequence[EffectAt], Sequence[EffectAt]]
 """Two hypotheses, each by its effects."""
@@ -126,11 +127,21 @@ def _drive_sum(note: Note) -> str:
     )
 
 
+def _one_sided(note: Note) -> str:
+    parts = [with_unit(f"{name} {low:.3g} to {high:.3g}", unit) for name, low, high, unit in note.numbers["intervals"]]
+    where = f" of {note.joint}" if note.joint else ""
+    return (
+        f"The inertial parameters{where} lie on the edge of what a body can have, so that these are uncertain to one "
+        f"side: {', '.join(parts)} (95{NO_BREAK}%, as changes of the model)."
+    )
+
+
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
     Code.FRICTION_DRIVES: _friction_drives,
     Code.MISSING_PART: _missing_part,
     Code.DRIVE_SUM: _drive_sum,
+    Code.ONE_SIDED: _one_sided,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,
     Code.NO_EXPERIMENT: _no_experiment,

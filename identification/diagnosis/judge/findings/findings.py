@@ -15,6 +15,7 @@ from identification.diagnosis.judge.findings.drive_sums import drive_sums
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
+from identification.diagnosis.judge.findings.one_sided import one_sided
 from identification.diagnosis.judge.findings.other_tolerances import with_other_tolerances
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown
@@ -43,7 +44,7 @@ Array = np.ndarray
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on what the sizes of findings say of the robot, and on each size that no sound robot has."""
-    robot, out = shown.problem.session.robot, list[Said](drive_sums(shown))
+    robot, out = shown.problem.session.robot, list[Said]((*drive_sums(shown), *one_sided(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
         assert isinstance(effect, Effect)

@@ -56,7 +56,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     # The symmetric root, which does not turn with the rounding of the matrix as others do.
     shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[_numbers(term, fitted)]
-    slope = _base(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
+    slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 
 
@@ -102,20 +102,20 @@ def _named(
 
 def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
     """Base parameters among the free ones."""
-    independent, mix = _base(robot, term)
-    effect = term.effect
-    assert isinstance(effect, Effect)
-    parameters = effect.parameters(robot, term.joint)
-    values = mix @ coefficients
+    parameters, mix = base_parameters(robot, term)
     std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
-    return {
-        parameters[k].name: Value(float(value), float(deviation), parameters[k].unit)
-        for k, value, deviation in zip(independent, values, std, strict=True)
-    }
+    return _named(parameters, mix @ coefficients, std, lists=False)
 
 
-def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
-    """Base parameters among the free ones, from the regressor over random motions, and the sums that they stand for."""
+def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Float[Array, "r k"]]:
+    """Base parameters among those of free bodies, and the sums of all of them that they stand for.
+
+    They come from the regressor over random motions.
+
+    Args:
+        robot: The given model.
+        term: A finding whose bodies are free.
+    """
     effect = term.effect
     assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
@@ -125,7 +125,7 @@ def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"
     mix = np.zeros((base.rank, len(columns)))
     mix[np.arange(base.rank), list(base.independent)] = 1.0
     mix[:, list(base.dependent)] = base.grouping
-    return tuple(base.independent), mix
+    return tuple(parameters[k] for k in base.independent), mix
 
 
 def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
