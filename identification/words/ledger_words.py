@@ -45,6 +45,7 @@ REASONS: dict[str, str] = {
     "coarser than stated": "the readings lie on a lattice of {value} stated steps, where {needed} are needed",
     "rounding matters": "the rounding makes {value} of a joint's squared noise, where {needed} is needed",
     "large enough": "it is too small to matter: {value} where {needed} is needed",
+    "closes for sure": "on held-out data it may close nothing of the gap: {value} at the lower end of its interval",
     "beyond the gain": "positions do not separate it from the gain of the controller, which may be wrong by {needed}",
 }
 

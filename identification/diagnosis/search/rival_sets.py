@@ -31,6 +31,8 @@ Array = np.ndarray
 
 NONE_BARRED: frozenset[Place] = frozenset()
 
+# Held-out loss of a size that no robot has, and the part of what it explains that a plausible cause may leave.
+_NO_CAUSE, _MOSTLY = 1e12, 0.5
 # Looks at all findings in turn.
 _LOOKS = 3
 
@@ -80,6 +82,8 @@ def stand(
 ) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
+    A finding of a size that no robot has wins nothing where a cause of a plausible size explains most of it.
+
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
     a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
     share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
@@ -97,13 +101,15 @@ def stand(
         again: The same rivals under what should not matter, such as another band; if there are any, the comparison is
             repeated under each of them and on each half of the blocks, and the shares are means over all of these.
     """
-    base = search.evaluate(chosen)
-    options, names, richer_laws = _options(search, chosen, term, barred, again)
+    base, sound = search.evaluate(chosen), _sound(search, chosen, frozenset([term]))
+    options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound)
     possible = {key for key in names if _sound(search, key, key - chosen)}
-    if possible or _sound(search, chosen, frozenset([term])):
+    if possible or sound:
         # What no robot has is no cause where another one may be.
         names = {key: others for key, others in names.items() if key in possible}
         options = {key: loss for key, loss in options.items() if key == chosen or key in names}
+    if possible and not sound:
+        options[chosen] = options[chosen] + _NO_CAUSE / len(base.loss)
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
@@ -127,7 +133,8 @@ def stand(
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
     own = shares[()]
-    kept = {effects: share for effects, share in shares.items() if share >= contract_levels.LISTED and effects}
+    listed = min(contract_levels.LISTED, max(shares.values()))
+    kept = {effects: share for effects, share in shares.items() if share >= listed and effects}
     # Odds of richer laws come on top of the shares, so that all may be more than one.
     while kept and min(kept.values()) < contract_levels.LISTED * (own + sum(kept.values())):
         del kept[min(kept, key=lambda effects: kept[effects])]
@@ -141,7 +148,13 @@ def stand(
 
 
 def _options(
-    search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place], again: tuple[Search, ...]
+    search: Search,
+    chosen: Chosen,
+    term: Term,
+    barred: frozenset[Place],
+    again: tuple[Search, ...],
+    *,
+    sound: bool,
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
     """Held-out losses of the set and of those with another finding in place of one, by block.
 
@@ -157,14 +170,21 @@ def _options(
     names: dict[Chosen, Chosen] = {}
     richer_laws: list[tuple[Chosen, Chosen]] = []
     searches = (search, *(one for one in again if one.problem.white is not search.problem.white))
-    near = dict.fromkeys(others for one in searches for others in relevant(one, chosen, term, rules.HOPELESS_LOSS))
+    slack = [rules.HOPELESS_LOSS if sound else _MOSTLY * explained(one, chosen, term) for one in searches]
+    near = dict.fromkeys(
+        others for one, own in zip(searches, slack, strict=True) for others in relevant(one, chosen, term, own)
+    )
     for others in near:
         if not all(other.named and other.place not in barred for other in others):
             continue
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
             continue
-        if all(_hopeless(one, chosen, swapped, priced=_nested(term, others)) for one in searches):
+        priced, both = _nested(term, others), zip(searches, slack, strict=True)
+        if all(
+            _hopeless(one, chosen, swapped, priced=priced) if sound else one.quick(swapped) > one.quick(chosen) + own
+            for one, own in both
+        ):
             continue
         found = search.evaluate(swapped)
         if any(places_of(search.problem.session.robot, other, found) is None for other in others):

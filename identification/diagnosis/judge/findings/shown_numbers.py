@@ -20,7 +20,7 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Share of what a robot may have, beyond which a deviation says that a number is not known.
+# Share of what a robot may have, and of the number itself, beyond which a deviation says that it is not known.
 _UNKNOWN = 0.5
 # Share of a mass that its interval of 95 % may be wide, both sides together; beyond it the first moments are what is
 # known.
@@ -56,8 +56,9 @@ def _is_narrow(mass: Value) -> bool:
 def _known(value: Value, limit: float | None) -> Value:
     if limit is None:
         return value
-    std = np.atleast_1d(np.asarray(value.std, dtype=float))
-    shown = np.where(std > limit, np.inf, std)
+    std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
+    # A light lever may carry a load of several times its own weight, which is known all the same.
+    shown = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
     return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
 
 
