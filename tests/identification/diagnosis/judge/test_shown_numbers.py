@@ -23,6 +23,12 @@ def test_a_place_that_is_known_to_no_better_than_the_robot_is_large_is_not_shown
     assert found["center_x"] == values["center_x"]
 
 
+def test_a_load_that_is_large_beside_the_robot_is_shown_by_its_own_size(session, planar2):
+    moment = 10.0 * reach_of(planar2) * sum(float(inertia.mass) for inertia in planar2.model.inertias[1:])
+    values = {"moment_x": Value(moment, 0.1 * moment, "kg m"), "moment_y": Value(0.0, 0.1 * moment, "kg m")}
+    assert [value.shown for value in only_shown(values, session, None).values()] == [True, False]
+
+
 def test_a_torque_whose_deviation_is_above_all_that_was_measured_is_not_shown(session, planar2):
     largest = max(float(np.abs(log.tau[:, 1]).max()) for log in session.logs)
     values = {"torque": Value([0.1, 0.2], [0.01, 2.0 * largest], "N m")}

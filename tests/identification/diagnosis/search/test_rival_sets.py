@@ -90,6 +90,25 @@ def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavie
     assert standing.probability == pytest.approx(1.0 / 3.0, abs=0.02)
 
 
+def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_impossible_size(
+    lab, planar2, monkeypatch
+):
+    # Known: Coulomb friction of 0.5 N m; viscous friction explains over half of it, and is hopeless as a fit.
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.5]),))
+    search = prepared.search
+    coulomb, viscous = (prepared.term(name, "elbow") for name in ("coulomb_friction", "viscous_friction"))
+
+    def impossible(robot, term, theta):
+        return None if term is viscous else (coulomb.effect.parameters(planar2, "elbow")[0], 0.5)
+
+    chosen = frozenset([coulomb])
+    assert stand(search, chosen, coulomb).probability == 1.0
+    monkeypatch.setattr(rivals, "implausible", impossible)
+    standing = stand(search, chosen, coulomb)
+    assert (standing.probability, standing.instead) == (0.0, frozenset([viscous]))
+
+
 def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_twins(lab, planar2):
     # Closed form: steps of 0.5 and 0.2 are a Coulomb torque of 0.35 and an offset of 0.15.
     motion = lab.motion(2, 3)
@@ -283,6 +302,6 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
         return everywhere or one is search
 
     monkeypatch.setattr(rivals, "_hopeless", hopeless)
-    options, _, _ = rivals._options(search, frozenset([term]), term, frozenset(), (other,))
+    options, _, _ = rivals._options(search, frozenset([term]), term, frozenset(), (other,), sound=True)
     assert len({id(one) for one in searches}) == asked
     assert (len(options) > 1) == (band and not everywhere)
