@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +12,38 @@ import pinocchio as pin
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
+Rows = slice | np.ndarray
 
 _PIECE = 4096
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """How the root of a robot moves that is not bolted down, in the root's own axes; where it is does not matter.
+
+    Attributes:
+        w: Angular velocity [rad/s], shape ``(N, 3)``.
+        dw: Angular acceleration [rad/s^2], shape ``(N, 3)``.
+        f: Specific force at the origin of the root [m/s^2], shape ``(N, 3)``: its acceleration less gravity, as an
+            accelerometer there would read it.
+    """
+
+    w: Float[Array, "N 3"]
+    dw: Float[Array, "N 3"]
+    f: Float[Array, "N 3"]
+
+    def __post_init__(self):
+        for name in ("w", "dw", "f"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def columns(self) -> Float[Array, "N 9"]:
+        """All three side by side."""
+        return np.hstack([self.w, self.dw, self.f])
+
+    def at(self, rows: Rows) -> BaseMotion:
+        """Some of the samples."""
+        return BaseMotion(self.w[rows], self.dw[rows], self.f[rows])
 
 
 @dataclass(frozen=True)
@@ -25,16 +55,27 @@ class Motion:
         q: Joint positions [rad or m], shape ``(N, nv)``: one scalar per joint, also for continuous joints.
         v: Velocities, shape ``(N, nv)``.
         a: Accelerations, shape ``(N, nv)``.
+        base: How the root moves; None for a robot that is bolted down.
     """
 
     t: Float[Array, " N"]
     q: Float[Array, "N nv"]
     v: Float[Array, "N nv"]
     a: Float[Array, "N nv"]
+    base: BaseMotion | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         for name in ("t", "q", "v", "a"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def at(self, rows: Rows) -> Motion:
+        """Some of the samples."""
+        base = None if self.base is None else self.base.at(rows)
+        return Motion(self.t[rows], self.q[rows], self.v[rows], self.a[rows], base=base)
+
+    def with_joints(self, q: Float[Array, "N nv"], v: Float[Array, "N nv"], a: Float[Array, "N nv"]) -> Motion:
+        """Another motion of the joints at the same times, on the same root."""
+        return Motion(self.t, q, v, a, base=self.base)
 
 
 def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[Array, "N nq"]:

@@ -12,8 +12,24 @@ import pinocchio as pin
 Array = np.ndarray
 
 
-def regressor(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:
+    """The tree on a free-flyer without gravity, and its samples: the specific force accelerates the root instead."""
+    base = pin.Model()
+    joint = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "moving root")
+    base.addJointFrame(joint, 0)
+    whole = pin.appendModel(base, model, base.getFrameId("moving root"), pin.SE3.Identity())
+    whole.gravity = pin.Motion.Zero()
+    n, still = len(q), np.zeros((len(q), 3))
+    place = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (n, 1))
+    w, dw, force = root[:, :3], root[:, 3:6], root[:, 6:]
+    return whole, (np.hstack([place, q]), np.hstack([still, w, v]), np.hstack([force, dw, a]))
+
+
+def regressor(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     """Rigid-body torque regressor of the tree, all columns, shape ``(N, nt, 10 (njoints - 1))``."""
+    if root is not None:
+        whole, samples = _on_moving_root(model, q, v, a, root)
+        return regressor(whole, *samples)[:, 6:, 10:]
     data, p = model.createData(), 10 * (model.njoints - 1)
     out = np.empty((*v.shape, p))
     for k in range(len(q)):
@@ -22,16 +38,22 @@ def regressor(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     return out
 
 
-def torque(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+def torque(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     """Torque of the tree with armature, shape ``(N, nt)`` [N m or N]."""
+    if root is not None:
+        whole, samples = _on_moving_root(model, q, v, a, root)
+        return torque(whole, *samples)[:, 6:]
     data, out = model.createData(), np.empty(v.shape)
     for k in range(len(q)):
         out[k] = pin.rnea(model, data, q[k], v[k], a[k])
     return out
 
 
-def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
+    if root is not None:
+        whole, samples = _on_moving_root(model, q, v, a, root)
+        return torque_slopes(whole, *samples)[:, 6:, 6:]
     data, out = model.createData(), np.empty((2, model.nv, model.nv, len(q)))
     for k in range(len(q)):
         pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])

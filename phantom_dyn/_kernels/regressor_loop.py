@@ -13,7 +13,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, move, place, turned_back
-from phantom_dyn._kernels.rigid_body_loops import Room
+from phantom_dyn._kernels.rigid_body_loops import Room, set_root
 from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
@@ -46,7 +46,16 @@ def own_room_of(tree: Kinematics) -> OwnRoom:
 
 @fused
 def regressor_loop(
-    tree: Kinematics, room: Room, own: OwnRoom, q: Array, v: Array, a: Array, slope: Array, places: Array, out: Array
+    tree: Kinematics,
+    room: Room,
+    own: OwnRoom,
+    root: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    slope: Array,
+    places: Array,
+    out: Array,
 ) -> None:
     """Write the regressor of N samples.
 
@@ -54,6 +63,7 @@ def regressor_loop(
         tree: The joints.
         room: See `room_of`.
         own: See `own_room_of`.
+        root: As of `torque_loop`.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
@@ -68,6 +78,7 @@ def regressor_loop(
     n, closed = len(parents), len(slope) > 0
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        set_root(root, k, w, dw, acc)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
             start = places[i - 1, 0]

@@ -3,7 +3,8 @@
 
 Compiled loops need numba and ``arrays``, which are `tree_arrays` of the model: None for a model with joints that they
 do not know. Gravity and armature are read from the model at every call. ``q`` are Pinocchio's configurations,
-``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``.
+``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is how the root moves, see `torque_loop`, ``(N, 9)``: its
+specific force takes the place of gravity; None for a root that is fixed.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ Array = np.ndarray
 # Samples from which on the slopes of the torque are worth a loop of their own: Pinocchio's is done with fewer long
 # before this one is compiled.
 _WORTH_COMPILING = 20_000
+_FIXED = np.empty((0, 9))
+"""How the root of a fixed robot moves."""
 
 
 def regressor(
@@ -36,6 +39,7 @@ def regressor(
     v: Array,
     a: Array,
     *,
+    root: Array | None = None,
     slope: Array | None = None,
     columns: tuple[int, ...] | None = None,
     out: Array | None = None,
@@ -48,6 +52,7 @@ def regressor(
         q: See above.
         v: See above.
         a: See above.
+        root: See above.
         slope: ``G`` of a closed chain, ``(N, nt, nv)``: the rows become those of its active joints.
         columns: Which columns to make, ascending; by default all ten of each joint.
         out: Receives them in its first columns, C-contiguous, ``(N, nv, c)`` with ``c`` at least their number. It must
@@ -60,7 +65,7 @@ def regressor(
         LogError: If the motion has another shape than the robot; so of all functions here.
         ParameterError: If a column does not exist, they do not ascend, or ``slope`` or ``out`` does not fit.
     """
-    _require_motion(model, q, v, a)
+    _require_motion(model, q, v, a, root=root)
     if slope is not None and slope.shape[:2] != v.shape:
         raise ParameterError(f"slope has shape {slope.shape}: give {v.shape[1]} rows for each of {len(v)} samples.")
     p = 10 * (model.njoints - 1)
@@ -76,14 +81,14 @@ def regressor(
     else:
         _require_room(out, (len(q), rows, len(chosen)))
     if arrays is None or not jit.compiles():
-        tree = pinocchio_loops.regressor(model, q, v, a)[:, :, chosen]
+        tree = pinocchio_loops.regressor(model, q, v, a, root)[:, :, chosen]
         out[:, :, : len(chosen)] = tree if slope is None else np.swapaxes(slope, 1, 2) @ tree
         return out
     places = np.full(p, -1)
     places[chosen] = np.arange(len(chosen))
     G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
     G = G[:1] if len(G) and G.strides[0] == 0 else G
-    samples = ready(q), ready(v), ready(a), ready(G)
+    samples = _rooted(root), ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
     tree = arrays.kinematics
     room = room_of(tree, model.gravity.linear), own_room_of(tree)
@@ -99,8 +104,14 @@ def _with_first(places: Array) -> Array:
     return ready(np.column_stack([first, places]), np.int64)
 
 
-def _require_motion(model: pin.Model, q: Array, *rates: Array) -> None:
+def _rooted(root: Array | None) -> Array:
+    return ready(_FIXED if root is None else root)
+
+
+def _require_motion(model: pin.Model, q: Array, *rates: Array, root: Array | None = None) -> None:
     """Refuse samples of another shape: a compiled loop would read beyond their end."""
+    if root is not None and root.shape != (len(q), 9):
+        raise LogError(f"The root's motion has shape {root.shape}: give nine numbers for each of {len(q)} samples.")
     if q.ndim != 2 or q.shape[1] != model.nq or any(rate.shape != (len(q), model.nv) for rate in rates):
         given = ", ".join(str(x.shape) for x in (q, *rates))
         raise LogError(
@@ -118,12 +129,14 @@ def _require_room(out: Array, wanted: tuple[int, int, int]) -> None:
         )
 
 
-def torque(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array) -> Array:
+def torque(
+    model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array, root: Array | None = None
+) -> Array:
     """Torque with armature, as `pin.rnea`, shape ``(N, nt)`` [N m or N]."""
-    _require_motion(model, q, v, a)
+    _require_motion(model, q, v, a, root=root)
     if arrays is None or not jit.compiles():
-        return pinocchio_loops.torque(model, q, v, a)
-    return _torque(arrays, model.gravity.linear, q, v, a) + model.armature * a
+        return pinocchio_loops.torque(model, q, v, a, root)
+    return _torque(arrays, model.gravity.linear, q, v, a, root) + model.armature * a
 
 
 def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array | None = None) -> Array:
@@ -138,28 +151,30 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
     return _torque(arrays, pull, q, rest, rest)
 
 
-def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) -> Array:
+def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     out = np.empty(v.shape)
     announce(torque_loop)
     room = room_of(arrays.kinematics, gravity)
-    torque_loop(arrays.kinematics, arrays.inertias, room, ready(q), ready(v), ready(a), out)
+    torque_loop(arrays.kinematics, arrays.inertias, room, _rooted(root), ready(q), ready(v), ready(a), out)
     return out
 
 
-def torque_slopes(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def torque_slopes(
+    model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array, root: Array | None = None
+) -> tuple[Array, Array]:
     """Torque of joint i per position, and per velocity, of joint j, ``[sample, i, j]``, shapes ``(N, nt, nt)``.
 
     Each entry's series is in one piece of memory.
     """
-    _require_motion(model, q, v, a)
+    _require_motion(model, q, v, a, root=root)
     if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING or not jit.compiles():
-        out = pinocchio_loops.torque_slopes(model, q, v, a)
+        out = pinocchio_loops.torque_slopes(model, q, v, a, root)
     else:
         out = np.zeros((2, model.nv, model.nv, len(q)))
         announce(torque_slope_loop)
         tree, gravity = arrays.kinematics, model.gravity.linear
         room = room_of(tree, gravity), slope_room_of(tree, gravity)
-        torque_slope_loop(tree, arrays.inertias, *room, ready(q), ready(v), ready(a), out)
+        torque_slope_loop(tree, arrays.inertias, *room, _rooted(root), ready(q), ready(v), ready(a), out)
     return out[0].transpose(2, 1, 0), out[1].transpose(2, 1, 0)
 
 

@@ -79,14 +79,26 @@ def room_of(tree: Kinematics, gravity: Array) -> Room:
     return room
 
 
+@inlined
+def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array) -> None:
+    """Write how the root moves at sample ``k``, see `torque_loop`; a root that is fixed keeps what is there."""
+    if len(root) > 0:
+        for c in range(3):
+            w[0, c], dw[0, c], acc[0, c] = root[k, c], root[k, 3 + c], root[k, 6 + c]
+
+
 @fused
-def torque_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, v: Array, a: Array, out: Array) -> None:
+def torque_loop(
+    tree: Kinematics, inertias: Array, room: Room, root: Array, q: Array, v: Array, a: Array, out: Array
+) -> None:
     """Torque that the links need, without armature: recursive Newton-Euler in the axes of the root.
 
     Args:
         tree: The joints.
         inertias: As of `TreeArrays`.
         room: See `room_of`.
+        root: Angular velocity, angular acceleration and specific force of a root that moves, in its own axes,
+            ``(N, 9)``; of a fixed one ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
@@ -97,6 +109,7 @@ def torque_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, v: Arra
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        set_root(root, k, w, dw, acc)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
             mass = inertias[i, 0]

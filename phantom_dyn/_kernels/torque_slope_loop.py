@@ -55,7 +55,7 @@ def slope_room_of(tree: Kinematics, gravity: Array) -> SlopeRoom:
 
 @fused
 def torque_slope_loop(
-    tree: Kinematics, inertias: Array, room: Room, own: SlopeRoom, q: Array, v: Array, a: Array, out: Array
+    tree: Kinematics, inertias: Array, room: Room, own: SlopeRoom, root: Array, q: Array, v: Array, a: Array, out: Array
 ) -> None:
     """Slopes of the torque of N samples for joints of one degree of freedom.
 
@@ -64,6 +64,7 @@ def torque_slope_loop(
         inertias: As of `TreeArrays`.
         room: See `room_of`.
         own: See `slope_room_of`.
+        root: As of `torque_loop`.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nt)``.
         a: Accelerations, ``(N, nt)``.
@@ -76,6 +77,9 @@ def torque_slope_loop(
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        if len(root) > 0:
+            for c in range(3):
+                speed[0, 3 + c], gain[0, 3 + c], gain[0, c] = root[k, c], root[k, 3 + c], root[k, 6 + c]
         for i in range(1, n):
             p, d = parents[i], first_v[i]
             x, y, z = cross(o[i, 0], o[i, 1], o[i, 2], ang[d, 0], ang[d, 1], ang[d, 2])

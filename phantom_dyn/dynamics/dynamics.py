@@ -14,7 +14,7 @@ import numpy as np
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_motion
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -35,7 +35,20 @@ def _require_finite(motion: Motion) -> None:
 
 def _rigid_body_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
     """Torque on the joints of the tree with armature, without friction."""
-    return rigid_body.torque(robot.model, robot.arrays, tree.configuration, tree.v, tree.a)
+    return rigid_body.torque(robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root(robot, tree))
+
+
+def _root(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
+    """How the root moves as the loops take it.
+
+    Raises:
+        RobotError: If the robot is not bolted down and nobody says how its base moves.
+    """
+    if tree.base is not None:
+        return tree.base.columns
+    if robot.floating:
+        raise RobotError(f"{robot.name} is not bolted down (base: floating): give the motion of its base as well.")
+    return None
 
 
 def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
@@ -135,7 +148,9 @@ def inverse_dynamics_derivatives(
     if robot.chain is not None and robot.chain.anchors:
         return _difference(robot, motion, "q"), _difference(robot, motion, "v")
     tree = tree_motion(robot, motion)
-    to_q, to_v = rigid_body.torque_slopes(robot.model, robot.arrays, tree.configuration, tree.v, tree.a)
+    to_q, to_v = rigid_body.torque_slopes(
+        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, _root(robot, tree)
+    )
     if robot.chain is None:
         return to_q, to_v
     return project(tree.G, to_q) @ tree.G, project(tree.G, to_v) @ tree.G
@@ -199,8 +214,9 @@ def rigid_body_regressor(
     _require_finite(motion)
     tree = tree_motion(robot, motion)
     slope = None if robot.chain is None else tree.G
+    samples = tree.configuration, tree.v, tree.a
     return rigid_body.regressor(
-        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, slope=slope, columns=columns, out=out
+        robot.model, robot.arrays, *samples, root=_root(robot, tree), slope=slope, columns=columns, out=out
     )
 
 

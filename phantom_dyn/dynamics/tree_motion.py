@@ -15,7 +15,7 @@ from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, configurations
+from phantom_dyn.motion import BaseMotion, Motion, configurations
 
 Array = np.ndarray
 
@@ -31,6 +31,7 @@ class TreeMotion:
         a: Accelerations, shape ``(N, nt)``.
         G: Slope of the tree's positions in the active ones, shape ``(N, nt, nv)``; read-only, the same memory for
             every sample where it is constant.
+        base: How the root moves; None for a robot that is bolted down.
     """
 
     configuration: Float[Array, "N nq"]
@@ -38,6 +39,7 @@ class TreeMotion:
     v: Float[Array, "N nt"]
     a: Float[Array, "N nt"]
     G: Float[Array, "N nt nv"]
+    base: BaseMotion | None = None
 
 
 def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | None = None) -> TreeMotion:
@@ -54,14 +56,14 @@ def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | Non
     """
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
-        return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
+        return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G, motion.base)
     if near is None:
         found = robot.solutions.at(motion.q)
     else:
         found = solve(robot.model, robot.chain, motion.q, near, arrays=robot.arrays)
     v = apply(found.G, motion.v)
     a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v, arrays=robot.arrays)
-    return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
+    return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G, motion.base)
 
 
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:

@@ -20,6 +20,8 @@ def held_and_following(
 ) -> tuple[dict[str, float | None], list[LinearLoop]]:
     """Joints that are held, with the position (None: where the file draws them), and loops of those that follow.
 
+    A base that floats is held as well: all that the robot's torques feel of its motion, its own sensors say.
+
     Args:
         model: With all joints of the file.
         stated: Content of robot.yaml; joints that its loops name are left to them.
@@ -32,7 +34,7 @@ def held_and_following(
         of_base = name in bases or (name in facts.base_joints and name not in stated.joints)
         if name in stated.lock:
             held[name] = None if model.joints[model.getJointId(name)].nv > 1 else 0.0
-        elif (stated.base == "fixed" and of_base) or (name in facts.play and name not in stated.joints):
+        elif (stated.base is not None and of_base) or (name in facts.play and name not in stated.joints):
             held[name] = None
     following = {name: f for name, f in facts.followers.items() if name not in in_loops and name not in held}
     while True:

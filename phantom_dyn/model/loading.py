@@ -217,12 +217,12 @@ def _require_simple_joints(model: pin.Model, path: Path) -> None:
         lock = f"hold it with lock: [{name}] in {CONFIG_NAME}"
         if carries_all and kind != _BALL:
             raise RobotError(
-                f"{path}: {name} is {kind}, and only robots on a fixed base are taken: if the robot hangs on a rig, or "
-                f"its base is held otherwise, {fixed}."
+                f"{path}: {name} is {kind}, and nothing says what its base does: if the robot hangs on a rig, or its "
+                f"base is held otherwise, {fixed}; if it moves and logs say how (w. and sf.), write base: floating."
             )
         if on_world and kind != _BALL:
             raise RobotError(
-                f"{path}: {name} lets a body move freely beside the robot, and only robots on a fixed base are taken: "
+                f"{path}: {name} lets a body move freely beside the robot, of which no torque says anything: "
                 f"{lock}, or leave that body out."
             )
         held = f"{fixed} if the robot is held there" if carries_all else lock
@@ -372,4 +372,5 @@ def _robot(
             for k in rows
             if drives[k].controller is None and facts.drives.get(names[k], Drive()).kp is not None
         ),
+        floating=stated.base == "floating",
     )

@@ -89,7 +89,10 @@ class UserEffect(Protocol):
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot ready for dynamics: fixed base, one velocity per joint.
+    """A robot ready for dynamics: one velocity per joint.
+
+    The root of the model is the base, also of a robot that is not bolted down: how its base moves is part of a
+    `phantom_dyn.motion.Motion` then.
 
     The model is a tree. In a closed chain (``chain`` is not None) its joints are active or passive, and all that is
     said of the robot's joints, their number ``nv`` included, is of the active ones, in the tree's order.
@@ -119,6 +122,7 @@ class Robot:
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
         gains_of_file: Joints whose controller is that of their actuator in the robot's file.
+        floating: True if the base is not bolted down.
     """
 
     model: pin.Model
@@ -143,6 +147,7 @@ class Robot:
     soft_friction: tuple[SoftFriction | None, ...] = ()
     carried: Float[Array, " 10"] | None = None
     gains_of_file: tuple[str, ...] = ()
+    floating: bool = False
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

@@ -108,7 +108,7 @@ class RobotConfig(_Strict, frozen=True):
     """Content of a ``robot.yaml``, checked but for the names in it, which only the robot knows."""
 
     gravity: Vector | None = None
-    base: Literal["fixed"] | None = None
+    base: Literal["fixed", "floating"] | None = None
     torque_hold: Literal["zoh", "instant"] = "instant"
     reference_hold: Literal["zoh", "instant"] | None = None
     torque_source: Literal["command", "current", "sensor"] = "command"

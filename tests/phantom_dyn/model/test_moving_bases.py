@@ -39,8 +39,8 @@ def written(folder, name: str, text: str, config: str | None = None):
 def test_a_moving_base_is_refused_with_the_advice(tmp_path, kind, word):
     file = written(tmp_path, "robot.urdf", URDF.replace("KIND", kind))
     told = (
-        rf"robot\.urdf: root is {word}, and only robots on a fixed base are taken: if the robot hangs on a rig, or its "
-        r"base is held otherwise, write base: fixed into robot\.yaml\.$"
+        rf"robot\.urdf: root is {word}, and nothing says what its base does: if the robot hangs on a rig, or its base "
+        r"is held otherwise, write base: fixed into robot\.yaml; if it moves and logs say how .*, write base: floating"
     )
     with pytest.raises(RobotError, match=told):
         load_robot(file)

@@ -183,7 +183,7 @@ def test_a_floating_base_in_mjcf_is_refused(tmp_path):
     assert_refused(
         tmp_path / "robot.xml",
         MJCF.replace(joint, "<freejoint/>").replace('joint="turn"', 'joint="tilt"'),
-        "is a floating base, and only robots on",
+        "is a floating base, and nothing says what its base does",
     )
 
 

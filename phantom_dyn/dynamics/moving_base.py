@@ -1,0 +1,66 @@
+# pyright: reportAttributeAccessIssue=false
+r"""Motion of a base that is not bolted down, from the gyroscope and the accelerometer that it carries.
+
+An accelerometer reads the specific force: acceleration less gravity. Recursive Newton-Euler starts from exactly this at
+the root, so that neither the position of the base nor its velocity is needed. From the place ``p`` of the
+accelerometer to the origin of the root, :math:`f = f_s - \dot\omega \times p - \omega \times (\omega \times p)`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn.array_types import Float
+from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import BaseMotion
+
+Array = np.ndarray
+
+
+def place_on_base(robot: Robot, frame: str) -> pin.SE3:
+    """Place of a sensor's frame in the axes of the root.
+
+    Raises:
+        RobotError: If the robot has no such frame, or a joint moves it.
+    """
+    fixed = [one.name for one in robot.model.frames if one.parentJoint == 0]
+    if not robot.model.existFrame(frame):
+        raise RobotError(f"{robot.name} has no frame {frame!r}, {known_names(frame, fixed, 'frames')}")
+    found = robot.model.frames[robot.model.getFrameId(frame)]
+    if found.parentJoint != 0:
+        mover = robot.model.names[found.parentJoint]
+        raise RobotError(
+            f"{frame} does not move with the base, as {mover} turns it: give the readings of a sensor on the base, in "
+            "the axes of a frame that is fixed to it."
+        )
+    return found.placement
+
+
+def base_motion(
+    robot: Robot,
+    gyroscope: str,
+    accelerometer: str,
+    w: Float[Array, "N 3"],
+    dw: Float[Array, "N 3"],
+    force: Float[Array, "N 3"],
+) -> BaseMotion:
+    """Motion of the root from what its own sensors read.
+
+    Args:
+        robot: Says where the frames are.
+        gyroscope: Frame in whose axes ``w`` and ``dw`` are.
+        accelerometer: Frame in whose axes ``force`` is, and at whose origin.
+        w: Angular velocity [rad/s].
+        dw: Its derivative [rad/s^2].
+        force: Specific force [m/s^2]: upwards and as large as gravity at rest.
+
+    Raises:
+        RobotError: If a frame is unknown, or does not move with the base.
+    """
+    turn, place = place_on_base(robot, gyroscope).rotation, place_on_base(robot, accelerometer)
+    turned, faster = w @ turn.T, dw @ turn.T
+    lever = place.translation
+    at_root = force @ place.rotation.T - np.cross(faster, lever) - np.cross(turned, np.cross(turned, lever))
+    return BaseMotion(turned, faster, at_root)
