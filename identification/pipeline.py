@@ -206,7 +206,8 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)
-    return Answer(found, None if between else explanation, given.started)
+    # How a base that is not bolted down would move under another motion of its joints, nobody knows either.
+    return Answer(found, None if between or robot.floating else explanation, given.started)
 
 
 def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Progress) -> Proposal:

@@ -78,6 +78,14 @@ class Motion:
         return Motion(self.t, q, v, a, base=self.base)
 
 
+def joined_bases(bases: Sequence[BaseMotion | None]) -> BaseMotion | None:
+    """Motions of a base one after the other; None where one of them is bolted down."""
+    known = [base for base in bases if base is not None]
+    if len(known) < len(bases):
+        return None
+    return BaseMotion(*(np.concatenate([getattr(base, name) for base in known]) for name in ("w", "dw", "f")))
+
+
 def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[Array, "N nq"]:
     """Configurations of a model at the positions of its joints [rad or m]; a continuous joint becomes cos, sin."""
     if model.nq == model.nv:

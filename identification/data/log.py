@@ -66,6 +66,9 @@ class Log:
             None where they lie on none. Empty where nobody looked.
         temperature: Of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None if all are.
         references: What controllers ask for, where the torque was computed from references; None where it was not.
+        touched: True where a joint carries something that touches its surroundings, or may, ``(N, nv)``: its row is not
+            judged then. None where nobody knows of contacts.
+        base_noise: White noise of gyroscope and accelerometer [rad/s, m/s^2]; None for a base that is bolted down.
     """
 
     file: str
@@ -80,6 +83,8 @@ class Log:
     reading_steps: tuple[float | None, ...] = ()
     temperature: Float[Array, "N nv"] | None = None
     references: References | None = None
+    touched: Bool[Array, "N nv"] | None = None
+    base_noise: tuple[float, float] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))
@@ -95,6 +100,16 @@ class Log:
         """True for samples in the band whose kernel touches no sample that must not be used."""
         if self.valid.all():
             return np.ones(len(self.samples), dtype=bool)
-        bad = np.concatenate([[0], np.cumsum(~self.valid)])
+        return self._reaches_none(~self.valid)
+
+    @cached_property
+    def untouched_in_band(self) -> Bool[Array, "n nv"]:
+        """True for samples in the band of a row whose kernel reaches no sample in which it may be touched."""
+        if self.touched is None:
+            return np.ones((len(self.samples), len(self.joint_names)), dtype=bool)
+        return np.column_stack([self._reaches_none(column) for column in self.touched.T])
+
+    def _reaches_none(self, bad: Bool[Array, " N"]) -> Bool[Array, " n"]:
+        count = np.concatenate([[0], np.cumsum(bad)])
         at, half = self.samples, self.band.half
-        return bad[at + half + 1] == bad[at - half]
+        return count[at + half + 1] == count[at - half]

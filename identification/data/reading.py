@@ -14,6 +14,7 @@ from identification.data.checks.positions import check_passive
 from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.duty_cycles import with_voltages
+from identification.data.floating.base_columns import base_readings
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.loops_of_drives import computed_from_references, loops_of
 from identification.data.mending import mended
@@ -21,6 +22,7 @@ from identification.data.readers.contract_columns import (
     ALONE,
     FEWEST_ROWS,
     FRAME_AXES,
+    FRAME_FLAGS,
     MEANT,
     column_of,
 )
@@ -188,7 +190,7 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
         column = column_of(name)
         if (
             column is None
-            or column.quantity in (*ALONE, *FRAME_AXES)
+            or column.quantity in (*ALONE, *FRAME_AXES, *FRAME_FLAGS)
             or column.of in (*robot.joint_names, *robot.passive_names)
         ):
             continue
@@ -247,6 +249,8 @@ def recording(
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
     warnings = [*table.warnings, *_require_joints(table, robot), *unknown_words(table.file, robot)]
+    base, told = base_readings(table, robot, {quantity: _of_frames(table, quantity) for quantity in ("w", "sf")})
+    warnings += told
     optional = {}
     for key, quantity in _OPTIONAL.items():
         optional[key], sentences = _complete(table, quantity, joints)
@@ -293,6 +297,7 @@ def recording(
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
         named=table.named,
+        base=base,
         **optional,
     )
 

@@ -92,6 +92,25 @@ class Table:
 
 
 @dataclass(frozen=True)
+class BaseReadings:
+    """What the sensors on a base read that is not bolted down, in the axes of their frames.
+
+    Attributes:
+        gyroscope: Frame of the gyroscope.
+        accelerometer: Frame of the accelerometer.
+        w: Angular velocity [rad/s], ``(N, 3)``.
+        sf: Specific force [m/s^2], ``(N, 3)``.
+        contacts: 1 while a frame touches something, 0 while it does not, by frame, each ``(N,)``.
+    """
+
+    gyroscope: str
+    accelerometer: str
+    w: Float[Array, "N 3"]
+    sf: Float[Array, "N 3"]
+    contacts: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Fault:
     """One thing that is certainly wrong with a recording, so that a diagnosis of it would mean nothing.
 
@@ -147,6 +166,7 @@ class Recording:
         wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
         anyway: True if it is to be judged although something is wrong with it.
         named: By the contract's name, the column of the file that a map of the user's took; empty without one.
+        base: What the sensors on a base read that is not bolted down; None for one that is.
     """
 
     file: str
@@ -180,6 +200,7 @@ class Recording:
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False
     named: Mapping[str, str] = field(default_factory=dict)
+    base: BaseReadings | None = None
 
     @property
     def said(self) -> tuple[Said, ...]:

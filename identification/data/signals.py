@@ -15,6 +15,8 @@ import numpy as np
 
 from identification.data.compensation import friction_taken
 from identification.data.drive_loop import read_delays
+from identification.data.floating.filtered_base import filtered_base, noise_of_base
+from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.joint_torque import external_torque, voltage_bound
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
@@ -337,9 +339,11 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     external = external_torque(robot, smooth, forces) if forces else None
     # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
-    motion = Motion(t, smooth, v, a)
-    found = (q, wanted, external, steps, temperature, references)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found)
+    base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
+    motion = Motion(t, smooth, v, a, base=base)
+    found = (q, wanted, external, steps, temperature, references, touched_rows(recording, robot, t))
+    noise = noise_of_base(recording)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, base_noise=noise)
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
@@ -392,8 +396,11 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    driven = np.inf if asked else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
+    # Feet on the ground push as drives do.
+    driven = np.inf if asked or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
+    if (swings := band_of_swings(recordings, robot, judged)) is not None:
+        judged = wide = swings
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
 
 

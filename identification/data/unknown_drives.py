@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.checks.smoothed_copy import smoothed
+from identification.data.log import Log
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Bool
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
@@ -24,16 +25,19 @@ def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:
     return np.array([not actuator.drive_known for actuator in robot.actuators], dtype=bool)
 
 
-def with_model_torque(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torques with those of unknown drives as the model has them on a motion [N m or N]."""
-    unknown = unknown_drives(robot)
-    return np.where(unknown, inverse_dynamics(robot, motion), tau) if unknown.any() else tau
+def with_model_torque(robot: Robot, log: Log) -> Log:
+    """The log with the model's torque in place of those of unknown drives, and where a joint carries a contact."""
+    unknown = unknown_drives(robot) if log.touched is None else unknown_drives(robot) | log.touched
+    if not unknown.any():
+        return log
+    return replace(log, tau=np.where(unknown, inverse_dynamics(robot, log.motion), log.tau))
 
 
 def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
     """The recording with the model's torque on joints whose drive is unknown, for checks of the others."""
     unknown = unknown_drives(robot)
-    if recording.tau is None or not unknown.any():
+    # Of a base that floats nothing is compared with the model before the contacts are known.
+    if recording.tau is None or not unknown.any() or robot.floating:
         return recording
     smooth = smoothed(recording)
     if smooth is None:

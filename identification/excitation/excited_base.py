@@ -12,6 +12,7 @@ from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
@@ -130,4 +131,5 @@ def _ordinary_motion(robot: Robot) -> Motion:
     rng = random_stream("ordinary motion")
     q = rng.uniform(-np.pi, np.pi, (_ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
     v, a = rng.normal(size=(2, _ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
-    return Motion(np.arange(float(_ORDINARY)), q, v, a)
+    base = any_base_motion(rng, _ORDINARY) if robot.floating else None
+    return Motion(np.arange(float(_ORDINARY)), q, v, a, base=base)

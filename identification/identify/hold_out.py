@@ -153,7 +153,7 @@ def _joints(robot: Robot) -> str:
 def _held_at_standstill(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
     """The motion with joints that never move held at standstill: the sign of their noise is not that of a friction."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
-    return Motion(motion.t, q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
+    return motion.with_joints(q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
 
 def _end_of(log: Log, cutoff_hz: float) -> Split:

@@ -62,13 +62,12 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
 
 def motion_slice(motion: Motion, start: int, stop: int) -> Motion:
     """Samples ``start`` to ``stop`` of a motion."""
-    return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
+    return motion.at(slice(start, stop))
 
 
 def _every(motion: Motion, step: int, first: int, last: int) -> Motion:
     """Samples ``first`` to ``last`` of those that a band without a filter keeps."""
-    at = slice(first * step, (last - 1) * step + 1, step)
-    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+    return motion.at(slice(first * step, (last - 1) * step + 1, step))
 
 
 def blocks_of(

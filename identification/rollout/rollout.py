@@ -77,8 +77,10 @@ def rollout_of(explained: Explained) -> Rollout:
         explained: A diagnosis as far as it has come.
     """
     past = recorded_past(explained.session.robot, explained.session.logs)
-    if unknown_drives(explained.session.robot).any():
-        numbers = {"controlled": False, "problem": "a joint is moved by a torque that nobody knows"}
+    robot = explained.session.robot
+    if robot.floating or unknown_drives(robot).any():
+        why = "the base is not bolted down" if robot.floating else "a joint is moved by a torque that nobody knows"
+        numbers = {"controlled": False, "problem": why}
         return Rollout(None, {}, {}, warnings=past, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
     torque = _torques()
 

@@ -78,7 +78,7 @@ def regressor_loop(
     n, closed = len(parents), len(slope) > 0
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
-        set_root(root, k, w, dw, acc)
+        set_root(root, k, w, dw, acc, 0)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
             start = places[i - 1, 0]

@@ -80,11 +80,14 @@ def room_of(tree: Kinematics, gravity: Array) -> Room:
 
 
 @inlined
-def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array) -> None:
-    """Write how the root moves at sample ``k``, see `torque_loop`; a root that is fixed keeps what is there."""
+def set_root(root: Array, k: int, w: Array, dw: Array, acc: Array, first: int) -> None:
+    """Write how the root moves at sample ``k``, see `torque_loop`; a root that is fixed keeps what is there.
+
+    Angular motion comes into the columns from ``first`` on.
+    """
     if len(root) > 0:
         for c in range(3):
-            w[0, c], dw[0, c], acc[0, c] = root[k, c], root[k, 3 + c], root[k, 6 + c]
+            w[0, first + c], dw[0, first + c], acc[0, c] = root[k, c], root[k, 3 + c], root[k, 6 + c]
 
 
 @fused
@@ -109,7 +112,7 @@ def torque_loop(
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
-        set_root(root, k, w, dw, acc)
+        set_root(root, k, w, dw, acc, 0)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
             mass = inertias[i, 0]

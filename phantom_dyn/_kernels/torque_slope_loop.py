@@ -16,7 +16,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, place
-from phantom_dyn._kernels.rigid_body_loops import Room, carry, hand_over, times_inertia
+from phantom_dyn._kernels.rigid_body_loops import Room, carry, hand_over, set_root, times_inertia
 from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
@@ -77,9 +77,7 @@ def torque_slope_loop(
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
-        if len(root) > 0:
-            for c in range(3):
-                speed[0, 3 + c], gain[0, 3 + c], gain[0, c] = root[k, c], root[k, 3 + c], root[k, 6 + c]
+        set_root(root, k, speed, gain, gain, 3)
         for i in range(1, n):
             p, d = parents[i], first_v[i]
             x, y, z = cross(o[i, 0], o[i, 1], o[i, 2], ang[d, 0], ang[d, 1], ang[d, 2])

@@ -38,6 +38,11 @@ def place_on_base(robot: Robot, frame: str) -> pin.SE3:
     return found.placement
 
 
+def any_base_motion(rng: np.random.Generator, count: int) -> BaseMotion:
+    """Independent samples that excite all that a moving base can: any direction of gravity, some rad/s and rad/s^2."""
+    return BaseMotion(*(size * rng.normal(size=(count, 3)) for size in (2.0, 10.0, 10.0)))
+
+
 def base_motion(
     robot: Robot,
     gyroscope: str,

@@ -77,7 +77,8 @@ class Operation(Motion):
     ) -> Operation:
         """``motion`` with the torque of the given model, and the recorded torque and temperature if they are given."""
         tau = inverse_dynamics(robot, motion)
-        plain = cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
+        state = (motion.t, motion.q, motion.v, motion.a)
+        plain = cls(*state, robot, tau, tau, tau if logged is None else logged, base=motion.base)
         return plain if temperature is None else replace(plain, temperature=temperature)
 
     def again(

@@ -160,7 +160,8 @@ def source_of(file: str, key: str, value: Any) -> Source:
     if column is None:
         raise LogError(
             f"{where} is no column of a log: write t, f.<frame>.x/.y/.z, p.<frame>.x/.y/.z, "
-            f"o.<frame>.qx/.qy/.qz/.qw, or one of {', '.join(JOINT_QUANTITIES)} followed by .<joint>."
+            "o.<frame>.qx/.qy/.qz/.qw, w.<frame>.x/.y/.z, sf.<frame>.x/.y/.z, contact.<frame>, "
+            f"or one of {', '.join(JOINT_QUANTITIES)} followed by .<joint>."
         )
     return Source(source.name, _factor(where, column.quantity, source))
 

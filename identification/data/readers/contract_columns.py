@@ -19,16 +19,28 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp", "supply", "f", "p", "o"]
+Quantity = Literal[
+    "t", "q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp", "supply", "f", "p", "o", "w", "sf", "contact"
+]  # fmt: skip
 
 JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp")
 ALONE: tuple[Quantity, ...] = ("t", "supply")
 """Columns of the whole robot, whose name is that of their quantity."""
 
-FRAME_AXES: dict[str, tuple[str, ...]] = {"f": ("x", "y", "z"), "p": ("x", "y", "z"), "o": ("qx", "qy", "qz", "qw")}
-"""Parts of a force, a position and an orientation (quaternion) of a frame."""
+_XYZ = ("x", "y", "z")
+FRAME_AXES: dict[str, tuple[str, ...]] = {"f": _XYZ, "p": _XYZ, "o": ("qx", "qy", "qz", "qw"), "w": _XYZ, "sf": _XYZ}
+"""Parts of a force, position, orientation (quaternion), angular velocity and specific force of a frame."""
 
-MEANT = {"f": "a force", "p": "a position", "o": "an orientation"}
+FRAME_FLAGS: tuple[Quantity, ...] = ("contact",)
+"""Columns of a frame that have no parts."""
+
+MEANT = {
+    "f": "a force",
+    "p": "a position",
+    "o": "an orientation",
+    "w": "the angular velocity of a gyroscope",
+    "sf": "the specific force of an accelerometer",
+}
 """What the parts of a frame's quantity are together, in words."""
 
 # Larger than anything a sensor gives, in SI units: such a value is a broken sample or a wrong unit.
@@ -48,6 +60,9 @@ LARGEST: dict[Quantity, float] = {
     "f": 1e9,
     "p": 1e6,
     "o": 1e3,
+    "w": 1e4,
+    "sf": 1e5,
+    "contact": 1.0,
 }
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -73,6 +88,9 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "f": _FORCE,
     "p": _LENGTH,
     "o": {"1": 1.0},
+    "w": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "sf": {"m/s^2": 1.0, "g": 9.80665},
+    "contact": {"1": 1.0},
 }
 
 # A count is a position; a speed in counts is per second.
@@ -100,7 +118,7 @@ def column_of(name: str) -> Column | None:
     if name in ALONE:
         return Column(cast("Quantity", name))
     prefix, _, rest = name.partition(".")
-    if prefix in JOINT_QUANTITIES and rest:
+    if prefix in (*JOINT_QUANTITIES, *FRAME_FLAGS) and rest:
         return Column(cast("Quantity", prefix), rest)
     frame, _, axis = rest.rpartition(".")
     if frame and axis in FRAME_AXES.get(prefix, ()):
@@ -114,7 +132,8 @@ def name_problem(name: str) -> str | None:
     folded = prefix.lower()
     if column_of(name) is not None:
         return None
-    if prefix in FRAME_AXES and dot:
+    # Of what only robots have that are not bolted down, other names may stand in the logs of all others.
+    if prefix in ("f", "p", "o") and dot:
         *first, last = [f"{prefix}.<frame>.{axis}" for axis in FRAME_AXES[prefix]]
         written = f"{', '.join(first)} or {last}"
         return f"{MEANT[prefix]} is written {written}, not {shortened(name)}"

@@ -83,5 +83,6 @@ def lay_out(
 def _first(operation: Operation) -> Operation:
     """A few samples, enough to see how many columns a signature has."""
     t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
-    few = Operation(t, q, v, a, operation.robot, tau, expected, logged)
+    base = None if operation.base is None else operation.base.at(slice(8))
+    few = Operation(t, q, v, a, operation.robot, tau, expected, logged, base=base)
     return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])

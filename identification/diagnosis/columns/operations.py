@@ -52,7 +52,7 @@ def operate(
     # What pushes from outside, the drive need not give.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
-    more = {"temperature": log.temperature, "references": log.references}
+    more = {"temperature": log.temperature, "references": log.references, "base": motion.base}
     plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, **more)
     return with_known(robot, plain, known) if known else plain
 
@@ -63,7 +63,7 @@ def motion_of(log: Log) -> Motion:
     Its noise has a sign, which friction would follow, and an acceleration, which couples.
     """
     moves = ~standing_still(log).all(axis=0)
-    return Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
+    return log.motion.with_joints(log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
 def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
@@ -89,7 +89,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
-    there, motion = robot, Motion(operation.t, operation.q, operation.v, operation.a)
+    there, motion = robot, operation.at(slice(None))
     for effect, one in effects:
         there, motion = effect.true_motion(there, motion, one.joint, np.array(one.theta))
     tau, found_load = operation.tau, np.zeros_like(operation.tau)

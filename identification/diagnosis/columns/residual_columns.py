@@ -307,8 +307,7 @@ def _regressor_in_band(
     parts = []
     for at in np.array_split(inside, len(motion.t) // _PIECE + 1):
         rows = slice(at[0] - band.half, at[-1] + band.half + 1)
-        part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
-        regressor = rigid_body_regressor(robot, part)
+        regressor = rigid_body_regressor(robot, motion.at(rows))
         parts.append(band(regressor if per_load is None else regressor * per_load[rows, :, None]))
     return np.concatenate(parts)
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.data.changes import Change
+from identification.data.floating.swings import require_swings
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed_where, within_limits
@@ -137,7 +138,7 @@ def session_of(
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
-    logs = tuple(replace(log, tau=with_model_torque(robot, log.motion, within_limits(log.tau, robot))) for log in logs)
+    logs = tuple(with_model_torque(robot, replace(log, tau=within_limits(log.tau, robot))) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
     if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
         seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
@@ -146,6 +147,7 @@ def session_of(
             "record at least ten seconds of motion."
         )
     _require_samples(session)
+    require_swings(session.logs)
     return replace(session, robot=_with_its_friction(session), recordings=every)
 
 

@@ -19,7 +19,7 @@ from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import BaseMotion, Motion
 
 Array = np.ndarray
 
@@ -114,8 +114,9 @@ def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array],
 def _bodies(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
     """Columns of all inertial parameters at the samples of the band."""
     operation, _, band = one
-    slow = Motion(*(band(x) for x in (operation.t, operation.q, operation.v, operation.a)))
-    return rigid_body_regressor(robot, slow)
+    state, base = (operation.t, operation.q, operation.v, operation.a), operation.base
+    slow = None if base is None else BaseMotion(band(base.w), band(base.dw), band(base.f))
+    return rigid_body_regressor(robot, Motion(*(band(x) for x in state), base=slow))
 
 
 def _columns(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> tuple[Array, Array, Array]:

@@ -108,12 +108,12 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
-    """In-band samples whose kernel touches nothing excluded and hardly any standstill of the joint."""
+    """In-band samples whose kernel touches nothing excluded, no contact, and hardly any standstill of the joint."""
     at_standstill = standing_still(log)
     half, at = log.band.half, log.samples
     count = np.vstack([np.zeros(at_standstill.shape[1], dtype=int), np.cumsum(at_standstill, axis=0)])
     share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
-    return (share < 0.25) & log.valid_in_band[:, None]
+    return (share < 0.25) & log.valid_in_band[:, None] & log.untouched_in_band
 
 
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:

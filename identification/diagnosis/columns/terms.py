@@ -15,6 +15,7 @@ from phantom_dyn.effects.effect import Effect, Rival, Shape
 from phantom_dyn.effects.operation import Operation, joined
 from phantom_dyn.effects.references import References
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import joined_bases
 
 Array = np.ndarray
 # What an operation has one row a sample of.
@@ -180,7 +181,8 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
         start = float(times[-1][-1]) + operation.dt
     q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
     residual = joined([o.residual for o in operations])
-    plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
+    base = joined_bases([o.base for o in operations])
+    plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual, base=base)
     whole = replace(
         plain,
         band_hz=operations[0].band_hz,

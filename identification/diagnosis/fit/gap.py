@@ -124,7 +124,7 @@ def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
     """Torque that a joint's own inertia takes, the other joints held [N m or N]."""
     still, alone = np.zeros_like(motion.v), np.zeros_like(motion.a)
     alone[:, row] = motion.a[:, row]
-    moved, held = (inverse_dynamics(robot, Motion(motion.t, motion.q, still, a)) for a in (alone, still))
+    moved, held = (inverse_dynamics(robot, motion.with_joints(motion.q, still, a)) for a in (alone, still))
     return moved[:, row] - held[:, row]
 
 

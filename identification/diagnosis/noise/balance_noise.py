@@ -21,7 +21,6 @@ from identification.diagnosis.noise.sensor_noise import Density
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 from phantom_dyn.signals.windows import highest
 
@@ -151,14 +150,15 @@ def between(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) ->
 def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Modelled torque without friction along positions that are differentiated as they are."""
     rate = log.band.rate_hz
-    motion = Motion(log.motion.t, *differentiate(q, rate, 0.4 * rate))
+    motion = log.motion.with_joints(*differentiate(q, rate, 0.4 * rate))
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
 def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
-    """True where a joint has been on its way for so long, and will be: neither at rest nor near a reversal."""
+    """True where a joint has been on its way for so long, and will be: not at rest, near no reversal and no contact."""
     speed = np.abs(log.motion.v)
     slow = standing_still(log) | (speed < _TRAVELS * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
+    slow = slow if log.touched is None else slow | log.touched
     reach = max(1, round(seconds * log.band.rate_hz))
     out = ~highest(slow, 2 * reach + 1)
     out[:reach], out[len(out) - reach :] = False, False

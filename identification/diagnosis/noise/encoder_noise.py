@@ -31,7 +31,6 @@ from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
-from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
@@ -73,7 +72,7 @@ def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], 
         elif log.raw_q is not None:
             noise[:, j] = np.roll(log.raw_q[:, j] - motion.q[:, j], int(rng.integers(count // 4, count // 2)))
     q, v, a = differentiate(motion.q + noise, log.band.rate_hz, motion_edge(log.band))
-    return replace(log, motion=Motion(motion.t, q, v, a), tau=operation.tau, raw_q=motion.q + noise)
+    return replace(log, motion=motion.with_joints(q, v, a), tau=operation.tau, raw_q=motion.q + noise)
 
 
 def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:

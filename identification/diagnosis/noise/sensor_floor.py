@@ -7,10 +7,11 @@ taken from how well a model or a flexible predictor fits: what these do not fore
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.floating.filtered_base import read_once_more
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis.columns.session import Session
@@ -20,7 +21,6 @@ from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
@@ -141,7 +141,9 @@ def feigned(
     """
     error = error_of_readings(log, readings, rng)
     q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, motion_edge(log.band))
-    rough = Motion(log.motion.t, q, v, a)
+    rough = log.motion.with_joints(q, v, a)
+    if log.motion.base is not None:
+        rough = replace(rough, base=read_once_more(log, rng, motion_edge(log.band)))
     more, own = (inverse_dynamics(robot, motion) - modelled_friction(robot, motion) for motion in (rough, log.motion))
     return more - own
 

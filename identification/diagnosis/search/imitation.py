@@ -120,6 +120,8 @@ def of_a_model(standing: Standing, term: Term) -> Standing:
 
 def of_weights(session: Session) -> frozenset[int]:
     """Joints whose torque was computed from a weight in all recordings, by their indices."""
+    if session.robot.floating:  # under which gravity turns
+        return frozenset()
     from_weight = np.ones(session.robot.nv, dtype=bool)
     for log in session.logs:
         m, use = log.motion, log.valid_in_band

@@ -136,7 +136,7 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     at = np.unique(np.linspace(0, len(motion.t) - 1, min(_SAMPLES, len(motion.t))).astype(int))
     if not len(at):
         raise EstimationError("No motion was recorded along which other bodies need the same torques.")
-    few = Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+    few = motion.at(at)
     wanted, stated = standard_parameters(robot), standard_parameters(given)
     bodies = reference_bodies(stated)
     scale = np.concatenate([body.scale for body in bodies])

@@ -164,7 +164,7 @@ def mujoco_joints(model: Any, robot: Robot) -> list[int]:
 def some_motion(motion: Motion, most: int = 200) -> Motion:
     """At most so many samples of a motion, evenly spread."""
     at = np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int))
-    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+    return motion.at(at)
 
 
 def versions() -> dict[str, str]:

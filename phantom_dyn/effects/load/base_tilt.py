@@ -66,6 +66,10 @@ class BaseTilt(Effect):
         separated_by="level",
     )
 
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Nowhere on a base that is not bolted down: its own sensors say where gravity is."""
+        return () if robot.floating else (None,)
+
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``roll``, ``pitch`` and ``yaw``: how gravity is turned about x, y and z of the base."""
         half = 0.5 * np.pi

@@ -62,7 +62,7 @@ def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -
     q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
     for values, change in ((q, dq), (v, dv), (a, da)):
         values[:, row] += change
-    return Motion(motion.t, q, v, a)
+    return motion.with_joints(q, v, a)
 
 
 def link_load(operation: Operation, row: int) -> Samples:

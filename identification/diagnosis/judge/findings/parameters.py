@@ -11,6 +11,7 @@ from identification.excitation.closable import ordinary_postures, solved_numeric
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -133,7 +134,8 @@ def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
     rng = random_stream("draws of parameters")
     q, v, a = (rng.uniform(-3, 3, (_SAMPLES, robot.nv)) for _ in range(3))
     if not solved_numerically(robot):
-        return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a))
+        base = any_base_motion(rng, _SAMPLES) if robot.floating else None
+        return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a, base=base))
     # Each is reached from where the chain starts, so that they are one trajectory.
     q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
     v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))

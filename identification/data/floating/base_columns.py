@@ -1,0 +1,136 @@
+"""Columns of a base that is not bolted down: its gyroscope ``w.``, its accelerometer ``sf.``, and ``contact.``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.recording import BaseReadings, Table
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.moving_base import place_on_base
+from phantom_dyn.errors import LogError, RobotError, known_names, listed
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+_CONTACT = "contact."
+_SENSORS = {"w": "gyroscope, the angular velocity [rad/s]", "sf": "accelerometer, the specific force [m/s^2]"}
+
+
+def base_readings(
+    table: Table, robot: Robot, sensors: Mapping[str, Mapping[str, Float[Array, "N 3"]]]
+) -> tuple[BaseReadings | None, tuple[str, ...]]:
+    """What the sensors on the base read, and what was noticed; None for a robot that is bolted down.
+
+    Args:
+        table: Columns under the contract's names.
+        robot: Says whether its base floats, and where the frames are.
+        sensors: Readings by ``w`` and ``sf``, then by frame.
+
+    Raises:
+        LogError: If a sensor, or what says which frames touch something, is missing or of no use.
+    """
+    contacts = {name.removeprefix(_CONTACT): x for name, x in table.columns.items() if name.startswith(_CONTACT)}
+    if not robot.floating:
+        unused = [*(f"{quantity}." for quantity, found in sensors.items() if found), *([_CONTACT] if contacts else [])]
+        if not unused:
+            return None, ()
+        return None, (
+            f"{table.file}: the columns {listed(unused)} are not used, as {robot.name} is bolted down: write base: "
+            "floating into robot.yaml if its base moves.",
+        )
+    frames = {quantity: _one_frame(table, robot, quantity, found) for quantity, found in sensors.items()}
+    if any(name.startswith("f.") for name in table.columns):
+        raise LogError(
+            f"{table.file} has forces f.<frame>, which are in world axes, and the base of {robot.name} turns: leave "
+            "them out, and say with contact.<frame> when a frame touches something."
+        )
+    _require_contacts(table, robot, contacts)
+    readings = BaseReadings(
+        frames["w"],
+        frames["sf"],
+        sensors["w"][frames["w"]],
+        sensors["sf"][frames["sf"]],
+        {frame: read_only(x) for frame, x in contacts.items()},
+    )
+    return readings, _words(table, robot, readings)
+
+
+def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Array]) -> str:
+    """The frame of a sensor."""
+    if not found:
+        raise LogError(
+            f"{table.file} has no columns {quantity}.<frame>.x, .y and .z, and {robot.name} is not bolted down (base: "
+            f"floating): add what its {_SENSORS[quantity]}, reads, in the axes of a frame on the base."
+        )
+    if len(found) > 1:
+        raise LogError(f"{table.file} has {quantity}. of {listed(list(found))}: give that of one frame on the base.")
+    frame = next(iter(found))
+    try:
+        place_on_base(robot, frame)
+    except RobotError as error:
+        raise LogError(f"{table.file}, column {quantity}.{frame}.x: {error}") from error
+    return frame
+
+
+def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array]) -> None:
+    frames = [frame.name for frame in robot.model.frames if frame.parentJoint > 0]
+    if not contacts:
+        raise LogError(
+            f"{table.file} has no column contact.<frame>, and {robot.name} is not bolted down (base: floating): a "
+            "joint is judged while nothing touches what it carries, so add one for every foot, 1 while it touches "
+            "something and 0 while it does not (0 throughout if the robot hangs)."
+        )
+    for frame, values in contacts.items():
+        if frame not in frames:
+            raise LogError(
+                f"{table.file}, column contact.{frame}: {robot.name} has no frame of that name that a joint moves: "
+                f"{known_names(frame, frames, 'frames')}"
+            )
+        wrong = np.flatnonzero((values != 0) & (values != 1))
+        if len(wrong):
+            raise LogError(
+                f"{table.file}, column contact.{frame} is {values[wrong[0]]:g} at t = "
+                f"{table.columns['t'][wrong[0]]:g} s, wanted 0 or 1: a force is no contact yet, choose a threshold."
+            )
+
+
+def _words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
+    """One sentence on joints of which no column says whether something touches what they carry."""
+    known = np.zeros(robot.nv, dtype=bool)
+    for frame in readings.contacts:
+        known |= carriers(robot, frame)
+    free = [name for name, own in zip(robot.joint_names, known, strict=True) if not own]
+    if not free:
+        return ()
+    return (
+        f"{table.file}: no contact.<frame> is of a frame that {listed(free)} moves: it is taken that nothing touches "
+        "what is there.",
+    )
+
+
+def carriers(robot: Robot, frame: str) -> np.ndarray:
+    """True for joints that a force on a frame puts a torque on, shape ``(nv,)``.
+
+    Of a closed chain these are all joints of it, as its loops pass forces on.
+    """
+    model = robot.model
+    joint = model.frames[model.getFrameId(frame)].parentJoint
+    above: set[int] = set()
+    while joint > 0:
+        above.add(model.joints[joint].idx_v)
+        joint = model.parents[joint]
+    if robot.chain is not None and any(row in above for row in robot.chain.passive):
+        return np.ones(robot.nv, dtype=bool)
+    return np.array([row in above for row in robot.tree_rows])
+
+
+def some_readings(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
+    """Some samples of what the sensors read."""
+    if base is None:
+        return None
+    contacts = {frame: read_only(x[rows]) for frame, x in base.contacts.items()}
+    return replace(base, w=read_only(base.w[rows]), sf=read_only(base.sf[rows]), contacts=contacts)

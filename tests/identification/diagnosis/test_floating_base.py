@@ -1,0 +1,49 @@
+"""Robots that are not bolted down. Oracle: known truth, on torques that Pinocchio computes for a free-flyer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from floating_leg import log_of_leg, written_leg
+from identification.data.reading import recording
+from identification.data.recording import Table
+from identification.pipeline import diagnose
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.loading import load_robot
+
+
+def diagnosed(folder, rng, **options):
+    file = written_leg(folder)
+    robot = load_robot(file)
+    return diagnose(robot, (recording(Table("log.csv", log_of_leg(file, rng, **options)), robot),))
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("steps", [False, True])
+def test_a_leg_as_modelled_has_no_gap_whatever_its_foot_stands_on(tmp_path, rng, steps):
+    assert diagnosed(tmp_path, rng, steps=steps).verdict == "no_gap"
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("steps", [False, True])
+def test_friction_of_the_knee_is_found_in_the_air(tmp_path, rng, steps):
+    found = diagnosed(tmp_path, rng, steps=steps, dry=0.3)
+    assert [(one.effect, one.joint) for one in found.findings] == [("coulomb_friction", "knee")]
+    torque = found.findings[0].parameters["torque"]
+    assert torque.value == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.whole
+def test_no_sample_counts_whose_filter_reaches_a_contact(tmp_path, rng):
+    hanging, stepping = (diagnosed(tmp_path, rng, steps=steps).joints[0].hold_out_samples for steps in (False, True))
+    assert 0 < stepping < 0.5 * hanging
+
+
+def test_a_leg_that_always_stands_is_refused(tmp_path, rng):
+    file = written_leg(tmp_path)
+    robot = load_robot(file)
+    columns = log_of_leg(file, rng)
+    columns["contact.foot"] = np.ones_like(columns["t"])
+    with pytest.raises(LogError, match=r"log\.csv: no joint is free of contacts for [\d.]+ s, which the filter needs"):
+        diagnose(robot, (recording(Table("log.csv", columns), robot),))
