@@ -272,6 +272,11 @@ def recording(
     # Where nobody else holds the table, its torques make room for the positions.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
+    if weightless and robot.floating:
+        raise LogError(
+            f"{table.file}: compensated: gravity is for robots that are bolted down, and the base of {robot.name} "
+            "turns: add the torque that the controller gave against gravity, and leave the entry out."
+        )
     if tau is not None and weightless:
         tau = read_only(tau + gravity_taken(robot, q, weightless))
     return Recording(

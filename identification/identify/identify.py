@@ -72,10 +72,11 @@ def identify(
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
         IdentifiabilityError: If the recordings excite too little.
         EstimationError: If the estimator fails.
-        ParameterError: If there is no such estimator, or it needs more than recordings.
+        ParameterError: If there is no such estimator, it needs more than recordings, or the robot is not bolted down.
     """
     started = time.perf_counter()
     entry = usable_estimator(estimator)
+    _require_bolted_down(robot)
     require_right((*recordings, *hold_out))
     progress(Announcement(Stage.FILTERING))
     _require_no_forces(entry, (*recordings, *hold_out))
@@ -155,6 +156,15 @@ def usable_estimator(name: str) -> Estimator:
             f"fit_{name} in Python, or choose another."
         )
     return entry
+
+
+def _require_bolted_down(robot: Robot) -> None:
+    """Refuse a robot whose feet need torques that no estimator knows of."""
+    if robot.floating:
+        raise ParameterError(
+            f"{robot.name} is not bolted down (base: floating), and identify takes robots that are: diagnose it, or "
+            "record it on a rig with base: fixed."
+        )
 
 
 def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:

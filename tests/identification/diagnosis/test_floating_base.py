@@ -8,8 +8,9 @@ import pytest
 from floating_leg import log_of_leg, written_leg
 from identification.data.reading import recording
 from identification.data.recording import Table
+from identification.identify.identify import identify
 from identification.pipeline import diagnose
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.loading import load_robot
 
 
@@ -47,3 +48,11 @@ def test_a_leg_that_always_stands_is_refused(tmp_path, rng):
     columns["contact.foot"] = np.ones_like(columns["t"])
     with pytest.raises(LogError, match=r"log\.csv: no joint is free of contacts for [\d.]+ s, which the filter needs"):
         diagnose(robot, (recording(Table("log.csv", columns), robot),))
+
+
+def test_identify_refuses_it(tmp_path, rng):
+    file = written_leg(tmp_path)
+    robot = load_robot(file)
+    log = recording(Table("log.csv", log_of_leg(file, rng)), robot)
+    with pytest.raises(ParameterError, match=r"leg is not bolted down \(base: floating\), and identify takes robots"):
+        identify(robot, (log,))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,3 +95,8 @@ def test_joints_of_which_no_contact_is_known_are_named(leg):
 def test_a_force_puts_a_torque_on_the_joints_before_it(leg):
     assert carriers(leg, "foot").tolist() == [True, True]
     assert carriers(leg, "thigh").tolist() == [True, False]
+
+
+def test_torques_without_gravity_are_refused_on_a_base_that_turns(leg):
+    with pytest.raises(LogError, match=r"compensated: gravity is for robots that are bolted down, and the base of leg"):
+        recording(replace(table(), compensated={"": ("gravity",)}), leg)
