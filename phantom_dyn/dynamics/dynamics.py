@@ -48,8 +48,8 @@ def _root(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
         return tree.base.columns
     if robot.floating:
         raise RobotError(
-            f"{robot.name} is not bolted down (base: floating): give the motion of its base as well, or say base: fixed "
-            "where it is held."
+            f"{robot.name} is not bolted down (base: floating): give the motion of its base as well, or say base: "
+            "fixed where it is held."
         )
     return None
 
