@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """A quadruped under position control in MuJoCo: it trots on flat ground, or hangs in a hand that sways."""
 
 from __future__ import annotations
