@@ -36,6 +36,7 @@ from identification.data.checks.taken_friction import check_friction_taken
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
 from identification.data.checks.torque_lag import check_lag
 from identification.data.checks.weight_and_friction import check_weights
+from identification.data.floating.sensor_checks import check_base
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
@@ -97,7 +98,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if robot.floating:
         # Feet on the ground need torques that the model knows nothing of.
-        return Checked((*out, *check_degrees(recording, robot, None, None)))
+        said, wrong = check_base(recording, robot)
+        return Checked((*out, *check_degrees(recording, robot, None, None), *said), wrong)
     if smooth is None or recording.tau is None:
         wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)
         return Checked((*out, *check_degrees(recording, robot, None, None)), wrong)

@@ -1,0 +1,178 @@
+"""What may be wrong with the sensors of a base that is not bolted down, and with what says that feet touch the ground.
+
+Over a second the base gains no speed: the mean of the specific force is as large as gravity. Its direction stays where
+it is in the world, so that in the axes of the base it turns as the gyroscope says. And in the air the model foretells
+torques better than on the ground.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+
+from identification.data.floating.base_columns import carriers
+from identification.data.floating.filtered_base import filtered_base
+from identification.data.readers.map_entries import entries_words
+from identification.data.recording import BaseReadings, Fault, Recording
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.moving_base import place_on_base
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.signals.recursive import low_passed
+from phantom_dyn.signals.splines import quintic_derivatives
+
+Array = np.ndarray
+
+_SECOND = 1.0
+"""[s] Over it a base gains no speed that matters, and turns by little."""
+_OFF = 0.1
+"""Share of gravity by which means of the specific force may differ from it."""
+_NONE = 0.3
+"""Share of gravity below which it was taken out."""
+_SLOW_HZ = 1.0
+"""Edge below which the direction of the specific force is that of gravity [Hz]."""
+_TURNS = 0.05
+"""Speed of turning of that direction [rad/s, root mean square] from which on it says something of the gyroscope."""
+_BETTER, _GOOD = 0.5, 0.8
+"""Share of the squares that another reading leaves of those that the given one leaves, and of all, at most."""
+_ONE = 0.05
+"""Share by which another reading has to fit worse than the best one: turning about one axis shows two numbers."""
+_SPINS, _FAR = 0.5, 0.05
+"""Turning [rad/s] that a gyroscope says and gravity does not show, and the share of its squares that degrees leave of
+what any axes and signs leave: nobody spins a robot whose accelerometer sees nothing of it."""
+_STEPS_HZ = 20.0
+"""Edge below which torques of swings and of stances differ [Hz]."""
+_PER_G = 9.80665
+_DEGREE = np.pi / 180
+_WORSE = 1.5
+"""Times the torque that the model does not foretell on the ground: so much in the air, and the flags are exchanged."""
+_FEWEST = 100
+
+
+def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
+    """What may be wrong with the sensors of the base and with contacts, and what certainly is."""
+    base = recording.base
+    if base is None:
+        return (), ()
+    rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
+    gravity = float(np.linalg.norm(robot.model.gravity.linear))
+    said, wrong = _specific_force(recording, base, robot, rate, gravity)
+    if said or wrong:
+        return said, wrong
+    said, wrong = _gyroscope(recording, base, robot, rate)
+    if said or wrong:
+        return said, wrong
+    return _contacts(recording, base, robot, rate), ()
+
+
+def _specific_force(
+    recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float, gravity: float
+) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
+    """Its size over a second, and whether it points upwards."""
+    size = max(1, round(_SECOND * rate_hz))
+    parts = base.sf[: len(base.sf) // size * size].reshape(-1, size, 3)
+    if not len(parts):
+        return (), ()
+    means = parts.mean(axis=1)
+    found = float(np.median(np.linalg.norm(means, axis=1)))
+    column = f"sf.{base.accelerometer}"
+    why = f"over a second its mean is {found:.3g} m/s^2, and gravity {gravity:.3g}"
+    if abs(found * _PER_G / gravity - 1) < _OFF:
+        entries = {f"{column}.{axis}": f"{{from: {column}.{axis}, unit: g}}" for axis in "xyz"}
+        return (), (Fault(f"{column} is in g and not in m/s^2", why, entries_words(recording, entries)),)
+    if found < _NONE * gravity:
+        mend = "give the accelerometer as it reads, with gravity in it"
+        return (), (Fault(f"gravity was taken out of {column}", why, mend),)
+    if abs(found / gravity - 1) > _OFF:
+        return (
+            f"{recording.file}: {column} is not as large as gravity: {why}: correct its scale and its bias, or leave "
+            "out what is no motion of the robot.",
+        ), ()
+    up = float((place_on_base(robot, base.accelerometer).rotation @ means.mean(axis=0))[2])
+    if up < -0.5 * gravity:
+        return (
+            f"{recording.file}: {column} points downwards on the base, and an accelerometer reads upwards at rest: "
+            "write sign: -1 for its three columns into a column map if the robot is not upside down.",
+        ), ()
+    return (), ()
+
+
+def _gyroscope(
+    recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float
+) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
+    """Whether the direction of gravity turns as the gyroscope says."""
+    turns = [place_on_base(robot, frame).rotation for frame in (base.gyroscope, base.accelerometer)]
+    both = np.hstack([base.w @ turns[0].T, base.sf @ turns[1].T])
+    if len(both) < _FEWEST or 0.2 * rate_hz < _SLOW_HZ:
+        return (), ()
+    both = low_passed(both, _SLOW_HZ, rate_hz, order=4, padding=min(int(3 * rate_hz / _SLOW_HZ), len(both) - 1))
+    w, up = both[:, :3], both[:, 3:]
+    up = up / np.maximum(np.linalg.norm(up, axis=1), 1e-300)[:, None]
+    turning = np.gradient(up, 1 / rate_hz, axis=0)
+    whole = max(float(np.mean(np.sum(turning**2, axis=1))), 1e-300)
+
+    def left(matrix: Array) -> float:
+        return float(np.mean(np.sum((turning + np.cross(w @ matrix.T, up)) ** 2, axis=1))) / whole
+
+    given = left(np.eye(3))
+    column = f"w.{base.gyroscope}"
+    why = f"of the turning of gravity in the axes of the base they leave {100 * given:.0f} % of the squares"
+    degrees = left(_DEGREE * np.eye(3))
+    others = sorted(((left(matrix), matrix.tolist()) for matrix in _other_axes()), key=lambda one: one[0])
+    best, matrix = others[0]
+    spins = given * whole > _SPINS**2 and degrees < _FAR * min(given, best)
+    if spins or (whole > _TURNS**2 and degrees < min(_GOOD, _BETTER * given)):
+        entries = {f"{column}.{axis}": f"{{from: {column}.{axis}, unit: deg/s}}" for axis in "xyz"}
+        return (), (Fault(f"{column} is in deg/s and not in rad/s", why, entries_words(recording, entries)),)
+    if whole < _TURNS**2 or best > min(_GOOD, _BETTER * given):
+        return (), ()
+    alone = others[1][0] > best + _ONE
+    read = f", and {_axes_words(matrix)} {100 * best:.0f} %" if alone else ""
+    return (
+        f"{recording.file}: {column} and sf.{base.accelerometer} do not turn alike: {why}{read}: correct the axes or "
+        "signs of one of them, or the places of their frames.",
+    ), ()
+
+
+def _other_axes() -> list[Array]:
+    """Axes in another order or with other signs, 47 of them."""
+    out = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            out.append(matrix)
+    return out[1:]
+
+
+def _axes_words(matrix: list[list[float]]) -> str:
+    """As in ``with x, -y and -z of the gyroscope in the axes of the root, not x, y and z,``."""
+    words = [f"{'-' if min(row) < 0 else ''}{'xyz'[int(np.argmax(np.abs(row)))]}" for row in matrix]
+    return f"with {words[0]}, {words[1]} and {words[2]} of the gyroscope in the axes of the root, not x, y and z,"
+
+
+def _contacts(recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float) -> tuple[str, ...]:
+    """Frames whose flag says the contrary of what torques say."""
+    if recording.tau is None or len(recording.t) < _FEWEST:
+        return ()
+    t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
+    both = np.column_stack([np.interp(t, recording.t, x) for x in (*recording.q.T, *recording.tau.T)])
+    edge = min(_STEPS_HZ, 0.2 * rate_hz)
+    both = low_passed(both, edge, rate_hz, order=4, padding=min(int(3 * rate_hz / edge), len(t) - 1))
+    q, tau = np.hsplit(both, 2)
+    there = filtered_base(recording, robot, t, rate_hz, edge)
+    rest = np.abs(tau - inverse_dynamics(robot, Motion(t, q, *quintic_derivatives(q, rate_hz), base=there)))
+    out = []
+    for frame, values in base.contacts.items():
+        touches = np.interp(t, recording.t, values) > 0.5
+        if min(touches.sum(), (~touches).sum()) < _FEWEST:
+            continue
+        rows = carriers(robot, frame)
+        air, ground = (float(np.median(rest[some][:, rows].max(axis=1))) for some in (~touches, touches))
+        if air > _WORSE * ground:
+            out.append(
+                f"{recording.file}: contact.{frame} seems to say the contrary: where it is 0 the model leaves "
+                f"{air:.2g} N m, and where it is 1 {ground:.2g}; write 1 while the frame touches something."
+            )
+    return tuple(out)
