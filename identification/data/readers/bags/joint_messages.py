@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from identification.data.readers.bags.base_of_low_states import base_of
+
 Array = np.ndarray
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -29,12 +31,14 @@ class JointValues:
         values: By quantity, one a joint, or empty; NaN for a joint of which nothing is said.
         stamp: Time of the message [ns], None where it has none.
         is_tick: True for a stamp that counts from a start of its own.
+        base: What it says of the base, see `base_of_low_states`; None where it says nothing.
     """
 
     names: tuple[str, ...]
     values: Mapping[str, Array] = field(default_factory=dict)
     stamp: int | None = None
     is_tick: bool = False
+    base: Array | None = None
 
 
 def _stamp(message: Any) -> int:
@@ -118,7 +122,7 @@ def _low_state(message: Any) -> JointValues:
     # Of the two temperatures of newer motors the second is that of the winding.
     values["temp"] = np.array([np.atleast_1d(motor.temperature)[-1] for motor in motors], dtype=float)
     tick = getattr(message, "tick", None)
-    return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True)
+    return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_of(message))
 
 
 def _of_motors(motors: Sequence[Any], name: str) -> Array:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.data.readers.bags.base_of_low_states import base_columns
 from identification.data.readers.bags.joint_messages import (
     CONTROLLER_STATE,
     DOCUMENTED_ORDER,
@@ -268,10 +269,13 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
     if stamps is None and messages[0].says.stamp is not None:
         which = "ticks" if messages[0].says.is_tick else "header stamps"
         warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
+    based = [message.says.base for message in messages if message.says.base is not None]
+    base, told = base_columns(file, based) if len(based) == len(messages) else ({}, ())
+    warnings += told
     times = received if stamps is None else stamps
     table = RawTable(
         file,
-        {"t": (times - times[0]) * 1e-9, **_columns(names, fields)},
+        {"t": (times - times[0]) * 1e-9, **_columns(names, fields), **base},
         place=lambda row: f"message {row + 1}",
         warnings=warnings,
         numbered=not names,

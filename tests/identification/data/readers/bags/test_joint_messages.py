@@ -247,6 +247,21 @@ def test_the_motors_of_a_quadruped_have_the_order_that_its_maker_documents(write
     assert "in the order of the maker's documentation: q[0] is FR_hip_joint" in table.warnings[0]
 
 
+def test_a_low_state_has_the_sensor_of_the_base_beside_the_motors(write):
+    def state(store, k):
+        out = low_state(store, k)
+        out.imu_state.gyroscope[:] = 0.1 * k, 1, 2
+        out.imu_state.accelerometer[:] = 0, 1, 9.5
+        out.foot_force[:] = 20 + 100 * (k % 20 > 9)
+        return out
+
+    columns = read_table(write({"/lowstate": ("unitree_go/msg/LowState", state)}), joints=LEGS).columns
+    np.testing.assert_allclose(columns["w.imu.x"], 0.1 * K, rtol=1e-6)
+    np.testing.assert_allclose(columns["sf.imu.z"], np.full(N, 9.5))
+    np.testing.assert_array_equal(columns["contact.RL_foot"], K % 20 > 9)
+    np.testing.assert_allclose(columns["q.FL_hip_joint"], q(K, 3), rtol=1e-6)
+
+
 def test_more_motors_that_move_than_joints_are_refused_with_a_map(write):
     path = write({"/lowstate": ("unitree_go/msg/LowState", low_state)})
     with pytest.raises(LogError, match=r'numbers 20 joints .* and the robot has 2: say in .*\nq\.a: "q\[0\]"') as error:

@@ -1,0 +1,68 @@
+"""What Unitree's ``LowState`` says of the base: its inertial sensor, and which feet are on the ground.
+
+The messages name no frames: the sensor is taken to be at the link ``imu``, as in the maker's files of quadrupeds. The
+force of a foot is an integer without a unit, in which a foot in the air and one on the ground are two levels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from phantom_dyn.array_types import Float
+
+Array = np.ndarray
+
+FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
+"""In the order of the maker's documentation."""
+_APART = 3.0
+"""Spreads within them, beyond which two levels of a force are apart."""
+_LEAST = 10.0
+"""Counts between them, at least."""
+_SENSED = tuple(f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz")
+
+
+def base_of(message: Any) -> Float[Array, " 10"]:
+    """Angular velocity [rad/s], specific force [m/s^2] and the forces of four feet, NaN where there are none."""
+    imu = message.imu_state if hasattr(message, "imu_state") else message.imu
+    feet = getattr(message, "foot_force", getattr(message, "footForce", np.full(4, np.nan)))
+    return np.concatenate([imu.gyroscope, imu.accelerometer, feet]).astype(float)
+
+
+def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapping[str, Array], tuple[str, ...]]:
+    """Columns of the sensor and of contacts, and what is told of them; none where the sensor reads nothing.
+
+    Args:
+        file: The bag, for messages.
+        values: Of each message.
+    """
+    every = np.array(values).reshape(-1, 10)
+    if not every[:, :6].any():
+        return {}, ()
+    columns = dict(zip(_SENSED, every.T, strict=False))
+    levels = {foot: level for foot, force in zip(FEET, every[:, 6:].T, strict=True) if (level := threshold(force))}
+    for foot, level in levels.items():
+        columns[f"contact.{foot}"] = (every[:, 6 + FEET.index(foot)] > level).astype(float)
+    if not levels:
+        return columns, ()
+    said = ", ".join(f"{level:.0f} of {foot}" for foot, level in levels.items())
+    return columns, (f"{file}: a foot counts as on the ground from a force on of {said} (halfway between two levels).",)
+
+
+def threshold(force: Float[Array, " N"]) -> float | None:
+    """Halfway between the two levels of a force, by the least spread about them; None where there are not two."""
+    if not np.isfinite(force).all():
+        return None
+    ordered = np.sort(force)
+    count = np.arange(1, len(ordered))
+    sums, squares = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
+    left = squares - sums**2 / count
+    right = (np.sum(ordered**2) - squares) - (ordered.sum() - sums) ** 2 / (len(ordered) - count)
+    k = int(np.argmin(left + right))
+    low, high = ordered[: k + 1], ordered[k + 1 :]
+    apart = float(high.mean() - low.mean())
+    if apart < max(_LEAST, _APART * float(low.std())):
+        return None
+    return float(0.5 * (low.mean() + high.mean()))
