@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.engine.claims import GateResult, until_failed
 from identification.gates import above_chance, fair_part
@@ -82,6 +84,8 @@ def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
+    if _made_beside_twins(new, without, rich) > needed:
+        needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
     yield in_enough_blocks(
         plain.loss - rich.loss,
@@ -91,6 +95,18 @@ def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]
         lambda: energy_by_block(search.problem, new),
         named=any(term.named for term in new),
     )
+
+
+def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
+    """Squared torque of what is new beside near twins that are there already, zero beside none.
+
+    What one of near twins gains beside the other is small, however large the torque is that belongs to it: the twin
+    has taken nearly all of it, and has a size that is wrong by as much.
+    """
+    if not any(are_near_twins(one, other) for one in new for other in without):
+        return 0.0
+    own = sorted({column for term in new for column in term.columns})
+    return float(rich.theta[own] @ rich.problem.total_a[np.ix_(own, own)] @ rich.theta[own])
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:

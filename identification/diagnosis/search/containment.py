@@ -88,3 +88,9 @@ def _keys(term: Term) -> tuple[object, ...]:
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
     whole = ("whole",) if term.effect.shared or (term.effect.inertial == "free" and term.joint is None) else ()
     return ("joint", term.joint), *shared, *whole, *term.columns
+
+
+def are_near_twins(one: Term, other: Term) -> bool:
+    """True if two effects are near twins on the same joint, or one of them on all."""
+    names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
+    return names and (one.joint == other.joint or None in (one.joint, other.joint))

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.claims import claimed, dropped, rows_of
-from identification.diagnosis.search.containment import contains, joints_of, possible, with_term
+from identification.diagnosis.search.containment import are_near_twins, contains, joints_of, possible, with_term
 from identification.diagnosis.search.search import Search, price
 from identification.engine.claims import GateResult
 from identification.engine.numerics.bounded import solve
@@ -163,7 +163,10 @@ def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
 
 
 def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets of a near twin and what a richer law has beside ``term``: with these alone the twin would be at a loss."""
+    """Sets of a near twin, with ``term`` or with what a richer law has beside it.
+
+    With these alone the twin would be at a loss; and where both are there, what one gains beside the other is small.
+    """
     own = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
     if not twins:
@@ -172,13 +175,8 @@ def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
     richer = [other.effect for other in own if names & set(other.effect.contains)]
     beside = {name for effect in richer for name in effect.contains} - names
-    return [(twin, other) for twin in twins for other in own if other.effect.name in beside]
-
-
-def are_near_twins(one: Term, other: Term) -> bool:
-    """True if two effects are near twins on the same joint, or one of them on all."""
-    names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
-    return names and (one.joint == other.joint or None in (one.joint, other.joint))
+    richer_laws = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
+    return [*richer_laws, *((term, twin) for twin in twins)]
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:

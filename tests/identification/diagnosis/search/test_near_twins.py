@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.search.swaps import alternatives, are_near_twins
+from identification.diagnosis.search.claims import _made_beside_twins
+from identification.diagnosis.search.containment import are_near_twins
+from identification.diagnosis.search.swaps import alternatives
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
@@ -45,8 +47,19 @@ def test_a_near_twin_may_stand_beside_what_a_richer_law_has(servo, effect, twin)
     }
     assert {twin} in groups
     assert {twin, "coulomb_friction"} in groups
+    assert {effect, twin} in groups
 
 
 def test_other_effects_have_no_near_twin_beside_them(servo):
     groups = alternatives(servo.search, servo.term("torque_offset", "pin"))
     assert not any({"reference_delay", "coulomb_friction"} <= {one.effect.name for one in group} for group in groups)
+
+
+def test_beside_its_twin_an_effect_is_measured_by_the_torque_that_it_makes(servo):
+    # Closed form: the squares of a column times its coefficient.
+    late, viscous, dry = (servo.term(n, "pin") for n in ("reference_delay", "viscous_friction", "coulomb_friction"))
+    rich = servo.search.evaluate(frozenset([late, viscous]))
+    (column,) = viscous.columns
+    made = rich.theta[column] ** 2 * rich.problem.total_a[column, column]
+    assert _made_beside_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
+    assert _made_beside_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
