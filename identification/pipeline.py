@@ -25,6 +25,7 @@ from identification.next_experiment.proposal import Proposal
 from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
+from identification.rollout.followed import with_followed
 from identification.rollout.noise_band import borne_out_by_motion
 from identification.rollout.rollout import Explained, rollout_of
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
@@ -250,7 +251,7 @@ def _result(
         rollout=rollout.json,
         seconds=seconds,
         version=__version__,
-        evidence=judgement.evidence,
+        evidence=with_followed(judgement.evidence, rollout, session.logs),
         notes=(*rollout.notes, *judgement.notes),
         wrong=wrong_with(session.recordings),
         gap=judgement.gap,

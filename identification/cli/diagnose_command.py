@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -172,6 +173,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
             diagnosis = with_next_experiment(answer, progress.show)
         del answer  # the columns of its explanation take most of the memory
         progress.show(Announcement(Stage.WRITING))
+        diagnosis = replace(diagnosis, command=getattr(arguments, "command", ""))
         written = write_outputs(
             diagnosis,
             robot,

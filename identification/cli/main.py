@@ -6,6 +6,7 @@ import argparse
 import difflib
 import importlib
 import os
+import shlex
 import sys
 from typing import Protocol, cast
 
@@ -116,6 +117,7 @@ def _dispatch(words: list[str]) -> int:
         arguments = command.parser().parse_intermixed_args(rest)  # options may stand between the LOGs
     except SystemExit as stop:  # argparse has printed the help
         return int(stop.code or DONE)
+    arguments.command = shlex.join(["phantom-dyn", *words])
     return command.run(arguments)
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.notes import Said
-from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
@@ -278,39 +278,6 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Samples behind the figures of the report, in the analysed band; arrays share the first axis.
-
-    Attributes:
-        t: Time [s]; several recordings follow each other with a gap.
-        q, v, a: Motion, ``(N, nv)``.
-        tau_measured: Drive torque, ``(N, nv)``.
-        tau_before: Torque of the given model, ``(N, nv)``.
-        tau_after: Torque of the corrected model, each sample predicted by a fit that has not seen it.
-        regime_shares: For each joint a mapping regime -> share of the residual energy before.
-        regime_times: For each joint a mapping regime -> share of the samples; empty where it was not computed.
-        tau_transmitted: Torque that the transmission passes to the link, ``(N, nv)``: the modelled torque less the
-            rotor's share and the friction. None: the report takes the modelled torque.
-        tau_without: For each finding the torque of the model that lacks it and has all others, ``(N, nv)``, by fits
-            that have not seen the sample; empty where it was not computed.
-        sample_period: Median time between the samples of the recordings [s], before they were thinned; None: unknown.
-    """
-
-    t: Float[Array, " N"]
-    q: Float[Array, "N nv"]
-    v: Float[Array, "N nv"]
-    a: Float[Array, "N nv"]
-    tau_measured: Float[Array, "N nv"]
-    tau_before: Float[Array, "N nv"]
-    tau_after: Float[Array, "N nv"]
-    regime_shares: tuple[dict[str, float], ...]
-    regime_times: tuple[dict[str, float], ...] = ()
-    tau_transmitted: Float[Array, "N nv"] | None = None
-    tau_without: tuple[Float[Array, "N nv"], ...] = ()
-    sample_period: float | None = None
-
-
-@dataclass(frozen=True)
 class Burst:
     """An event in a residual that nothing in the state of the robot foretells: a push, a contact, a catching cable.
 
@@ -378,6 +345,7 @@ class Diagnosis:
     both together. ``files`` are models and laws that were written, with what they leave; ``numbers`` are
     what they may be made of beside what is stated, and ``replay`` is what they are run over, None where no torque was
     judged. ``driven`` is the model with the gains of its controllers where these took the place of a torque, else None.
+    ``command`` is the command line that made it, empty where Python did.
     """
 
     verdict: str
@@ -402,6 +370,7 @@ class Diagnosis:
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
     run: str = ""
+    command: str = field(default="", compare=False, repr=False)
     geometry: GeometryResult | None = None
     files: tuple[WrittenFile, ...] = ()
     numbers: tuple[FittedNumbers, ...] = field(default=(), compare=False, repr=False)

@@ -13,9 +13,16 @@ from statistics import NormalDist
 from identification.diagnosis.decision_rules import SIZES_DIFFER
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Value
 from identification.reporting.stored.diagnosis_reader import FILE
-from identification.words.diagnosis_words import capital, effect_at, effect_at_finding, joined, parameter_name
+from identification.words.diagnosis_words import (
+    capital,
+    effect_at,
+    effect_at_finding,
+    joined,
+    parameter_name,
+    share_words,
+)
 from identification.words.geometry_words import all_findings
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, with_unit
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, part_of_gap, percent, with_unit
 from phantom_dyn.errors import ParameterError, printable
 
 WIDTH = 100
@@ -258,7 +265,7 @@ def size_words(value: Value | None) -> str:
 def _gap_words(gap: Gap) -> str:
     if gap.closed is None:
         return "no gap"
-    return percent(gap.closed) + ("" if gap.interval is None else f" ({' to '.join(map(percent, gap.interval))})")
+    return part_of_gap(gap.closed) if gap.interval is None else share_words(gap.closed, gap.interval)
 
 
 def _count_words(found: Comparison) -> str:

@@ -92,6 +92,15 @@ def unsettled(shot: Shot, _model: Model) -> Shot:
 
 
 @dataclass(frozen=True)
+class WindowMotion:
+    """Readings [rad or m] of both models in one window, ``(n, nv)`` each."""
+
+    window: Window
+    given: Float[Array, "n nv"]
+    corrected: Float[Array, "n nv"]
+
+
+@dataclass(frozen=True)
 class Rollout:
     """Errors of simulated motion of both models by joint.
 
@@ -106,6 +115,8 @@ class Rollout:
         engaged: Joint limits that simulated motion runs past.
         warnings: Notes on joint limits.
         notes: A horizon that was shortened, or why there is none at all.
+        motions: What both models do in each window, over all of its length.
+        controlled: True if controllers moved the joints, and not the recorded torque.
     """
 
     horizon_s: float | None
@@ -117,6 +128,8 @@ class Rollout:
     engaged: tuple[Engaged, ...] = ()
     warnings: tuple[Note, ...] = ()
     notes: tuple[Note, ...] = ()
+    motions: tuple[WindowMotion, ...] = ()
+    controlled: bool = False
 
     @property
     def json(self) -> dict | None:
@@ -192,6 +205,11 @@ def compared(
         engaged=engaged,
         warnings=limit_notes(robot, engaged),
         notes=notes,
+        motions=tuple(
+            WindowMotion(shot.window, shot.read + one, shot.read + other)
+            for shot, one, other in zip(shots, errors.before, errors.after, strict=True)
+        ),
+        controlled=controlled,
     )
 
 

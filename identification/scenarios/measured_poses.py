@@ -11,7 +11,8 @@ from uuid import uuid4
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis.result import Diagnosis, EffectAt, Evidence, Finding, Gap, Unexplained
+from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Unexplained
 from identification.engine.claims import Claim
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces

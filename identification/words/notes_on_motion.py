@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from identification.data.times import time_text
+from identification.diagnosis.evidence import Followed
 from identification.notes import Code, Note
 
 _STATE_IT = "State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in robot.yaml if you know them"
@@ -198,3 +199,13 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.RUNS_AWAY: _runs_away,
     Code.NOT_SIMULATED: _not_simulated,
 }
+
+
+def followed_words(followed: Followed) -> str:
+    """What a figure of simulated motion shows, in sentences."""
+    by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
+    return (
+        "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
+        f"{by} for {followed.seconds:.2g} s, and start anew; the corrected one by fits that have not seen the window. "
+        "Where there is no line, nothing was simulated."
+    )

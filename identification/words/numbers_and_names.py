@@ -61,6 +61,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}{NO_BREAK}%"
 
 
+def part_of_gap(share: float) -> str:
+    """A share of a gap: ``over 99 %`` is the most, as what is taken away below the noise floor is no part of it."""
+    return percent(min(share, 0.999))
+
+
 def cut_name(name: str, width: int) -> str:
     """A name for a column of a terminal: printable, and cut where it is longer than ``width``."""
     name = printable(name)

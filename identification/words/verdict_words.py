@@ -17,8 +17,9 @@ from identification.words.diagnosis_words import (
     place,
 )
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
-from identification.words.numbers_and_names import number, percent
+from identification.words.numbers_and_names import number, part_of_gap, percent
 
+_HEADLINE, _HEADED = 150, 4  # letters of a headline, and causes that it names
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 _MOVES = 3  # moves within tolerance that a sentence names
@@ -34,6 +35,39 @@ def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence, behind what is wrong where a wrong recording was judged anyway."""
     wrong = f"Judged although {joined(list(diagnosis.wrong))}. " if diagnosis.wrong else ""
     return wrong + _verdict_alone(diagnosis)
+
+
+def short_headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence of at most some 150 letters, which names as many causes as fit."""
+    return "Judged although the recording is wrong. " * bool(diagnosis.wrong) + _short_verdict(diagnosis)
+
+
+def _short_verdict(diagnosis: Diagnosis) -> str:
+    begins = {
+        "explained": "The gap between robot and model is explained by",
+        "partly_explained": "Part of the gap between robot and model is explained by",
+        "unknown": "The catalogue does not explain the gap between robot and model; found, but not enough:",
+    }
+    if diagnosis.verdict == "unknown" and not diagnosis.findings:
+        return "There is a gap between robot and model that the catalogue does not explain."
+    if diagnosis.verdict == "explained" and not diagnosis.findings:
+        return "The gap between robot and model is explained by what was adjusted."
+    if diagnosis.verdict in begins:
+        groups = grouped(diagnosis)
+        placed = [_named(kinds, diagnosis) for kinds in groups]
+        bare = list(dict.fromkeys(finding_name(found[0]) for kinds in groups for found in kinds))
+        for names, count in ((names, count) for names in (placed, bare) for count in range(_HEADED, 0, -1)):
+            more = f" and {len(names) - count} more" if count < len(names) else ""
+            named = joined(names[:count], last=", " if more else " and ") + more
+            said = f"{begins[diagnosis.verdict]} {named}."
+            if len(said) <= _HEADLINE and (names is bare or not more or count > 1):
+                return said
+        return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
+    if diagnosis.verdict == "no_gap":
+        return "The model fits the robot: nothing was found beyond noise and tolerances."
+    if diagnosis.verdict == "not_testable":
+        return f"This recording cannot show {'an ordinary' if diagnosis.bounds else 'a'} gap: nothing was found."
+    return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
 
 
 def _verdict_alone(diagnosis: Diagnosis) -> str:
@@ -123,7 +157,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 def reservations(diagnosis: Diagnosis) -> list[str]:
     """What a verdict without a gap, or with all of it explained, cannot exclude; and what moves carry of any gap."""
     moved = moves_carry(diagnosis)
-    carried = [] if moved is None else [f"Moves within the tolerances carry {percent(moved)} of the gap."]
+    carried = [] if moved is None else [f"Moves within the tolerances carry {part_of_gap(moved)} of the gap."]
     limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []

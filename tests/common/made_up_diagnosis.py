@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
     Diagnosis,
     EffectAt,
-    Evidence,
     Finding,
     JointGap,
     NotTestable,

@@ -11,6 +11,7 @@ from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.standstill import open_friction
 from identification.diagnosis.columns.terms import Term, merged
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
@@ -37,7 +38,7 @@ from identification.diagnosis.judge.verdict import (
     unexplained,
     verdict,
 )
-from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
+from identification.diagnosis.result import Burst, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
@@ -285,4 +286,5 @@ def evidence_of(
         tau_transmitted=np.concatenate(judge.narrow(transmitted)),
         tau_without=tuple(np.concatenate(judge.narrow(torque)) for torque in without),
         sample_period=1.0 / float(np.median([log.band.rate_hz for log in logs])),
+        valid=np.concatenate([log.valid_in_band for log in logs]),
     )

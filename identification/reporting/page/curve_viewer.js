@@ -1,7 +1,7 @@
-// Draws torque over time as SVG in place of the still figure: dragging moves in time, the wheel or two keys come closer.
+// Draws torque or position over time as SVG in place of the still figure: dragging moves in time, the wheel or two keys come closer.
 {
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
-  const scaled = ({ step, values }) => Float64Array.from(new Int16Array(bytes(values)), (value) => value * step);
+  const scaled = ({ step, values }) => Float64Array.from(new Int16Array(bytes(values)), (value) => (value < -32767 ? NaN : value * step));
   const [LEFT, RIGHT, TOP, MIDDLE, BELOW, BOTTOM, HEIGHT] = [64, 10, 8, 196, 214, 296, 334];
   const KINDS = ["measured", "given", "corrected"];
 
@@ -10,6 +10,7 @@
     const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((digit) => digit * power).find((size) => size >= rough * 0.999);
     const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
+    if (last <= first && most < 40) return ticks(low, high, 2 * most);
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     return Array.from({ length: last - first + 1 }, (_, k) => ({
       at: (first + k) * step, text: Math.abs(step) >= 1e5 || step < 1e-4
@@ -27,22 +28,23 @@
     return low;
   };
   // A path through the samples; where many share a pixel, through the least and the largest of them.
-  const path = (t, y, first, last, x, level, pause) => {
-    let out = "", pixel = null, kept = [], before = null;
+  const path = (t, y, first, last, x, level, starts) => {
+    let out = "", pixel = null, kept = [], move = true;
     const flush = () => {
       const ends = kept.length > 4 ? [kept[0], ...extremes(kept, y), kept.at(-1)] : kept;
       for (const k of ends) {
-        out += `${before === null || t[k] - t[before] > pause ? "M" : "L"}${x(t[k]).toFixed(1)} ${level(y[k]).toFixed(1)}`;
-        before = k;
+        out += `${move ? "M" : "L"}${x(t[k]).toFixed(1)} ${level(y[k]).toFixed(1)}`;
+        move = false;
       }
+      kept = [];
     };
     for (let k = first; k < last; k += 1) {
       const here = Math.floor(x(t[k]));
-      if (here !== pixel) {
-        flush();
-        [pixel, kept] = [here, []];
-      }
-      kept.push(k);
+      const gap = starts.has(k) || Number.isNaN(y[k]);
+      if (gap || here !== pixel) flush();
+      if (gap) move = true;
+      pixel = here;
+      if (!Number.isNaN(y[k])) kept.push(k);
     }
     flush();
     return out;
@@ -54,7 +56,10 @@
   };
   const range = (series, first, last) => {
     let [low, high] = [Infinity, -Infinity];
-    for (const y of series) for (let k = first; k < last; k += 1) [low, high] = [Math.min(low, y[k]), Math.max(high, y[k])];
+    for (const y of series) for (let k = first; k < last; k += 1) {
+      if (y[k] < low) low = y[k];
+      if (y[k] > high) high = y[k];
+    }
     return low < high ? [low - 0.05 * (high - low), high + 0.05 * (high - low)] : [(low || 0) - 1, (low || 0) + 1];
   };
 
@@ -63,7 +68,7 @@
     const residuals = [scaled(given.before), scaled(given.after)];
     const torques = [measured, ...residuals.map((residual) => measured.map((value, k) => value - residual[k]))];
     const steps = Array.from(t.slice(1), (time, k) => time - t[k]).sort((a, b) => a - b);
-    const pause = 10 * (steps[steps.length >> 1] || 1), whole = [t[0], t[t.length - 1]];
+    const starts = new Set(given.starts), whole = [t[0], t[t.length - 1]];
     const least = Math.min(20 * (steps[steps.length >> 1] || 1), whole[1] - whole[0]);
     let view = [...given.view];
     place.innerHTML = `<p class="tools"><span class="keys">${KINDS.map((kind) => `<i class="${kind}"></i>${kind === "measured"
@@ -91,7 +96,7 @@
       const first = Math.max(index(t, view[0]) - 1, 0), last = Math.min(index(t, view[1]) + 1, t.length);
       const above = axis(torques, first, last, TOP, MIDDLE, given.torque, 0);
       const below = axis(residuals, first, last, BELOW, BOTTOM, given.residual, given.floor);
-      const curve = (kind, y, level) => `<path class="curve ${kind}" d="${path(t, y, first, last, x, level, pause)}"/>`;
+      const curve = (kind, y, level) => `<path class="curve ${kind}" d="${path(t, y, first, last, x, level, starts)}"/>`;
       const times = ticks(...view, Math.max(2, wide / 80)).map(({ at, text }) =>
         `<path class="tick" d="M${x(at)} ${BOTTOM}v4"/><text x="${x(at)}" y="${BOTTOM + 17}" text-anchor="middle">${text}</text>`);
       const inside = `clip-${place.id}`;
@@ -125,7 +130,7 @@
     drawing.addEventListener("pointermove", (event) => {
       if (!down.has(event.pointerId)) {
         const time = view[0] + part(event) * (view[1] - view[0]), k = Math.min(index(t, time), t.length - 1);
-        const values = torques.map((y, kind) => `${KINDS[kind]} ${y[k].toPrecision(4)}`).join(", ");
+        const values = torques.map((y, kind) => `${KINDS[kind]} ${Number.isNaN(y[k]) ? "–" : y[k].toPrecision(4)}`).join(", ");
         reading.textContent = `${t[k].toFixed(3)} s: ${values} ${given.unit}`;
         return;
       }

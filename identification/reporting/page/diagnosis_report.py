@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from identification.reporting.page.explaining import JointMotion, joint_motions,
 from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
 from identification.reporting.page.gap_figures import (
     finding_figure,
+    position_figure,
     residual_over_position,
     residual_over_velocity,
     torque_figure,
@@ -39,8 +40,16 @@ from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
-from identification.words.numbers_and_names import percent
-from identification.words.verdict_words import headline, hidden_words, left_over, moves_carry, reservations
+from identification.words.notes_on_motion import followed_words
+from identification.words.numbers_and_names import part_of_gap, percent
+from identification.words.verdict_words import (
+    headline,
+    hidden_words,
+    left_over,
+    moves_carry,
+    reservations,
+    short_headline,
+)
 from phantom_dyn.model.robot import Robot
 
 VERDICTS = {
@@ -86,6 +95,16 @@ class JointView:
 
 
 @dataclass(frozen=True)
+class MotionView:
+    """Motion of one joint on the page: its name, its number among all, its figure, and whether that is unfolded."""
+
+    name: str
+    number: int
+    position: Markup
+    unfolded: bool
+
+
+@dataclass(frozen=True)
 class SceneView:
     """The robot in three dimensions on the page.
 
@@ -112,18 +131,20 @@ class CurvesView:
     figure: Markup
 
 
-def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
+def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tuple[str, ...] = ()) -> str:
     """The whole page as text; everything it shows is inside it, and every name is escaped.
 
     Args:
         diagnosis: What is shown.
         robot: Drawn in three dimensions if it is given.
+        beside: Names of the files in the folder of the page, which are linked.
     """
     from jinja2 import Environment, StrictUndefined
 
     poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
     badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
     diagnosis = as_told(diagnosis.of_torques)
+    diagnosis = replace(diagnosis, evidence=diagnosis.evidence.drawn)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
@@ -134,8 +155,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         diagnosis=diagnosis,
         poses=poses,
         badge=badge,
-        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else headline(diagnosis),
-        reservations="" if diagnosis.poses_alone else " ".join(reservations(diagnosis)),
+        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else short_headline(diagnosis),
+        reservations="" if diagnosis.poses_alone else " ".join(_details(diagnosis)),
         bars=bars,
         more_joints=more_joints,
         groups=groups_of(diagnosis),
@@ -146,8 +167,12 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         file_notes=sentences(note for note in diagnosis.notes if _on_model_files(note)),
         proposal=(diagnosis.next_experiment or {}).get("say"),
         scene=None if robot is None or diagnosis.poses_alone else _scene(robot, diagnosis),
-        gaps=[gap_row(joint) for joint in diagnosis.joints],
+        gaps=[gap_row(joint, len(diagnosis.evidence.t)) for joint in diagnosis.joints],
+        command=diagnosis.command,
+        beside=beside,
         joints=views,
+        motions=_motion_views(diagnosis) if has_samples else [],
+        motion_words=followed_words(diagnosis.evidence.followed) if diagnosis.evidence.followed else "",
         curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
@@ -174,6 +199,12 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     )
 
 
+def _details(diagnosis: Diagnosis) -> list[str]:
+    """What the headline leaves out."""
+    whole = headline(diagnosis)
+    return [*([] if whole == short_headline(diagnosis) else [whole]), *reservations(diagnosis)]
+
+
 def _on_model_files(said: Said) -> bool:
     """True of notes on the corrected model's own files, which have a section of their own."""
     return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
@@ -189,8 +220,8 @@ def _closed(diagnosis: Diagnosis) -> str:
     if moved is None:
         return f"All findings together close {share} of the gap."
     return (
-        f"The findings close {percent(gap.closed - moved)} of the gap, and moves within the tolerances "
-        f"{percent(moved)}: {share} together."
+        f"The findings close {part_of_gap(gap.closed - moved)} of the gap, and moves within the tolerances "
+        f"{part_of_gap(moved)}: {share} together."
     )
 
 
@@ -226,6 +257,16 @@ def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
             telling=bool(shares[k] > _SOME or k == ranked[0]),
         )
         for k, gap in enumerate(diagnosis.joints)
+    ]
+
+
+def _motion_views(diagnosis: Diagnosis) -> list[MotionView]:
+    """Joints whose simulated motion is drawn, those with the largest gap first."""
+    if diagnosis.evidence.followed is None:
+        return []
+    ranked = np.argsort(-shares_of(diagnosis), kind="stable").tolist()[:_CURVES]
+    return [
+        MotionView(diagnosis.joints[k].joint, k, Markup(position_figure(diagnosis, k)), k == ranked[0]) for k in ranked
     ]
 
 

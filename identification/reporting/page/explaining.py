@@ -10,8 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.fit.flexible import displacement_since_reversal
-from identification.diagnosis.result import Diagnosis, Evidence, Finding
+from identification.diagnosis.result import Diagnosis, Finding
 from identification.reporting.charts.thinning import bin_numbers, gap_starts
 from identification.words.effect_words import words_of
 from phantom_dyn.array_types import Bool, Float

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.result import Diagnosis, Evidence
+from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.result import Diagnosis
 from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
 from identification.reporting.charts.chart_marks import INK, Cloud, Curve
 from identification.reporting.charts.thinning import (
@@ -29,6 +30,7 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Samples of which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
+_WINDOWS = 12  # of simulated motion that are seen at first, where they are short: each has to be seen
 FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
 
@@ -54,6 +56,41 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     return chart((top, bottom), "time [s]", (11.5, 4.2), title)
 
 
+def position_figure(diagnosis: Diagnosis, joint: int) -> str:
+    """Position measured, and simulated by both models from recorded states, and the errors of these below it."""
+    evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
+    if followed is None:
+        return ""
+    rows = shown_motion(evidence, joint)
+    t, read, given, corrected = (
+        x[rows] for x in (evidence.t, evidence.q[:, joint], followed.before[:, joint], followed.after[:, joint])
+    )
+    places = (
+        _over_time(t, read, INK, 1.8, "measured", 0.55),
+        _over_time(t, given, BEFORE, 1.3, "given model"),
+        _over_time(t, corrected, AFTER, 1.3, "corrected model"),
+    )
+    left = tuple(_over_time(t, read - q, colour, 1.1) for q, colour in ((given, BEFORE), (corrected, AFTER)))
+    name, unit = diagnosis.joints[joint].joint, position_unit(diagnosis, joint)
+    top = Panel(f"position [{unit}]", places, height=3.0)
+    bottom = Panel(f"error [{unit}]", left, height=2.0, zero=True)
+    return chart((top, bottom), "time [s]", (11.5, 4.2), f"Measured and simulated position of joint {name} over time")
+
+
+def shown_motion(evidence: Evidence, joint: int) -> slice:
+    """Rows of the stretch that is seen first: ten seconds, or a dozen windows, where the given model errs most."""
+    followed = evidence.followed
+    if followed is None:
+        return slice(0, len(evidence.t))
+    error = evidence.q[:, joint] - followed.before[:, joint]
+    return eventful_stretch(evidence.t, error, min(STRETCH_S, _WINDOWS * followed.seconds))
+
+
+def position_unit(diagnosis: Diagnosis, joint: int) -> str:
+    """Unit of a joint's position."""
+    return "m" if diagnosis.joints[joint].unit == "N" else "rad"
+
+
 def shown_stretch(evidence: Evidence, joint: int) -> slice:
     """Rows of the stretch of ten seconds whose residual of the given model is largest: what is seen first."""
     return eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
@@ -76,7 +113,7 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
 
     One median over both directions would jump between the two branches that friction makes.
     """
-    unit = "m" if diagnosis.joints[joint].unit == "N" else "rad"
+    unit = position_unit(diagnosis, joint)
     q = diagnosis.evidence.q[:, joint]
     return _before_after(diagnosis, joint, Variable("position", unit, q, by_direction=True))
 
@@ -146,10 +183,18 @@ def _residual_figure(
 
 
 def _over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
-    """A thinned curve over time; between recordings the line is interrupted."""
-    chosen = thinned(y)
-    x, y = t[chosen], np.array(y[chosen], dtype=float)
-    starts = gap_starts(x)
+    """A thinned curve over time; between recordings, and in their gaps, the line is interrupted."""
+    # Before samples are left out: those that are kept are at uneven steps.
+    begins = np.zeros(len(t), dtype=bool)
+    begins[gap_starts(t)] = True
+    # What has no number in between is two curves.
+    begins[1:] |= np.isfinite(y[1:]) & ~np.isfinite(y[:-1])
+    y = np.asarray(y, dtype=float)
+    kept = np.flatnonzero(np.isfinite(y))
+    chosen = kept[thinned(y[kept])]
+    piece = np.cumsum(begins)[chosen]
+    x, y = t[chosen], y[chosen]
+    starts = np.flatnonzero(np.diff(piece)) + 1
     return Curve(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), colour, width, label, opacity)
 
 

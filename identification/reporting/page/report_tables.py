@@ -58,15 +58,16 @@ def parameter_rows(finding: Finding) -> list[Row]:
     ]
 
 
-def gap_row(joint: JointGap) -> Row:
-    """Joint, residual of the given, the tolerated and the corrected model, noise floor, unit, samples."""
+def gap_row(joint: JointGap, samples: int) -> Row:
+    """Joint, residual of the given, the tolerated and the corrected model, noise floor, unit, samples of all."""
     within = "–" if joint.rms_within_tolerance is None else number(joint.rms_within_tolerance)
     after, floor = number(joint.rms_after), number(joint.noise_floor)
     if joint.noise_floor_interval is not None:
         low, high = (number(end) for end in joint.noise_floor_interval)
         # One line is as wide as this interval at least, and a line may end before it.
         floor = f"{floor} ({low} to {high})".replace(" to ", f"{NO_BREAK}to{NO_BREAK}")
-    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, str(joint.hold_out_samples))
+    held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
+    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held)
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:

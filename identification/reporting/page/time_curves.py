@@ -1,4 +1,4 @@
-"""Torque of each joint over the whole recording as numbers for the page, where it can be looked at closer."""
+"""Torque and position of each joint over the whole recording as numbers for the page, to be looked at closer."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from identification.diagnosis.result import Diagnosis, Evidence
-from identification.reporting.charts.thinning import thinned
-from identification.reporting.page.gap_figures import residual, shown_stretch, torque_label
+from identification.diagnosis.result import Diagnosis
+from identification.reporting.charts.thinning import gap_starts, thinned
+from identification.reporting.page.gap_figures import (
+    position_unit,
+    residual,
+    shown_motion,
+    shown_stretch,
+    torque_label,
+)
 from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
@@ -27,6 +33,8 @@ _STEPS = 32_767
 def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
     """Torque that was measured and that both models leave, over time, as JSON for ``curve_viewer.js``.
 
+    Where motion was simulated, positions come first.
+
     Args:
         diagnosis: Holds the samples.
         joints: Which joints are shown.
@@ -36,13 +44,39 @@ def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
         at first, and the curves, little-endian numbers in base64.
     """
     most = min(_OF_ONE, SAMPLES // max(len(joints), 1))
-    return json.dumps([_curves(diagnosis, joint, most) for joint in joints])
+    moved = [] if diagnosis.evidence.followed is None else [_moved(diagnosis, joint, most) for joint in joints]
+    return json.dumps([*moved, *(_curves(diagnosis, joint, most) for joint in joints)])
+
+
+def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
+    """Position that was measured, and that both models reach in simulation; the stretch where the given one errs most.
+
+    Nothing was simulated between windows: there the curves of the models have gaps.
+    """
+    evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
+    assert followed is not None
+    before, after = (evidence.q[:, joint] - q[:, joint] for q in (followed.before, followed.after))
+    rows = _kept((evidence.q[:, joint],), (before, after), most)
+    stretch, unit = evidence.t[shown_motion(evidence, joint)], position_unit(diagnosis, joint)
+    return {
+        "id": f"positions-{joint}",
+        "torque": f"position [{unit}]",
+        "residual": f"error [{unit}]",
+        "unit": unit,
+        "floor": 0,
+        "view": [float(stretch[0]), float(stretch[-1])],
+        "t": _packed(evidence.t[rows], "<f4"),
+        "starts": _starts(evidence.t, rows),
+        "measured": _scaled(evidence.q[rows, joint]),
+        "before": _scaled(before[rows]),
+        "after": _scaled(after[rows]),
+    }
 
 
 def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
-    rows = _kept(evidence, joint, (before, after), most)
+    rows = _kept((evidence.tau_measured[:, joint], before, after), (), most)
     # At rest there are few samples, far apart.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     return {
@@ -53,26 +87,41 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
         "floor": 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0,
         "view": [float(stretch[0]), float(stretch[-1])],
         "t": _packed(evidence.t[rows], "<f4"),
+        "starts": _starts(evidence.t, rows),
         "measured": _scaled(evidence.tau_measured[rows, joint]),
         "before": _scaled(before[rows]),
         "after": _scaled(after[rows]),
     }
 
 
-def _kept(evidence: Evidence, joint: int, residuals: tuple[Array, ...], most: int) -> Int[Array, " n"]:
-    """Rows whose values are numbers, at most ``most``, with the extremes of every curve."""
-    curves = (evidence.tau_measured[:, joint], *residuals)
-    finite = np.flatnonzero(np.isfinite(np.column_stack(curves)).all(axis=1))
+def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
+    """Rows, at most ``most`` or a few more, with the extremes of every curve and the ends of those with gaps.
+
+    Args:
+        whole: Curves; rows where one of them has no number are left out.
+        parts: Curves that may have gaps.
+        most: How many rows.
+    """
+    finite = np.flatnonzero(np.isfinite(np.column_stack(whole)).all(axis=1))
     if len(finite) <= most:
         return finite
+    curves = (*whole, *parts)
     chosen = [thinned(curve[finite], most // len(curves)) for curve in curves]
-    return finite[np.unique(np.concatenate(chosen))]
+    there = [np.isfinite(part[finite]).astype(int) for part in parts]
+    ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in there]
+    return finite[np.unique(np.concatenate([*chosen, *(one.ravel() for one in ends)]))]
+
+
+def _starts(t: Float[Array, " N"], rows: Int[Array, " n"]) -> list[int]:
+    """Which of the kept rows begin anew, behind a gap of all samples: of those alone steps are uneven."""
+    return np.unique(np.searchsorted(rows, gap_starts(t))).tolist()
 
 
 def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:
-    """A curve in whole steps: half the size of single precision."""
-    step = float(np.abs(values).max(initial=0.0)) / _STEPS or 1.0
-    return {"step": step, "values": _packed(np.round(values / step), "<i2")}
+    """A curve in whole steps: half the size of single precision; the lowest number stands for none."""
+    there = np.isfinite(values)
+    step = float(np.abs(values[there]).max(initial=0.0)) / _STEPS or 1.0
+    return {"step": step, "values": _packed(np.where(there, np.round(values / step), -_STEPS - 1), "<i2")}
 
 
 def _packed(values: Array, kind: str) -> str:

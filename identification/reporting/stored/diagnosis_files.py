@@ -271,7 +271,8 @@ def write_outputs(
         if tell is not None:
             for said in sentences(not_held(diagnosis.notes[before:])):
                 tell(said)
-        texts = {REPORT: _report(diagnosis, robot), **models}
+        beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
+        texts = {REPORT: _report(diagnosis, robot, beside), **models}
         if diagnosis.next_motion is not None:
             from identification.next_experiment.proposal_words import reference_text  # with all that plans motions
 
@@ -296,8 +297,8 @@ def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
     return replace(diagnosis, next_experiment={**diagnosis.next_experiment, "reference_sha256": digest})
 
 
-def _report(diagnosis: Diagnosis, robot: Robot) -> str:
+def _report(diagnosis: Diagnosis, robot: Robot, beside: tuple[str, ...]) -> str:
     # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
     from identification.reporting.page.diagnosis_report import report_html
 
-    return report_html(diagnosis, robot)
+    return report_html(diagnosis, robot, beside=beside)

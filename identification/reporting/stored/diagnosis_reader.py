@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
     Diagnosis,
     EffectAt,
-    Evidence,
     Finding,
     Gap,
     JointGap,

@@ -10,12 +10,12 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.judge.user_words import user_words
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
     EffectAt,
-    Evidence,
     Finding,
     JointGap,
     NotTestable,

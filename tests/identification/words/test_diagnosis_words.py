@@ -230,7 +230,9 @@ def test_the_verdict_names_findings_of_one_kind_together_in_the_robots_order(mad
 
 
 def test_nothing_is_told_as_more_than_all_of_the_gap():
-    assert words.share_words(1.01, (0.99, 1.05)).replace(NO_BREAK, " ") == "100 % (99 to 100 %)"
+    assert words.share_words(1.01, (0.99, 1.05)).replace(NO_BREAK, " ") == "over 99 % (at least 99 %)"
+    assert words.share_words(1.0, (0.999, 1.05)).replace(NO_BREAK, " ") == "over 99 %"
+    assert words.share_words(0.97, (0.9, 1.2)).replace(NO_BREAK, " ") == "97 % (90 to over 99 %)"
 
 
 def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.result import Diagnosis, Evidence
+from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
 from phantom_dyn.motion import Motion
 

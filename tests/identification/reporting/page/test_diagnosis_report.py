@@ -7,7 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from identification.diagnosis.result import Diagnosis, Evidence, NotTestable, Unexplained
+from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.result import Diagnosis, NotTestable, Unexplained
 from identification.notes import Code, Note
 from identification.reporting.page.diagnosis_report import report_html
 from phantom_dyn.model.robot import Robot
@@ -69,8 +70,8 @@ def shown(html) -> Page:
 
 def test_sections_stand_in_the_order_of_the_questions(shown):
     assert shown.headings == [
-        "Where the gap is", "Gap of each joint", "The findings one by one", "1. Coulomb friction on joint j1",
-        "2. Viscous friction on joint j2", "When the gap shows", "Residuals joint by joint",
+        "Residuals joint by joint", "Where the gap is", "Gap of each joint", "The findings one by one",
+        "1. Coulomb friction on joint j1", "2. Viscous friction on joint j2", "When the gap shows",
         "What the model's tolerances explain", "What is left", "Why not something else?",
         "What was ruled out, and what could not be tested",
         "Notes",

@@ -1,0 +1,39 @@
+"""Simulated windows put on the samples that the figures of a report are drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.diagnosis.evidence import Evidence, Followed
+from identification.rollout.compare import Rollout
+
+Array = np.ndarray
+
+
+def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
+    """Evidence with the simulated motion of both models; as it is where no motion was simulated.
+
+    Args:
+        evidence: Samples of all recordings, one after the other.
+        rollout: Has windows of the recordings.
+        logs: The recordings.
+    """
+    if not rollout.motions or len(evidence.t) != sum(len(log.motion.t[log.samples]) for log in logs):
+        return evidence
+    before, after = np.full(evidence.q.shape, np.nan), np.full(evidence.q.shape, np.nan)
+    rows_of = [np.arange(len(log.motion.t))[log.samples] for log in logs]
+    firsts = np.cumsum([0, *(len(rows) for rows in rows_of)])
+    seconds = 0.0
+    for motion in rollout.motions:
+        window, rows = motion.window, rows_of[motion.window.log]
+        # The first sample is the recorded one: without it, windows that follow each other are curves of their own.
+        inside = np.flatnonzero((rows > window.start) & (rows < window.stop))
+        at = firsts[window.log] + inside
+        before[at], after[at] = (q[rows[inside] - window.start] for q in (motion.given, motion.corrected))
+        t = logs[window.log].motion.t
+        seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))
+    return replace(evidence, followed=Followed(before, after, seconds, rollout.controlled))
