@@ -6,13 +6,17 @@ joints by the norms of its rows: what all joints together can do along x, y and 
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
+from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
@@ -29,6 +33,17 @@ _ROUNDING = 1e-9
 """Largest value of a panel over that of the figure at which it holds rounding alone, and is left out."""
 _DECADE, _DECADES = 10.0, 1e4
 """Largest over smallest value beyond which levels are logarithmic, and how far below the largest they begin."""
+_ONE_COLOUR = 1 / 3
+"""Part of the points that one colour may hold: an area that holds more is divided."""
+_RIM = 0.02
+"""Part of a section next to what cannot be reached, or is singular, in which no largest value is marked."""
+_MARKS = 6
+"""Equal largest values that are marked; of more the first."""
+_LABEL_ROOM = 0.12
+"""Least distance of two numbers on lines, and least extent of a line that has one, over the size of the axes."""
+_HELD = "\u00a0"
+_LETTERS = 19
+"""Letters of a caption per inch of the figure."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +67,19 @@ def figure(result: OperationalMap, name: str) -> Figure:
     space = 2 if len(axes) == 3 else 1
     size = (1.2 + 4.2 * len(panels), 0.9 + 3.6 * space)
     out = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    logarithmic = _logarithmic(name, panels)
     for column, panel in enumerate(panels):
         for row in range(space):
             place = (space, len(panels), row * len(panels) + column + 1)
             if space == 2 and row == 0:
-                _draw_space(out, out.add_subplot(*place, projection="3d"), panel, axes, result)
+                _draw_space(out, out.add_subplot(*place, projection="3d"), panel, axes, result, logarithmic)
             else:
-                _draw(out, out.add_subplot(*place), panel, axes, result)
-    out.suptitle(_caption(result, name, axes), fontsize=8)
+                _draw(out, out.add_subplot(*place), panel, axes, result, logarithmic)
+    lines = _caption(result, name, axes)
+    # A number stays beside its name.
+    held = (line.replace(" = ", f"{_HELD}={_HELD}") for line in lines)
+    wrapped = (textwrap.fill(line, int(_LETTERS * size[0])).replace(_HELD, " ") for line in held)
+    out.suptitle("\n".join(wrapped), fontsize=8)
     return out
 
 
@@ -96,12 +116,22 @@ def _label(result: OperationalMap, axis: int) -> str:
     return f"{name} [{axis_unit(name, result.grid, result.model)}]"
 
 
-def _scale(values: Array) -> Normalize:
+def _logarithmic(name: str, panels: list[_Panel]) -> bool:
+    """True if the levels of all panels are logarithmic: no value is negative, and those of one span over a decade."""
+    if QUANTITIES[name].share:
+        return False
+    finite = [panel.values[np.isfinite(panel.values)] for panel in panels]
+    finite = [values for values in finite if values.any()]
+    wide = [values.max() > _DECADE * values.min() for values in finite]
+    return bool(finite) and all(values.min() >= 0.0 for values in finite) and any(wide)
+
+
+def _scale(values: Array, logarithmic: bool) -> Normalize:
     """Range of the colours."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return Normalize(0, 1)
-    if finite.max() > _DECADE * max(finite.min(), 0.0) and finite.min() >= 0.0 and finite.max() > 0.0:
+    if logarithmic:
         return LogNorm(max(finite.min(), finite.max() / _DECADES), finite.max())
     # Towards a singularity masses grow without bound, which must not take all the colours: the usual fence of a box
     # plot, three times the middle half beyond it.
@@ -114,7 +144,7 @@ def _scale(values: Array) -> Normalize:
     return Normalize(low, high)
 
 
-def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: OperationalMap) -> None:
+def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: OperationalMap, logarithmic: bool) -> None:
     grid = result.grid
     ax.set_title(panel.title, fontsize=9)
     if not axes:
@@ -131,26 +161,28 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
     values = panel.values if panel.values.ndim == 2 else panel.values[panel.values.shape[0] // 2]
     across, up = (second, first) if grid.names[first] == "y" else (first, second)
     values = values if up == first else values.T
-    scale = _scale(values)
-    if min(values.shape) < 2 or not np.isfinite(values).any():
-        ax.text(0.5, 0.5, "no point can be reached", ha="center", transform=ax.transAxes)
+    told = "no point can be reached" if min(values.shape) < 2 or not np.isfinite(values).any() else ""
+    if told or not np.nan_to_num(values).any():
+        ax.text(0.5, 0.5, told or "zero wherever a point can be reached", ha="center", transform=ax.transAxes)
+        ax.set_xticks([])
+        ax.set_yticks([])
         return
-    levels = _levels(scale)
-    beyond = bool(np.nanmin(values) < levels[0]), bool(np.nanmax(values) > levels[-1])
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    levels = _levels(_scale(values, logarithmic), values)
+    extend = _extend(bool(np.nanmin(values) < levels[0]), bool(np.nanmax(values) > levels[-1]))
     shown = ax.contourf(
         grid.values[across],
         grid.values[up],
         values,
         levels,
         cmap=_COLORS,
-        norm=type(scale)(*levels[[0, -1]]),
+        # Each area between two lines has a colour of its own, however near its values are to the next.
+        norm=BoundaryNorm(levels, 256, extend=extend),
         extend=extend,
     )
     if ((levels > np.nanmin(values)) & (levels < np.nanmax(values))).any():
         lines = ax.contour(grid.values[across], grid.values[up], values, levels, colors="k", linewidths=0.4)
-        ax.clabel(lines, fontsize=6, fmt="%g")
-    out.colorbar(shown, ax=ax, shrink=0.9, format="%g")
+        _number(ax, lines)
+    out.colorbar(shown, ax=ax, shrink=0.9, format="%g", ticks=levels, spacing="uniform")
     _mark(ax, grid.values[across], grid.values[up], values)
     ax.set_xlabel(_label(result, across))
     ax.set_ylabel(_label(result, up))
@@ -158,28 +190,82 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
         ax.set_aspect("equal")
 
 
-def _levels(scale: Normalize) -> Array:
-    """Values at which lines are drawn, round numbers that hold the range."""
+def _extend(below: bool, above: bool) -> Literal["neither", "min", "max", "both"]:
+    """Matplotlib's word for values that lie beyond the levels."""
+    if below and above:
+        return "both"
+    return "min" if below else "max" if above else "neither"
+
+
+def _levels(scale: Normalize, values: Array) -> Array:
+    """Values at which lines are drawn, round numbers that hold the range; no area between two holds most points."""
     low, high = float(scale.vmin or 0.0), float(scale.vmax or 0.0)
-    if not isinstance(scale, LogNorm):
-        return np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
-    ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99).tick_values(low, high))
-    return ticks[max(np.searchsorted(ticks, low, "right") - 1, 0) : np.searchsorted(ticks, high) + 1]
+    if isinstance(scale, LogNorm):
+        ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99).tick_values(low, high))
+        levels = ticks[max(np.searchsorted(ticks, low, "right") - 1, 0) : np.searchsorted(ticks, high) + 1]
+    else:
+        levels = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
+    finite = values[np.isfinite(values)]
+    edges = np.concatenate([[-np.inf], levels, [np.inf]])
+    more = []
+    for least, most in pairwise(edges):
+        inside = finite[(finite >= least) & (finite < most)]
+        parts = int(np.ceil(len(inside) / (_ONE_COLOUR * len(finite))))
+        spread = float(np.ptp(inside)) if parts > 1 else 0.0
+        if spread > 0.0:
+            digits = 1 - int(np.floor(np.log10(spread)))
+            more += np.round(np.quantile(inside, np.arange(1, parts) / parts), digits).tolist()
+    return np.unique(np.concatenate([levels, more]))
+
+
+def _number(ax: Axes, lines: QuadContourSet) -> None:
+    """Numbers on lines that are long enough, one each, none upon another."""
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    size = np.array([right - left, top - bottom])
+    places: list[Array] = []
+    levels = []
+    for level, pieces in zip(lines.levels, lines.allsegs, strict=True):
+        for piece in sorted(pieces, key=len, reverse=True)[:1]:
+            if len(piece) < 2 or (np.ptp(piece, axis=0) / size).max() < _LABEL_ROOM:
+                continue
+            tried = [piece[round(part * (len(piece) - 1))] for part in (0.5, 0.35, 0.65, 0.2, 0.8)]
+            free = [p for p in tried if all(np.abs((p - q) / size).max() > _LABEL_ROOM for q in places)]
+            if free:
+                places.append(free[0])
+                levels.append(level)
+    for level, place in zip(levels, places, strict=True):
+        lines.clabel([level], fontsize=6, fmt="%g", manual=[tuple(place)])
 
 
 def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
-    """A cross at the largest value of the section, and a plus at the origin where that lies in it."""
-    row, column = np.unravel_index(np.nanargmax(values), values.shape)
-    largest = f"largest: {values[row, column]:.4g}"
-    ax.plot(across[column], up[row], "x", color="w", mec="r", ms=7, mew=1.5, label=largest, clip_on=False)
+    """A cross at each largest value by magnitude, none at the rim of reach, and a plus at the origin if it is there."""
+    inner = np.where(_off_the_rim(np.isfinite(values)), np.abs(values), np.nan)
+    if np.isfinite(inner).any():
+        rows, columns = np.nonzero(inner >= np.nanmax(inner) * (1.0 - 1e-9))
+        largest = f"largest: {values[rows[0], columns[0]]:.4g}"
+        kept = slice(_MARKS)
+        ax.plot(
+            across[columns[kept]], up[rows[kept]], "x", color="w", mec="r", ms=7, mew=1.5, label=largest, clip_on=False
+        )
     if across[0] <= 0 <= across[-1] and up[0] <= 0 <= up[-1]:
         ax.plot(0.0, 0.0, "+", color="r", ms=9, mew=1.2, label="origin")
-    ax.legend(fontsize=6, loc="best", framealpha=0.8)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize=6, loc="best", framealpha=0.8)
 
 
-def _draw_space(out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result: OperationalMap) -> None:
+def _off_the_rim(there: Array) -> Array:
+    """Points with nothing but points in reach around them, as far as the margin goes."""
+    margin = round(_RIM * max(there.shape))
+    padded = np.pad(there, margin, constant_values=True)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * margin + 1, 2 * margin + 1))
+    return np.asarray(windows.all(axis=(2, 3)))
+
+
+def _draw_space(
+    out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result: OperationalMap, logarithmic: bool
+) -> None:
     """Three middle sections at right angles."""
-    values, scale = panel.values, _scale(panel.values)
+    values, scale = panel.values, _scale(panel.values, logarithmic)
     coloured = ScalarMappable(scale, _COLORS)
     along = [_thinned(result.grid.values[k]) for k in axes]
     for normal in range(3):
@@ -207,7 +293,7 @@ def _thinned(values: Array, most: int = 45) -> tuple[Array, Array]:
     return index, values[index]
 
 
-def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> str:
+def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> list[str]:
     model, grid = result.model, result.grid
     fixed = [
         f"{axis} = {values[len(values) // 2]:.4g}"
@@ -228,4 +314,4 @@ def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> str:
         lines.append(f"of several postures that reach a point the one nearest to {near}")
     if name == "stiffness":
         lines.append(model.stiffness_note)
-    return "\n".join(lines)
+    return lines

@@ -46,6 +46,7 @@ class Quantity:
         unit: Of the values; empty for a ratio.
         kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z by the columns).
         columns: Of a matrix: ``axes``, x, y, z again, or ``joints``.
+        share: True if it lies between 0 and 1 by definition.
     """
 
     name: str
@@ -53,10 +54,11 @@ class Quantity:
     unit: str
     kind: str
     columns: str = "axes"
+    share: bool = False
 
 
 _LIST = (
-    Quantity("manipulability", "manipulability, smallest over largest singular value", "", "scalar"),
+    Quantity("manipulability", "manipulability, smallest over largest singular value", "", "scalar", share=True),
     Quantity("apparent_mass", "apparent mass, largest singular value", "kg", "scalar"),
     Quantity("apparent_mass_matrix", "apparent mass", "kg", "matrix"),
     Quantity("stiffness", "stiffness", "N/m", "matrix"),

@@ -8,7 +8,6 @@ from io import BytesIO
 import matplotlib.image
 import numpy as np
 import pytest
-from matplotlib.colors import LogNorm, Normalize
 
 from phantom_dyn import load_robot
 from phantom_dyn.maps.from_robot import map_model
@@ -144,12 +143,76 @@ def test_a_panel_that_holds_rounding_alone_is_left_out(result):
     assert titles(made, "gravity_force") == [f"force that holds the weight, {axis} [N]" for axis in "xz"]
 
 
+def drawn(result, name, values):
+    """Axes, areas and lines' levels of a section whose values were made by hand."""
+    made = replace(result, values={name: values})
+    (ax, *_) = [ax for ax in figure(made, name).axes if ax.get_title()]
+    return ax, ax.collections[0].levels
+
+
 def test_levels_are_logarithmic_beyond_a_decade(result):
     # Known truth: a map made by hand whose values span two decades, and one whose values span half of one.
-    for values, kind in ((np.geomspace(1.0, 100.0, 12), LogNorm), (np.linspace(1.0, 5.0, 12), Normalize)):
-        made = replace(result, values={"manipulability": values.reshape(4, 3)})
-        (shown, *_) = [ax.collections[0] for ax in figure(made, "manipulability").axes if ax.get_title()]
-        assert type(shown.norm) is kind
+    _, levels = drawn(result, "apparent_mass", np.geomspace(1.0, 100.0, 12).reshape(4, 3))
+    assert {1.0, 10.0, 100.0} <= set(np.round(levels, 9))
+    _, levels = drawn(result, "apparent_mass", np.linspace(1.0, 5.0, 12).reshape(4, 3))
+    np.testing.assert_allclose(np.diff(levels), np.diff(levels)[0])
+
+
+def test_what_lies_between_0_and_1_by_definition_has_even_levels(result):
+    _, levels = drawn(result, "manipulability", np.geomspace(0.01, 1.0, 12).reshape(4, 3))
+    assert np.diff(levels).max() < 0.2
+
+
+@pytest.fixture(scope="module")
+def wide(result):
+    """The same plane with fifty points along both axes."""
+    axes = (np.linspace(0.3, 0.9, 50), np.linspace(-0.1, 0.1, 50))
+    return replace(result, grid=replace(result.grid, values=axes))
+
+
+def test_no_colour_holds_more_than_a_third_of_the_points(wide):
+    # Made by hand: nearly all values are within a hundredth of 1, few reach 50.
+    values = 1.0 + 0.01 * np.random.default_rng(0).uniform(size=(50, 50))
+    values[:2] = 50.0
+    _, levels = drawn(wide, "apparent_mass", values)
+    counts = np.histogram(values, [-np.inf, *levels, np.inf])[0]
+    assert counts.max() <= values.size / 3 + 1
+
+
+def test_the_largest_value_is_by_magnitude_and_off_the_rim_of_reach(wide):
+    values = np.ones((50, 50))
+    values[:10] = np.nan
+    values[10, 20], values[30, 30], values[40, 40] = 9.0, -4.0, 3.0
+    ax, _ = drawn(wide, "apparent_mass", values)
+    assert ax.get_legend().get_texts()[0].get_text() == "largest: -4"
+
+
+def test_zero_everywhere_is_said_and_not_drawn(wide):
+    made = replace(wide, values={"coulomb_force": np.zeros((50, 50))})
+    (ax,) = figure(made, "coulomb_force").axes
+    assert ax.texts[0].get_text() == "zero wherever a point can be reached"
+
+
+def test_panels_of_one_figure_have_one_kind_of_scale(wide):
+    # Made by hand: along x values span two decades, along y a tenth of one.
+    matrix = np.zeros((50, 50, 3, 3))
+    matrix[..., 0, 0] = np.geomspace(1.0, 100.0, 2500).reshape(50, 50)
+    matrix[..., 1, 1] = np.linspace(1.0, 1.3, 2500).reshape(50, 50)
+    made = replace(wide, values={"apparent_mass_matrix": matrix})
+    first, second = (ax for ax in figure(made, "apparent_mass_matrix").axes if ax.get_title())
+    # Levels of a logarithmic scale are 1, 2 and 5 times a power of ten, those between divide what is full.
+    assert {1.0, 2.0} <= set(np.round(first.collections[0].levels, 9))
+    assert {1.0, 2.0} <= set(np.round(second.collections[0].levels, 9))
+
+
+def test_numbers_on_lines_keep_apart(wide):
+    x, y = np.meshgrid(np.linspace(-1, 1, 50), np.linspace(-1, 1, 50), indexing="ij")
+    ax, _ = drawn(wide, "apparent_mass", 1.0 + 0.5 * np.exp(-20 * (x**2 + y**2)))
+    size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
+    places = np.array([text.get_position() for text in ax.texts]) / size
+    apart = np.abs(places[:, None] - places).max(axis=2)[np.triu_indices(len(places), 1)]
+    assert len(places) >= 2
+    assert apart.min() > 0.08
 
 
 def test_the_largest_value_and_the_origin_are_marked():
