@@ -9,6 +9,7 @@ import numpy as np
 from identification.data.times import time_text
 from identification.diagnosis.evidence import Followed
 from identification.notes import Code, Note
+from identification.words.numbers_and_names import NO_BREAK
 
 _STATE_IT = "State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in robot.yaml if you know them"
 
@@ -206,6 +207,6 @@ def followed_words(followed: Followed) -> str:
     by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
     return (
         "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
-        f"{by} for {followed.seconds:.2g} s, and start anew; the corrected one by fits that have not seen the window. "
+        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start anew; the corrected one by fits that have not seen the window. "
         "Where there is no line, nothing was simulated."
     )
