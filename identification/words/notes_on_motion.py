@@ -207,6 +207,6 @@ def followed_words(followed: Followed) -> str:
     by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
     return (
         "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
-        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start anew; the corrected one by fits that have not seen the window. "
-        "Where there is no line, nothing was simulated."
+        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start anew; the corrected one by fits that have not seen the "
+        "window. Where there is no line, nothing was simulated."
     )

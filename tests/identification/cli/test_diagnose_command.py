@@ -94,7 +94,12 @@ def test_the_report_needs_nothing_from_elsewhere(finished):
     page = (finished / "deep" / "out" / "report.html").read_text()
     assert not re.findall(r"<script[^>]* src", page)
     report = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)  # a library's text is full of addresses
-    assert not re.findall(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)[^"']*""", report)
+    found = re.findall(r"""(src|href|xlink:href)\s*=\s*["'](?!#|data:)([^"']*)""", report)
+    # Links to the files beside it are all that leads out of it.
+    assert {kind for kind, _ in found} == {"href"}
+    beside = {path.name for path in (finished / "deep" / "out").iterdir()}
+    assert {place for _, place in found} == beside - {"report.html"}
+    assert report.count("<a href=") == report.count("href=")
     assert not re.findall(r"@import|url\((?!#|\W?data:|\W?#)", report)
 
 

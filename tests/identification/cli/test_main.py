@@ -124,8 +124,11 @@ def test_the_help_of_all_ends_with_two_examples(capsys):
 def test_options_may_stand_between_the_logs(echo):
     seen = []
     echo(lambda arguments: seen.append(vars(arguments)) or 0)
-    main(["diagnose", "r.urdf", "a.csv", "--with", "x", "y", "--out", "o", "b.csv", "--with", "z"])
-    assert seen == [{"robot": "r.urdf", "log": ["a.csv", "b.csv"], "with_": ["x", "y", "z"], "out": "o"}]
+    main(["diagnose", "r.urdf", "a.csv", "--with", "x", "y", "--out", "o o", "b.csv", "--with", "z"])
+    command = "phantom-dyn diagnose r.urdf a.csv --with x y --out 'o o' b.csv --with z"
+    assert seen == [
+        {"robot": "r.urdf", "log": ["a.csv", "b.csv"], "with_": ["x", "y", "z"], "out": "o o", "command": command}
+    ]
 
 
 def test_the_exit_code_is_the_commands(echo):
