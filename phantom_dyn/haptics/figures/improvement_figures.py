@@ -134,10 +134,10 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
     steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
     for k, (name, one) in enumerate(estimators.items()):
-        # Colour alone says which one it is; the one that leaves the panel is a veil behind the others.
-        faint = one.granularity == max(other.granularity for other in found)
-        look = {"color": COLORS[k], "lw": 0.5 if faint else 1.3, "alpha": 0.35 if faint else 1.0}
-        look |= {"label": name, "drawstyle": "steps-post", "zorder": 1 if faint else 2}
+        # The coarsest would cross the panels as upright lines: its bar says what it does.
+        if one.granularity == max(other.granularity for other in found) and len(found) > 1:
+            continue
+        look = {"color": COLORS[k], "lw": 1.3, "label": name, "drawstyle": "steps-post", "zorder": 2}
         fast.plot(one.t[late], 1e3 * one.estimate[late], **look)
         steady.plot(one.t[end], 1e3 * one.steady_estimate[end], **look)
     fast.set_title("constant acceleration", fontsize=9)
@@ -145,7 +145,6 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     for ax in (fast, steady):
         ax.set_xlabel("time [s]")
         ax.set_ylabel("velocity [mm/s]")
-    # The coarsest estimator would take all the room: it is cut off.
     late_by = max(abs(one.lag) for one in found) * (first.velocity[-1] - first.velocity[0]) / first.t[-1]
     reach = 1.6e3 * max(abs(late_by), sorted(one.granularity for one in found)[-2:][0])
     low, high = np.sort(1e3 * first.velocity[late][[0, -1]])
@@ -153,7 +152,7 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     steady.set_ylim(1e3 * first.velocity[0] - reach, 1e3 * first.velocity[0] + reach)
     for ax in (fast, steady):
         ax.get_lines()[0].set_zorder(3)
-    out.legend(*steady.get_legend_handles_labels(), loc="outside lower center", ncols=len(found) + 1, fontsize=8)
+    out.legend(*steady.get_legend_handles_labels(), loc="outside lower center", ncols=len(found), fontsize=8)
     return out
 
 

@@ -195,14 +195,18 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
         for response, dash, words in ((result.response, "-", label), (result.ideal, IDEAL, f"{label}, ideal")):
             gain.plot(w, 20 * np.log10(np.abs(response)), color=color, ls=dash, label=words, gid=words)
             phase.plot(w, np.degrees(np.unwrap(np.angle(response))), color=color, ls=dash)
-        inertia.plot(w, result.apparent_inertia, color=color, label=label, gid=f"{label}, inertia")
+        felt = f"{label}: {result.apparent_inertia[0]:.2g} kg at low frequency"
+        inertia.plot(w, result.apparent_inertia, color=color, label=felt, gid=f"{label}, inertia")
     inertia.axhline(0, color="black", lw=0.8)
+    # A resonance would take all the room: it leaves the panel.
+    heaviest = max(float(result.apparent_inertia[0]) for result in results.values())
+    inertia.set_ylim(-0.5 * heaviest, 2.0 * heaviest)
     gain.set_ylabel("position over the\nhand's force [dB]")
     phase.set_ylabel("phase [°]")
     inertia.set_ylabel("apparent inertia\nof the device [kg]")
     frequency_axis(gain, inertia)
     key(gain, "lower left")
-    key(inertia)
+    key(inertia, "upper left")
     return out
 
 
