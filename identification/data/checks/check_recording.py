@@ -28,7 +28,7 @@ from identification.data.checks.positions import (
     check_velocity,
     position_noise,
 )
-from identification.data.checks.readings import reading_of
+from identification.data.checks.readings import of_voltages, reading_of
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.suspects import slow_clock
@@ -106,6 +106,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     external = _external_torque(recording, robot)
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     reading = reading_of(smooth, None if forces is None else forces.tau)
+    if reading is not None:
+        reading = of_voltages(reading, robot, recording.torque_from, smooth.step)
     wrong, offers = certain_faults(recording, robot, reading)
     wrong = wrong or beyond_range(recording, robot)
     if wrong or offers:

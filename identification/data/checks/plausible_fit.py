@@ -51,6 +51,7 @@ class _Bounded:
     low: Float[Array, " s"]
     high: Float[Array, " s"]
     rotor: Float[Array, " nv"]
+    own_low: Float[Array, "nv 4"]
 
 
 def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
@@ -97,6 +98,9 @@ def _columns(robot: Robot, reading: Reading) -> _Bounded:
     high += list(load)
     ones = np.ones_like(reading.tau)
     postures = np.linspace(0, len(ones) - 1, _POSTURES).astype(int)
+    own_low = np.tile([0.0, 0.0, 0.0, -np.inf], (ones.shape[1], 1))
+    for column, late in enumerate((reading.late_by_acceleration, reading.late_by_speed)):
+        own_low[:, column] -= 0.0 if late is None else late
     moved = np.einsum("njj->nj", mass_matrix(robot, reading.motion.q[postures])).mean(axis=0)
     return _Bounded(
         np.stack(columns, axis=2),
@@ -104,6 +108,7 @@ def _columns(robot: Robot, reading: Reading) -> _Bounded:
         np.array(low),
         np.array(high),
         _ROTOR * moved,
+        own_low,
     )
 
 
@@ -116,7 +121,7 @@ def _reach(robot: Robot) -> float:
 def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
     """Mean square of each joint's torque that the best coefficients within their bounds leave."""
     count = columns.shared.shape[2]
-    low = np.concatenate([columns.low, *([0.0, 0.0, 0.0, -np.inf] for _ in joints)])
+    low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
     high = np.concatenate([columns.high, *([columns.rotor[j], np.inf, np.inf, np.inf] for j in joints)])
     size = felt[rows][:, joints].std(axis=0)
     wanted = felt[rows][:, joints] / size

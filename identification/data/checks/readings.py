@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
+from identification.data.joint_torque import per_speed
 from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 
@@ -32,12 +34,37 @@ class Reading:
         sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
         tau: Torque of the drives, shape ``(N, nv)``.
         external: Torque of measured forces, shape ``(N, nv)``; it is right in every reading.
+        late_by_speed, late_by_acceleration: Torque per speed, and per acceleration, by which the torque of each joint
+            may be wrong to either side, as it was computed from a voltage: shape ``(nv,)``; None: by nothing.
     """
 
     motion: Motion
     sign: Float[Array, "N nv"]
     tau: Float[Array, "N nv"]
     external: Float[Array, "N nv"]
+    late_by_speed: Float[Array, " nv"] | None = None
+    late_by_acceleration: Float[Array, " nv"] | None = None
+
+
+def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], step: float) -> Reading:
+    """The data with what they are wrong by where torques were computed from voltages.
+
+    A servo's voltage is nearly its back-EMF, which the torque is what is left without: a few per cent more of it, or
+    a voltage that is read half a sample late, are as large as friction or the rotor.
+
+    Args:
+        reading: The data as they stand.
+        robot: With the constants of its motors.
+        torque_from: The quantity that gave the torque of each joint.
+        step: Time between two samples [s].
+    """
+    back_emf = np.array(
+        [
+            per_speed(actuator) if torque_from.get(joint) == "u" else 0.0
+            for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
+        ]
+    )
+    return replace(reading, late_by_speed=back_emf, late_by_acceleration=step * back_emf)
 
 
 def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:

@@ -11,14 +11,14 @@ import pytest
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.plausible_fit import unexplained
-from identification.data.checks.readings import reading_of
+from identification.data.checks.readings import of_voltages, reading_of
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.suspects import compensated_suspects, felt_gravity
 from identification.data.reading import read_recording
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
@@ -331,3 +331,19 @@ def test_a_right_recording_leaves_next_to_nothing_unexplained(clean, arm):
     # What is left is that of smoothing a sharp change of friction.
     reading = reading_of(smoothed(clean(friction=3.0)))
     assert unexplained(arm, reading).max() < 5e-3
+
+
+def test_a_torque_computed_from_a_voltage_may_lack_a_part_of_the_back_emf(clean):
+    # Closed form: kt^2 / R = 2 N m s/rad of back-EMF; four fifths of it were taken off too much.
+    robot = load_robot(ROBOTS / "pendulum.urdf")
+    robot = replace(robot, actuators=(Actuator(torque_constant=2.0, resistance=2.0),))
+    recording = clean(robot=robot)
+    copy = smoothed(recording)
+    reading = reading_of(smoothed(replace(recording, tau=recording.tau - 1.6 * smooth_velocity(recording))))
+    assert unexplained(robot, reading).max() > 0.03
+    assert unexplained(robot, of_voltages(reading, robot, {"pin": "tau"}, copy.step)).max() > 0.03
+    assert unexplained(robot, of_voltages(reading, robot, {"pin": "u"}, copy.step)).max() < 0.01
+
+
+def smooth_velocity(recording: Recording) -> np.ndarray:
+    return np.gradient(recording.q, recording.t, axis=0)
