@@ -1,10 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""Robots that are not bolted down, from what the sensors on their base read; oracle: Pinocchio's free-flyer."""
+"""Robots that are not bolted down, by sensors on their base; oracles: Pinocchio's free-flyer, MuJoCo's free joint."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -138,3 +139,37 @@ def test_a_sensor_on_a_leg_is_refused(flight):
         base_motion(flight.robot, "left_shank", "trunk", *readings)
     with pytest.raises(RobotError, match=r"legs has no frame 'imu_link', .*imu"):
         base_motion(flight.robot, "imu_link", "trunk", *readings)
+
+
+MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="trunk" pos="0.1 0 1" euler=".4 0 .2">
+<freejoint name="root"/><geom type="box" size=".2 .1 .05" mass="4"/><site name="imu" pos=".05 .1 .02" euler=".3 -.5 1"/>
+<body name="thigh" pos=".2 .1 0"><joint name="hip" axis="0 1 0" armature="0.01"/>
+<geom type="capsule" fromto="0 0 0 .05 .02 -.3" size=".03" mass="1"/><body name="shank" pos=".05 .02 -.3">
+<joint name="knee" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".4"/></body></body></body>
+</worldbody><sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>"""
+
+
+def test_a_free_joint_of_mjcf_with_mujocos_own_sensors_needs_the_torques_of_mujoco(tmp_path, rng):
+    (tmp_path / "robot.xml").write_text(MJCF)
+    (tmp_path / "robot.yaml").write_text("base: floating\n")
+    robot = load_robot(tmp_path / "robot.xml")
+    model = mujoco.MjModel.from_xml_string(MJCF)
+    data, rows = mujoco.MjData(model), []
+    for _ in range(SAMPLES):
+        quaternion = rng.normal(size=4)
+        data.qpos[:] = *rng.normal(size=3), *(quaternion / np.linalg.norm(quaternion)), *rng.normal(size=2)
+        data.qvel[:], data.qacc[:] = rng.normal(size=8), 3 * rng.normal(size=8)
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_sensorVel(model, data)
+        mujoco.mj_sensorAcc(model, data)
+        # The angular part of a free joint is in the axes of the body.
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.site_quat[0])
+        faster = turn.reshape(3, 3).T @ data.qacc[3:6]
+        sensed = data.sensordata[:3].copy(), faster, data.sensordata[3:].copy()
+        rows.append(
+            (data.qpos[7:].copy(), data.qvel[6:].copy(), data.qacc[6:].copy(), *sensed, data.qfrc_inverse[6:].copy())
+        )
+    q, v, a, w, dw, force, tau = (np.array(column) for column in zip(*rows, strict=True))
+    motion = Motion(np.arange(float(SAMPLES)), q, v, a, base=base_motion(robot, "imu", "imu", w, dw, force))
+    np.testing.assert_allclose(inverse_dynamics(robot, motion), tau, rtol=0, atol=1e-10)

@@ -118,3 +118,20 @@ def test_a_rod_with_a_ball_joint_in_a_loop_is_refused_for_the_ball_joint(tmp_pat
     text = MJCF.replace("ROOT", "").replace("</worldbody></mujoco>", f"{rod}</worldbody>{loop}")
     with pytest.raises(RobotError, match=r"rod is a ball joint, .*: write two or three hinges in its place"):
         load_robot(written(tmp_path, "robot.xml", text))
+
+
+@pytest.mark.parametrize(
+    ("name", "joints"),
+    [("go2", 12), ("a1", 12), ("solo12", 12), ("anymal_c_simple_description/anymal", 12), ("bolt", 6)],
+)
+def test_robots_that_walk_have_the_joints_of_their_legs_and_a_base_that_floats(tmp_path, name, joints):
+    config = tmp_path / "robot.yaml"
+    config.write_text("base: floating\n")
+    robot = load_robot(f"example:{name}", config=config)
+    assert (robot.nv, robot.floating) == (joints, True)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_a_base_that_floats_is_no_joint(tmp_path, kind):
+    robot = load_robot(written(tmp_path, "robot.urdf", URDF.replace("KIND", kind), "base: floating"))
+    assert (robot.joint_names, robot.locked, robot.floating) == (("hip",), ("root",), True)
