@@ -12,6 +12,10 @@ from identification.data.floating.swings import band_of_swings, require_swings, 
 from identification.data.reading import recording
 from identification.data.recording import Table
 from identification.data.signals import process
+from identification.data.unknown_drives import with_model_torque
+from identification.diagnosis.noise.reading_noise import ReadingNoise
+from identification.diagnosis.noise.sensor_floor import feigned
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.loading import load_robot
 
@@ -87,3 +91,22 @@ def test_swings_shorter_than_the_filter_are_refused(stepping):
     log = process(recorded, robot, cutoff_hz=5.0)
     with pytest.raises(LogError, match=r"no joint is free of contacts for 0\.8 s, which the filter needs at 500 Hz"):
         require_swings((log,))
+
+
+def test_where_the_foot_stands_the_torque_is_that_of_the_model(stepping):
+    robot, recorded = stepping
+    log = process(recorded, robot, cutoff_hz=20.0)
+    found = with_model_torque(robot, log)
+    np.testing.assert_array_equal(found.tau[log.touched], inverse_dynamics(robot, log.motion)[log.touched])
+    np.testing.assert_array_equal(found.tau[~log.touched], log.tau[~log.touched])
+    assert np.abs(log.tau - found.tau)[log.touched].max() > 10.0
+
+
+def test_the_noise_of_the_bases_sensors_is_noise_of_the_torque(stepping):
+    robot, recorded = stepping
+    log = process(recorded, robot, cutoff_hz=20.0)
+    readings = (ReadingNoise(0.0, 0.0),) * 2
+    quiet = feigned(robot, replace(log, base_noise=(0.0, 0.0)), readings, np.random.default_rng(1))
+    noisy = feigned(robot, replace(log, base_noise=(0.0, 0.3)), readings, np.random.default_rng(1)) - quiet
+    # A mass point of 0.4 kg, 0.1 m from the knee, in a noise of 0.3 m/s^2 up to 50 of 250 Hz.
+    assert np.std(noisy[:, 1]) == pytest.approx(0.4 * 0.1 * 0.3 * np.sqrt(50 / 250), rel=0.1)
