@@ -110,6 +110,7 @@ class JointGap:
         noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, by what flexible
             predictors do not foresee.
         discrepancy: By which a sound model may be wrong on drives of this kind, root mean square; None: not stated.
+        left: What is left beyond noise where the joint creeps or turns about, and elsewhere; None: not known.
         closed: Part of the gap within tolerance that the findings close; None where there is no gap.
     """
 
@@ -125,6 +126,7 @@ class JointGap:
     noise_floor_source: str | None = None
     closed: float | None = None
     discrepancy: float | None = None
+    left: tuple[float, float] | None = None
 
     @property
     def allowed(self) -> float:

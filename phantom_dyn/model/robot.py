@@ -122,6 +122,8 @@ class Robot:
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
         gains_of_file: Joints whose controller is that of their actuator in the robot's file.
+        model_error: Root mean square [N m or N] by which an earlier diagnosis has found the torque of the model wrong,
+            where a joint creeps or turns about and elsewhere, ``(nv, 2)``. None: not known.
         floating: True if the base is not bolted down.
     """
 
@@ -148,6 +150,7 @@ class Robot:
     carried: Float[Array, " 10"] | None = None
     gains_of_file: tuple[str, ...] = ()
     floating: bool = False
+    model_error: Float[Array, "nv 2"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

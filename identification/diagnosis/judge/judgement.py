@@ -38,6 +38,7 @@ from identification.diagnosis.judge.verdict import (
     unexplained,
     verdict,
 )
+from identification.diagnosis.noise.discrepancy import slow_samples
 from identification.diagnosis.result import Burst, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
@@ -70,6 +71,7 @@ def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Sho
     bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, left.floor.allowed)
     left_over = unexplained(shown, judge, residual, whole, left.floor.discrepancy)
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
+    joints = tuple(replace(joint, left=pair) for joint, pair in zip(joints, _by_regime(problem, left), strict=True))
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
@@ -209,6 +211,19 @@ def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
         return left
     joint = max(bursts, key=lambda burst: burst.ratio).joint if left.joint is None else left.joint
     return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
+
+
+def _by_regime(problem: Problem, left: _Left) -> tuple[tuple[float, float], ...]:
+    """Of each joint what is left beyond noise where it creeps or turns about, and elsewhere, root mean square."""
+    session = problem.session
+    slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
+    here = tuple(np.where(mask, part, 0.0) for part, mask in zip(left.residual, slow, strict=True))
+    elsewhere = tuple(part - own for part, own in zip(left.residual, here, strict=True))
+    both = sums(problem, here), sums(problem, elsewhere)
+    counted_slow = sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
+    shares = np.stack([counted_slow, 1.0 - counted_slow])
+    squares = np.stack([part.rms() ** 2 for part in both]) / np.maximum(shares, 1e-12) - left.floor.high**2
+    return tuple(tuple(pair) for pair in np.sqrt(np.where(shares > 0.01, np.maximum(squares, 0.0), 0.0)).T.tolist())
 
 
 def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after: Sums) -> tuple[JointGap, ...]:

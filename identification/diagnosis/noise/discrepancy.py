@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.signals.windows import highest
 
@@ -38,8 +38,9 @@ DRIVE_CLASSES = {
     "current": DriveClass(0.005, 0.1),
     "sensor": DriveClass(0.003, 0.05),
 }
-# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it.
-MOST = 0.02
+# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it; and the share that
+# the error of the model reaches at most that another recording has shown.
+MOST, MOST_SHOWN = 0.02, 0.1
 
 
 def discrepancy(
@@ -54,18 +55,31 @@ def discrepancy(
     """
     drive = DRIVE_CLASSES[session.robot.torque_source]
     friction: Series = tuple(log.band(_slow_friction(session, k)) for k, log in enumerate(session.logs))
-    squares, counts = np.zeros(len(torque)), np.zeros(len(torque))
-    for part, weight in zip(session.in_judged_band(friction), usable, strict=True):
-        squares += np.sum(weight * part**2, axis=0)
-        counts += np.sum(weight, axis=0)
-    at_reversals = drive.of_friction * np.sqrt(squares / np.maximum(counts, 1e-12))
-    return np.minimum(np.hypot(drive.of_torque * torque, at_reversals), MOST * torque)
+    shown: Series = tuple(shown_error(session, k)[log.samples] for k, log in enumerate(session.logs))
+    counts = np.maximum(sum(np.sum(weight, axis=0) for weight in usable), 1e-12)
+    of_friction, of_model = (
+        np.sqrt(sum(np.sum(weight * part**2, axis=0) for part, weight in zip(series, usable, strict=True)) / counts)
+        for series in (session.in_judged_band(friction), shown)
+    )
+    of_drive = np.minimum(np.hypot(drive.of_torque * torque, drive.of_friction * of_friction), MOST * torque)
+    return np.hypot(of_drive, np.minimum(of_model, MOST_SHOWN * torque))
+
+
+def shown_error(session: Session, log: int) -> Float[Array, "N nv"]:
+    """Deviation of the model's torque in each sample of a log that an earlier diagnosis has found; zero without one."""
+    error = session.robot.model_error
+    slow = slow_samples(session, log)
+    return np.zeros(slow.shape) if error is None else np.where(slow, error[:, 0], error[:, 1])
+
+
+def slow_samples(session: Session, log: int) -> Bool[Array, "N nv"]:
+    """Samples of a log near reversals and where a joint creeps."""
+    motion, rate = session.logs[log].motion, session.logs[log].band.rate_hz
+    speed = np.abs(motion.v)
+    slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)
+    return highest(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1)
 
 
 def _slow_friction(session: Session, log: int) -> Float[Array, "N nv"]:
     """Modelled friction of a log near reversals and where a joint creeps; nothing elsewhere."""
-    motion, rate = session.logs[log].motion, session.logs[log].band.rate_hz
-    speed = np.abs(motion.v)
-    slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)
-    near = highest(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1)
-    return np.where(near, modelled_friction(session.robot, motion), 0.0)
+    return np.where(slow_samples(session, log), modelled_friction(session.robot, session.logs[log].motion), 0.0)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.operations import carrying_known
@@ -49,6 +51,23 @@ class CorrectedEffect:
 
 
 @dataclass(frozen=True)
+class ModelError:
+    """By how much the corrected model is still wrong on a joint, root mean square beyond noise; no torque to add.
+
+    Attributes:
+        joint: Which.
+        slow: Where it creeps or turns about.
+        moving: Elsewhere.
+        unit: Of both.
+    """
+
+    joint: str
+    slow: float
+    moving: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Corrected:
     """Content of a ``corrected.yaml``: the robot it was found for, its effects, and the moves within tolerance."""
 
@@ -56,6 +75,7 @@ class Corrected:
     sha256: str
     effects: tuple[CorrectedEffect, ...]
     adjusted: tuple[Adjusted, ...]
+    model_error: tuple[ModelError, ...] = ()
 
 
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
@@ -74,7 +94,10 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
     lasting = (finding for finding in diagnosis.findings if finding.recording is None)
     effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting)
     effects = (*effects, *_by_poses(diagnosis, {one.joint for one in effects if one.effect == ZERO}))
-    return corrected_text(Corrected(robot_source, sha256, effects, diagnosis.adjusted))
+    wrong = tuple(
+        ModelError(one.joint, *one.left, one.unit) for one in diagnosis.joints if one.left is not None and any(one.left)
+    )
+    return corrected_text(Corrected(robot_source, sha256, effects, diagnosis.adjusted, wrong))
 
 
 def _by_poses(diagnosis: Diagnosis, known_zeros: set[str | None]) -> tuple[CorrectedEffect, ...]:
@@ -107,6 +130,8 @@ def corrected_text(corrected: Corrected) -> str:
             for a in corrected.adjusted
         ],
     }
+    if corrected.model_error:
+        content["model_error"] = [asdict(one) for one in corrected.model_error]
     return settings_text(content)
 
 
@@ -122,7 +147,10 @@ def read_corrected(path: str | Path) -> Corrected:
     if content.get("schema") != SCHEMA:
         given = f"schema is {describe(content['schema'])}" if "schema" in content else "there is no key schema"
         raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
-    top = mapping_at(content, file, "", ("schema", "robot", "effects", "adjusted"))
+    # Files of earlier versions have no such key, and neither has a model that leaves no more than noise.
+    errors = list_at(content.get("model_error", []), file, "model_error")
+    rest = {key: value for key, value in content.items() if key != "model_error"}
+    top = mapping_at(rest, file, "", ("schema", "robot", "effects", "adjusted"))
     robot = mapping_at(top["robot"], file, "robot", ROBOT_KEYS)
     return Corrected(
         robot=text_at(robot["source"], file, "robot.source"),
@@ -134,7 +162,35 @@ def read_corrected(path: str | Path) -> Corrected:
             _adjusted(entry, file, f"adjusted[{k}]")
             for k, entry in enumerate(list_at(top["adjusted"], file, "adjusted"))
         ),
+        model_error=tuple(_model_error(entry, file, f"model_error[{k}]") for k, entry in enumerate(errors)),
     )
+
+
+def _model_error(entry: Any, file: str, key: str) -> ModelError:
+    error = mapping_at(entry, file, key, ("joint", "slow", "moving", "unit"))
+    slow, moving = (number_at(error[name], file, f"{key}.{name}") for name in ("slow", "moving"))
+    if min(slow, moving) < 0:
+        raise ParameterError(f"{file}: {key} is {min(slow, moving):g}, wanted a root mean square of 0 or more.")
+    return ModelError(text_at(error["joint"], file, f"{key}.joint"), slow, moving, text_at(error["unit"], file, key))
+
+
+def with_model_error(robot: Robot, files: tuple[Path, ...]) -> Robot:
+    """The robot with the error of its model that ``corrected.yaml`` files state, the largest of each joint.
+
+    Raises:
+        ParameterError: If a file names a joint that the robot does not have.
+    """
+    error = np.zeros((robot.nv, 2))
+    for file in files:
+        for one in read_corrected(file).model_error:
+            if one.joint not in robot.joint_names:
+                raise ParameterError(
+                    f"{file}: model_error is of joint '{shortened(one.joint)}', which this robot does not have: "
+                    f"{known_names(one.joint, robot.joint_names, 'joints')}"
+                )
+            row = robot.joint_names.index(one.joint)
+            error[row] = np.maximum(error[row], [one.slow, one.moving])
+    return replace(robot, model_error=error) if error.any() else robot
 
 
 def _effect_entry(effect: CorrectedEffect) -> dict[str, object]:

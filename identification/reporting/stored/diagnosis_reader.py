@@ -133,7 +133,8 @@ def no_evidence(nv: int) -> Evidence:
 
 def _joint(joint: Mapping[str, Any]) -> JointGap:
     numbers = {name: _number(joint[name]) for name in ("rms_before", "rms_after", "noise_floor")}
-    return JointGap(**{**joint, **numbers, "noise_floor_interval": _interval(joint["noise_floor_interval"])})
+    pairs = {name: _interval(joint.get(name)) for name in ("noise_floor_interval", "left")}
+    return JointGap(**{**joint, **numbers, **pairs})
 
 
 def _finding(finding: Mapping[str, Any]) -> Finding:

@@ -11,10 +11,12 @@ from identification.diagnosis.result import Adjusted, Value
 from identification.export.corrected.corrected_yaml import (
     Corrected,
     CorrectedEffect,
+    ModelError,
     corrected_text,
     known_effect,
     known_effects,
     read_corrected,
+    with_model_error,
     write_corrected,
 )
 from known_effects import EFFECTS_OF_THE_PENDULUM
@@ -188,3 +190,39 @@ def test_a_name_without_end_is_refused_in_a_short_sentence(robots):
     with pytest.raises(ParameterError, match="wanted coefficient") as told:
         known_effect(endless, robot, Path("known.yaml"))
     assert len(str(told.value)) < 500
+
+
+ERROR = "model_error:\n- {joint: JOINT, slow: 0.02, moving: 0.01, unit: N m}\n"
+
+
+def test_the_error_of_a_model_comes_back_as_it_was_written(tmp_path):
+    (tmp_path / "c.yaml").write_text(GOOD + ERROR.replace("JOINT", "j1"))
+    read = read_corrected(tmp_path / "c.yaml")
+    assert read.model_error == (ModelError("j1", 0.02, 0.01, "N m"),)
+    (tmp_path / "again.yaml").write_text(corrected_text(read))
+    assert read_corrected(tmp_path / "again.yaml") == read
+
+
+def test_a_robot_takes_the_largest_error_of_its_joints(tmp_path):
+    robot = load_robot("phantom_1_5")
+    first = robot.joint_names[0]
+    files = []
+    for k, slow in enumerate(("0.02", "0.05")):
+        files.append(tmp_path / f"{k}.yaml")
+        files[-1].write_text(GOOD + ERROR.replace("JOINT", first).replace("0.02", slow))
+    error = with_model_error(robot, tuple(files)).model_error
+    assert error is not None
+    assert error.tolist() == [[0.05, 0.01], *[[0.0, 0.0]] * (robot.nv - 1)]
+    assert with_model_error(robot, ()).model_error is None
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("JOINT", "j9", "which this robot does not have"),
+    ("0.02", "-0.02", "wanted a root mean square of 0 or more"),
+])  # fmt: skip
+def test_a_wrong_error_of_a_model_is_refused(tmp_path, old, new, message):
+    robot = load_robot("phantom_1_5")
+    text = ERROR.replace(old, new).replace("JOINT", robot.joint_names[0])
+    (tmp_path / "c.yaml").write_text(GOOD + text)
+    with pytest.raises(ParameterError, match=message):
+        with_model_error(robot, (tmp_path / "c.yaml",))
