@@ -91,8 +91,11 @@ def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt
         if len(q) > 1:
             half = len(q) // 2
             first, second = _resting(robot, q[:half], ends), _resting(robot, q[half:], ends)
-            names = ("configuration", "q", "v", "a", "G")
-            return TreeMotion(*(np.concatenate([getattr(first, n), getattr(second, n)]) for n in names))
+            configuration, tree_q, tree_v, tree_a, jacobian = (
+                np.concatenate([getattr(first, name), getattr(second, name)])
+                for name in ("configuration", "q", "v", "a", "G")
+            )
+            return TreeMotion(configuration, tree_q, tree_v, tree_a, jacobian)
         nt = robot.model.nv
         none = np.full((1, nt), np.nan)
         return TreeMotion(

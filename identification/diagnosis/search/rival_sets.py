@@ -82,7 +82,8 @@ def stand(
 ) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
-    A finding of a size that no robot has wins nothing where a cause of a plausible size explains most of it.
+    Of a robot that was diagnosed before, a new finding of a size that no robot has wins nothing where a cause explains
+    most of it in a set that is plausible as a whole: the robot is known to be a sound one.
 
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
     a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
@@ -101,14 +102,15 @@ def stand(
         again: The same rivals under what should not matter, such as another band; if there are any, the comparison is
             repeated under each of them and on each half of the blocks, and the shares are means over all of these.
     """
-    base, sound = search.evaluate(chosen), _sound(search, chosen, frozenset([term]))
-    options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound)
+    base, diagnosed = search.evaluate(chosen), bool(search.problem.session.known)
+    sound = _sound(search, chosen, frozenset([term]))
+    options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound or not diagnosed)
     possible = {key for key in names if _sound(search, key, key - chosen)}
     if possible or sound:
         # What no robot has is no cause where another one may be.
         names = {key: others for key, others in names.items() if key in possible}
         options = {key: loss for key, loss in options.items() if key == chosen or key in names}
-    if possible and not sound:
+    if diagnosed and not sound and any(_sound(search, key, key) for key in possible):
         options[chosen] = options[chosen] + _NO_CAUSE / len(base.loss)
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}

@@ -68,7 +68,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "run": diagnosis.run,
         "robot": diagnosis.robot,
         "gap": _plain(asdict(diagnosis.gap)),
-        "joints": [_plain(asdict(joint)) for joint in diagnosis.joints],
+        "joints": [_joint(joint) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
         **frames,
         "findings": [*(_finding(finding) for finding in diagnosis.findings), *in_poses],
@@ -183,6 +183,13 @@ def _dependence(found: Dependence) -> Json:
         "answers": [_plain(asdict(answer)) for answer in found.answers],
         "terms": [_plain(asdict(term)) for term in found.terms],
     }
+
+
+def _joint(joint: JointGap) -> Json:
+    """The gap of a joint; what is left by regime stands in ``corrected.yaml``, for the next diagnosis."""
+    content = asdict(joint)
+    del content["left"]
+    return _plain(content)
 
 
 def _plain(value: object) -> Json:

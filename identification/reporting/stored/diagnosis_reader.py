@@ -133,8 +133,7 @@ def no_evidence(nv: int) -> Evidence:
 
 def _joint(joint: Mapping[str, Any]) -> JointGap:
     numbers = {name: _number(joint[name]) for name in ("rms_before", "rms_after", "noise_floor")}
-    pairs = {name: _interval(joint.get(name)) for name in ("noise_floor_interval", "left")}
-    return JointGap(**{**joint, **numbers, **pairs})
+    return JointGap(**{**joint, **numbers, "noise_floor_interval": _interval(joint["noise_floor_interval"])})
 
 
 def _finding(finding: Mapping[str, Any]) -> Finding:

@@ -74,7 +74,6 @@ class JointPart(_Part, frozen=True):
     noise_floor_source: str | None
     closed: Number | None
     discrepancy: Number | None = None
-    left: Pair | None = None
 
 
 class FramePart(_Part, frozen=True):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
@@ -105,7 +106,11 @@ def test_a_plausible_cause_that_explains_most_leads_beside_a_better_fit_of_an_im
     chosen = frozenset([coulomb])
     assert stand(search, chosen, coulomb).probability == 1.0
     monkeypatch.setattr(rivals, "implausible", impossible)
-    standing = stand(search, chosen, coulomb)
+    assert stand(search, chosen, coulomb).probability == 1.0
+    # Of a robot that was diagnosed before.
+    session = replace(search.problem.session, known=(KnownEffect("torque_offset", "elbow", (0.0,)),))
+    known = replace(search, problem=replace(search.problem, session=session))
+    standing = stand(known, chosen, coulomb)
     assert (standing.probability, standing.instead) == (0.0, frozenset([viscous]))
 
 
