@@ -23,6 +23,7 @@ from identification.diagnosis.result import (
     Diagnosis,
     EffectAt,
     Finding,
+    JointGap,
     NotTestable,
     Rival,
     Unexplained,
