@@ -15,6 +15,7 @@ from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.duty_cycles import with_voltages
 from identification.data.floating.base_columns import base_readings
+from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.loops_of_drives import computed_from_references, loops_of
 from identification.data.mending import mended
@@ -279,7 +280,7 @@ def recording(
         )
     if tau is not None and weightless:
         tau = read_only(tau + gravity_taken(robot, q, weightless))
-    return Recording(
+    recording = Recording(
         file=table.file,
         joint_names=tuple(joints),
         t=read_only(table.columns["t"]),
@@ -305,6 +306,7 @@ def recording(
         base=base,
         **optional,
     )
+    return with_detected_contacts(recording, robot)
 
 
 def read_recording(

@@ -78,12 +78,6 @@ def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Ar
 
 def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array]) -> None:
     frames = [frame.name for frame in robot.model.frames if frame.parentJoint > 0]
-    if not contacts:
-        raise LogError(
-            f"{table.file} has no column contact.<frame>, and {robot.name} is not bolted down (base: floating): a "
-            "joint is judged while nothing touches what it carries, so add one for every foot, 1 while it touches "
-            "something and 0 while it does not (0 throughout if the robot hangs)."
-        )
     for frame, values in contacts.items():
         if frame not in frames:
             raise LogError(
@@ -100,6 +94,8 @@ def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array])
 
 def _words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
     """One sentence on joints of which no column says whether something touches what they carry."""
+    if not readings.contacts:
+        return ()
     known = np.zeros(robot.nv, dtype=bool)
     for frame in readings.contacts:
         known |= carriers(robot, frame)

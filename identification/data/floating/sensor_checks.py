@@ -12,15 +12,12 @@ from itertools import permutations, product
 import numpy as np
 
 from identification.data.floating.base_columns import carriers
-from identification.data.floating.filtered_base import filtered_base
+from identification.data.floating.detected_contacts import torque_rest
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import BaseReadings, Fault, Recording
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.moving_base import place_on_base
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
-from phantom_dyn.signals.splines import quintic_derivatives
 
 Array = np.ndarray
 
@@ -41,8 +38,6 @@ _ONE = 0.05
 _SPINS, _FAR = 0.5, 0.05
 """Turning [rad/s] that a gyroscope says and gravity does not show, and the share of its squares that degrees leave of
 what any axes and signs leave: nobody spins a robot whose accelerometer sees nothing of it."""
-_STEPS_HZ = 20.0
-"""Edge below which torques of swings and of stances differ [Hz]."""
 _PER_G = 9.80665
 _DEGREE = np.pi / 180
 _WORSE = 1.5
@@ -63,7 +58,7 @@ def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tup
     said, wrong = _gyroscope(recording, base, robot, rate)
     if said or wrong:
         return said, wrong
-    return _contacts(recording, base, robot, rate), ()
+    return _contacts(recording, base, robot), ()
 
 
 def _specific_force(
@@ -152,17 +147,11 @@ def _axes_words(matrix: list[list[float]]) -> str:
     return f"with {words[0]}, {words[1]} and {words[2]} of the gyroscope in the axes of the root, not x, y and z,"
 
 
-def _contacts(recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float) -> tuple[str, ...]:
+def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[str, ...]:
     """Frames whose flag says the contrary of what torques say."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
-    t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
-    both = np.column_stack([np.interp(t, recording.t, x) for x in (*recording.q.T, *recording.tau.T)])
-    edge = min(_STEPS_HZ, 0.2 * rate_hz)
-    both = low_passed(both, edge, rate_hz, order=4, padding=min(int(3 * rate_hz / edge), len(t) - 1))
-    q, tau = np.hsplit(both, 2)
-    there = filtered_base(recording, robot, t, rate_hz, edge)
-    rest = np.abs(tau - inverse_dynamics(robot, Motion(t, q, *quintic_derivatives(q, rate_hz), base=there)))
+    t, rest = torque_rest(recording, robot)
     out = []
     for frame, values in base.contacts.items():
         touches = np.interp(t, recording.t, values) > 0.5

@@ -67,7 +67,6 @@ def test_a_robot_that_is_bolted_down_does_not_use_them_and_says_so(tmp_path):
         ({f"sf__trunk__{axis}": None for axis in "xyz"}, r"no columns sf\.<frame>.*: add what its accelerometer"),
         ({"w__imu__y": None}, r"no column w\.imu\.y: the angular velocity of a gyroscope needs its three axes"),
         ({f"w__trunk__{axis}": T for axis in "xyz"}, r"has w\. of imu, trunk: give that of one frame on the base"),
-        ({"contact__foot": None}, r"no column contact\.<frame>, .*0 throughout if the robot hangs"),
         ({"contact__toe": T * 0}, r"column contact\.toe: leg has no frame of that name that a joint moves: .*foot"),
         ({"contact__imu": T * 0}, r"column contact\.imu: leg has no frame of that name that a joint moves"),
         ({"contact__foot": T}, r"column contact\.foot is 0\.01 at t = 0\.01 s, wanted 0 or 1: a force is no contact"),

@@ -1,0 +1,123 @@
+# pyright: reportAttributeAccessIssue=false
+"""Contacts that no column states, detected from torques: a foot that carries weight asks for more than the model does.
+
+A detector knows less than a switch in the foot: a model that is wrong by as much as a light touch looks like one. So
+contacts reach a little beyond what is detected, and a sentence says that they were.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.floating.base_columns import carriers
+from identification.data.floating.filtered_base import filtered_base
+from identification.data.recording import Recording
+from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.signals.recursive import low_passed
+from phantom_dyn.signals.splines import quintic_derivatives
+from phantom_dyn.signals.windows import highest
+
+Array = np.ndarray
+
+_STEPS_HZ = 20.0
+"""Edge below which torques of swings and of stances differ [Hz]."""
+_MARGIN = 0.04
+"""[s] By which a contact reaches beyond what is detected on both sides, as the edge blurs it."""
+_APART = 4.0
+"""Ratio of high to low torque levels of a leg from which on it swings and stands."""
+_LEVELS = (10.0, 90.0)
+"""Percentiles that are the two levels."""
+_LEANS = 0.05
+"""Share of the robot's weight on a stretched leg from whose torque on a leg of one level stands."""
+
+
+def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
+    """Uniform times, and by how much the torques differ from those that the model foretells without contacts.
+
+    Args:
+        recording: Of a base that is not bolted down, with torques.
+        robot: The given model.
+    """
+    assert recording.tau is not None
+    rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
+    t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
+    both = np.column_stack([np.interp(t, recording.t, x) for x in (*recording.q.T, *recording.tau.T)])
+    edge = min(_STEPS_HZ, 0.2 * rate)
+    both = low_passed(both, edge, rate, order=4, padding=min(int(3 * rate / edge), len(t) - 1))
+    q, tau = np.hsplit(both, 2)
+    there = filtered_base(recording, robot, t, rate, edge)
+    return t, np.abs(tau - inverse_dynamics(robot, Motion(t, q, *quintic_derivatives(q, rate), base=there)))
+
+
+def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
+    """The recording with a contact of each leg, where no column states any.
+
+    Args:
+        recording: As it was read.
+        robot: The given model.
+
+    Raises:
+        LogError: If there is no torque to detect contacts from.
+    """
+    base = recording.base
+    if base is None or base.contacts:
+        return recording
+    if recording.tau is None:
+        raise LogError(
+            f"{recording.file} has neither a column contact.<frame> nor torques to detect contacts from, and "
+            f"{robot.name} is not bolted down (base: floating): add one for every foot, 1 while it touches something "
+            "and 0 while it does not (0 throughout if the robot hangs)."
+        )
+    t, rest = torque_rest(recording, robot)
+    rate, weight = (len(t) - 1) / (t[-1] - t[0]), _weight(robot)
+    contacts = {}
+    for frame, length in _legs(robot).items():
+        largest = rest[:, carriers(robot, frame)].max(axis=1)
+        touches = highest(_stands(largest, weight * length), 2 * max(1, round(_MARGIN * rate)) + 1)
+        contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)
+    shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
+    said = (
+        f"{recording.file} has no column contact.<frame>: contacts were detected from torques, so much of the time: "
+        f"{shares}. Add what the feet measure if you have it: a light touch is not told from a wrong model."
+    )
+    return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, said))
+
+
+def _stands(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
+    """True while a leg stands, by the largest torque that its model does not foretell.
+
+    Args:
+        largest: Of its joints.
+        torque: That of the robot's weight on the stretched leg.
+    """
+    low, high = np.percentile(largest, _LEVELS)
+    if high > _APART * low and high > _LEANS * torque:
+        return largest > np.sqrt(max(low, 1e-9) * high)
+    return np.full(len(largest), bool(np.median(largest) > _LEANS * torque))
+
+
+def _weight(robot: Robot) -> float:
+    """Of all bodies, the base included [N]."""
+    mass = sum(float(inertia.mass) for inertia in robot.model.inertias)
+    return mass * float(np.linalg.norm(robot.model.gravity.linear))
+
+
+def _legs(robot: Robot) -> dict[str, float]:
+    """A frame at the end of each leg, and the length of the leg [m]."""
+    model, out = robot.model, {}
+    ends = [joint for joint in range(1, model.njoints) if len(model.children[joint]) == 0]
+    for joint in ends:
+        frames = [frame for frame in model.frames if frame.parentJoint == joint]
+        last = max(frames, key=lambda frame: float(np.linalg.norm(frame.placement.translation)))
+        length = float(np.linalg.norm(last.placement.translation))
+        while joint > 0:
+            length += float(np.linalg.norm(model.jointPlacements[joint].translation)) if model.parents[joint] else 0.0
+            joint = model.parents[joint]
+        out[last.name] = length
+    return out
