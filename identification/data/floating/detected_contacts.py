@@ -84,7 +84,7 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
     shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
     said = (
         f"{recording.file} has no column contact.<frame>: contacts were detected from torques, so much of the time: "
-        f"{shares}. Add what the feet measure if you have it: a light touch is not told from a wrong model."
+        f"{shares}. Add what the feet measure if you have it: a light touch looks like a wrong model."
     )
     return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, said))
 
