@@ -7,6 +7,7 @@
 #   make wheel  the wheel, checked, and used where nothing else is installed
 #   make lowest the tests with the lowest versions that pyproject.toml allows [LOWEST=tests/phantom_dyn]
 #   make docs   the documentation site, into docs/_build/html
+#   make papers the pages of docs/papers: what four papers state beside what is computed
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make fuzz [MINUTES=10] [SEED=1] [ONLY=]       hostile files until the time is over; failures go to fuzz_failures/
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
@@ -32,7 +33,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test nightly lint wheel lowest bench blind drake speed mutants fuzz docs lock clean setup tools
+.PHONY: demo test nightly lint wheel lowest bench blind drake speed mutants fuzz docs papers lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -85,6 +86,9 @@ fuzz: setup
 docs: setup
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "The site is docs/_build/html/index.html"
+
+papers: setup
+	@$(BIN)/python examples/paper_pages.py
 
 setup: $(STAMP)
 

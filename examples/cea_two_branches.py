@@ -16,10 +16,12 @@ from identification.export.log_and_map_files import write_map
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cable_friction import CableFriction, rescaled
-from phantom_dyn.devices.cea import FRICTION_TESTS
+from phantom_dyn.devices.cea import FRICTION_TESTS, LENGTHS, LinkLengths, tip_position
 from phantom_dyn.devices.cea_rods import Rods, branch_with_rods_urdf, branch_with_rods_yaml
 from phantom_dyn.devices.cea_two_branches import (
+    PLATFORM,
     POSTURE,
+    Platform,
     motor_slope,
     shared_torque,
     two_branches_urdf,
@@ -34,6 +36,7 @@ from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
+SEED = 3
 GRID = "q.upper_q2=-0.5:0:21,q.lower_q2=-0.5:0:21"
 QUANTITIES = ("manipulability", "apparent_mass", "coulomb_force", "gravity_force")
 
@@ -64,6 +67,7 @@ def show_device(robot: Robot, rng: np.random.Generator) -> None:
     _, place = frame_pose(robot, q, "tip")
     print(f"{robot.nv} joints position it, {len(robot.passive_names)} follow; the handle moved within", end=" ")
     print(" x ".join(f"{1e3 * span:.0f}" for span in np.ptp(place, axis=0)), "mm")
+    print("the platform turns by", ", ".join(f"{angle:.0f} degrees about {axis}" for axis, angle in turns().items()))
     found, equations = rank(robot, Motion(np.arange(400.0), q, *rng.normal(size=(2, 400, 6))))
     print(f"{found} inertial base parameters: 21 of each branch, {found - 42} of platform and handle; among them")
     print("  " + next(line for line in equations if line.startswith("lower_link1.IzzR")))
@@ -72,6 +76,35 @@ def show_device(robot: Robot, rng: np.random.Generator) -> None:
     print(
         "gravity at the posture, shared by the motors:", ", ".join(f"{1e3 * torque:.2g}" for torque in shared), "mN m"
     )
+
+
+def turns(platform: Platform = PLATFORM) -> dict[str, float]:
+    """How far the platform turns about x and z of the base while its upper end stays at the posture [deg].
+
+    Counted from upright to either side until the lower branch does not reach its end, or comes within 10 degrees of a
+    stretched or folded arm. Links and handle may pass through each other: neither shapes nor stops are published. About
+    its own axis the handle turns without a limit.
+    """
+    arm, forearm = POSTURE[:2]
+    place = tip_position(np.array([[0.0, arm, forearm]]))[0]
+    down, out = np.array([0.0, -1.0, 0.0]), {}
+    least, most = (np.hypot(*_triangle(LENGTHS, np.deg2rad(bend))) for bend in (170.0, 10.0))
+    # Joint `swing` turns about x: its universal joint is singular at a quarter of a turn. Joint `tilt` turns about z.
+    for name, axis, limit in (("x", np.array([1.0, 0.0, 0.0]), 90.0), ("z", np.array([0.0, 0.0, 1.0]), 180.0)):
+        angles, reached = np.deg2rad(np.arange(0.0, limit + 0.25, 0.5)), []
+        for side in (1, -1):
+            cosine, sine = np.cos(angles)[:, None], np.sin(side * angles)[:, None]
+            end = place + platform.length * ((cosine - 1) * down + sine * np.cross(axis, down))
+            r = np.linalg.norm(end, axis=1)
+            missed = np.flatnonzero((r < least) | (r > most))
+            reached.append(angles[missed[0] - 1] if len(missed) else angles[-1])
+        out[name] = float(np.rad2deg(sum(reached)))
+    return out
+
+
+def _triangle(lengths: LinkLengths, bend: float) -> tuple[float, float]:
+    """Tip of a branch whose forearm is bent by an angle from its arm, in the axes of the arm [m]."""
+    return lengths.d3 + lengths.d4 * float(np.cos(bend)), lengths.d4 * float(np.sin(bend))
 
 
 def show_maps(robot: Robot, folder: Path) -> None:
@@ -84,9 +117,10 @@ def show_maps(robot: Robot, folder: Path) -> None:
         print(f"wrote {path}")
 
 
-def show_rods(folder: Path, rng: np.random.Generator) -> None:
-    print("inertial base parameters of the upper branch with the piece at its elbow, by where its rods have their feet")
-    along, away = (0.05, 0.0, 0.0), (0.0, 0.05, 0.0)
+def rods_by_feet(folder: Path) -> dict[str, int]:
+    """Inertial base parameters of the upper branch with the piece at its elbow, by where its rods have their feet."""
+    rng, along, away = np.random.default_rng(SEED), (0.05, 0.0, 0.0), (0.0, 0.05, 0.0)
+    found = {}
     for words, rods in (
         ("no rods", Rods(None, None)),
         ("one rod, 50 mm along X1", Rods(along, None)),
@@ -94,7 +128,13 @@ def show_rods(folder: Path, rng: np.random.Generator) -> None:
         ("both rods, 50 mm across X1", Rods(away, away)),
     ):
         robot = written(folder, branch_with_rods_urdf(rods), branch_with_rods_yaml(rods))
-        found, _ = rank(robot, Motion(np.arange(150.0), *rng.uniform(-2.0, 2.0, (3, 150, 3))))
+        found[words], _ = rank(robot, Motion(np.arange(150.0), *rng.uniform(-2.0, 2.0, (3, 150, 3))))
+    return found
+
+
+def show_rods(folder: Path) -> None:
+    print("inertial base parameters of the upper branch with the piece at its elbow, by where its rods have their feet")
+    for words, found in rods_by_feet(folder).items():
         print(f"  {words:<26} {found}")
 
 
@@ -112,11 +152,11 @@ def show_pretension(rng: np.random.Generator) -> None:
 
 
 def main(folder: Path) -> None:
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(SEED)
     robot = written(folder / "two_branches", two_branches_urdf(), two_branches_yaml())
     show_device(robot, rng)
     show_maps(robot, folder)
-    show_rods(folder / "with_rods", rng)
+    show_rods(folder / "with_rods")
     show_pretension(rng)
 
 

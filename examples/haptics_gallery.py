@@ -257,20 +257,33 @@ def teleoperation() -> Figure:
     return figures.loop_traces_figure(traces, title=title)
 
 
-def sticking_friction() -> Figure:
-    axis = CheapAxis(friction=StickingFriction(2.0, 100e-6, 5e-3))
-    t = np.arange(2000) / 1000.0
+FRICTION_OF_FIGURE_8 = StickingFriction(2.0, 100e-6, 5e-3)
+PLAY_OF_FIGURE_9 = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3)
+
+
+def creeping_probe(rate: float = 1000.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times and positions of a probe that slows down, creeps on, turns and speeds up again."""
+    t = np.arange(round(2.0 * rate)) / rate
     corners = [0.0, 0.3, 0.4, 0.6, 0.7, 1.2, 1.5, 2.0]
     v = np.interp(t, corners, [0.05, 0.05, 1e-4, 1e-4, -1e-3, -1e-3, -0.05, -0.05])
-    x = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / 1000.0)])
+    return t, np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / rate)])
+
+
+def swinging_probe(rate: float = 1000.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times and positions of a probe that swings by 10 mm at 0.7 Hz."""
+    t = np.arange(round(3.0 * rate)) / rate
+    return t, -0.01 * np.cos(2 * np.pi * 0.7 * t)
+
+
+def sticking_friction() -> Figure:
+    axis = CheapAxis(friction=FRICTION_OF_FIGURE_8)
+    t, x = creeping_probe()
     return figures.sticking_figure(t, x, rendered(axis, t, x, 0 * x), axis)
 
 
 def backlash() -> Figure:
-    axis = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3)
-    t = np.arange(3000) / 1000.0
-    x = -0.01 * np.cos(2 * np.pi * 0.7 * t)
-    return figures.backlash_figure(t, x, rendered(axis, t, x, 0 * x), axis)
+    t, x = swinging_probe()
+    return figures.backlash_figure(t, x, rendered(PLAY_OF_FIGURE_9, t, x, 0 * x), PLAY_OF_FIGURE_9)
 
 
 def cheap_axis() -> Figure:

@@ -13,8 +13,8 @@ are misprints: the noise is :math:`E(\rho \rho^T) = \sigma^2 I` in (4), and (5) 
 
 At the tip, (18): :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}`,
 :math:`F_{cop} = J^{-T} F_c` at chosen postures. Maps of the robot file are in `phantom_dyn.maps`; here the lengths are
-free, as the source gives neither them nor its posture. So the published ranges can be matched in size but its Figures 8
-and 9 cannot be redrawn.
+free, as the source gives neither them nor its posture. So the published ranges can be matched in size, and Figures 8
+and 9 be drawn about a posture that has them (``examples/cea_figures.py``), but not redrawn.
 """
 
 from __future__ import annotations

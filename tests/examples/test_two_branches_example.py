@@ -28,6 +28,13 @@ def test_it_moves_within_the_published_workspace(out):
     assert min(map(int, found.groups())) > 200
 
 
+def test_its_platform_turns_by_more_than_is_published(out):
+    """Published: over 150 degrees about any axis. A universal joint has half a turn between its singularities."""
+    found = re.search(r"the platform turns by (\d+) degrees about x, (\d+) degrees about z", out)
+    assert found
+    assert [int(angle) for angle in found.groups()] == [180, 360]
+
+
 def test_each_rod_has_one_parameter(out):
     """Published: one parameter per rod."""
     assert re.findall(r"^  (?:no|one|both) rods?.*? (\d+)$", out, flags=re.MULTILINE) == ["22", "23", "24", "22"]
