@@ -61,7 +61,7 @@ class Diagnosis:
 
     @property
     def minor(self) -> tuple[results.Finding, ...]:
-        """Effects that are seen and too small or too uncertain to matter."""
+        """Effects that are seen and too small to matter."""
         return self.result.minor
 
     @property

@@ -32,7 +32,7 @@ from identification.excitation.excite import PlannedRecording
 from identification.excitation.excite import excite as designed
 from identification.excitation.limits import limits_of
 from identification.excitation.motion_shapes import FourierSeries
-from identification.export.corrected.corrected_yaml import known_effects, with_model_error
+from identification.export.corrected.corrected_yaml import known_model
 from identification.identify.identified_model import JointTerms, friction_terms
 from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
@@ -167,8 +167,7 @@ def diagnose(
         EffectError: If an effect of your own cannot be used.
     """
     loaded = with_user_effects(robot_of(robot, recordings), effects)
-    files = tuple(Path(file) for file in paths_of(known, "known"))
-    added, loaded = known_effects(files, loaded), with_model_error(loaded, files)
+    added, loaded = known_model(tuple(Path(file) for file in paths_of(known, "known")), loaded)
     if changes is not None:
         return diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, in_words(progress))
     return diagnosis_of_recordings(

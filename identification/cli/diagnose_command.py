@@ -148,7 +148,7 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
 def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
     """One diagnosis of all recordings."""
     from identification.export.all_files import not_written
-    from identification.export.corrected.corrected_yaml import known_effects, with_model_error
+    from identification.export.corrected.corrected_yaml import known_model
     from identification.pipeline import with_next_experiment
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
     from identification.reporting.stored.diagnosis_files import check_targets, write_outputs
@@ -159,8 +159,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     times = StageTimes() if arguments.profile else None
     with Progress(Stage.READING, sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        files = tuple(Path(path) for path in arguments.known)
-        known, robot = known_effects(files, robot), with_model_error(robot, files)
+        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot)
         if arguments.recordings is None and arguments.changed is None:
             answer = _answer_of_logs(arguments, robot, known, excluded, progress)
         else:
@@ -174,7 +173,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
             diagnosis = with_next_experiment(answer, progress.show)
         del answer  # the columns of its explanation take most of the memory
         progress.show(Announcement(Stage.WRITING))
-        diagnosis = replace(diagnosis, command=getattr(arguments, "command", ""))
+        diagnosis = replace(diagnosis, command=arguments.command)
         written = write_outputs(
             diagnosis,
             robot,
@@ -295,7 +294,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from identification.batch.batch_tables import table, write_tables
     from identification.batch.diagnose_each import diagnose_each
     from identification.data.reading import ReadOptions
-    from identification.export.corrected.corrected_yaml import known_effects, with_model_error
+    from identification.export.corrected.corrected_yaml import known_model
     from identification.reporting.stored.diagnosis_files import check_targets
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
@@ -303,11 +302,11 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     check_targets(arguments.out, arguments.json, given_files(arguments))
     with Progress(Stage.LOADING, sys.stderr, stages=BATCH) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        files = tuple(Path(path) for path in arguments.known)
+        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot)
         result = diagnose_each(
-            with_model_error(robot, files),
+            robot,
             arguments.logs,
-            known=known_effects(files, robot),
+            known=known,
             reading=ReadOptions(arguments.columns, arguments.topic, arguments.ref_topic, excluded, arguments.anyway),
             out=arguments.out,
             jobs=arguments.jobs,

@@ -250,8 +250,8 @@ def recording(
     require_frames(robot, forces)
     positions, orientations = _poses(table, robot)
     warnings = [*table.warnings, *_require_joints(table, robot), *unknown_words(table.file, robot)]
-    base, told = base_readings(table, robot, {quantity: _of_frames(table, quantity) for quantity in ("w", "sf")})
-    warnings += told
+    base, said = base_readings(table, robot, {quantity: _of_frames(table, quantity) for quantity in ("w", "sf")})
+    warnings += said
     optional = {}
     for key, quantity in _OPTIONAL.items():
         optional[key], sentences = _complete(table, quantity, joints)

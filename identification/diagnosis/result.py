@@ -316,7 +316,7 @@ class Judgement:
         notes: Notes on the findings.
         bursts: Events that nothing in the state foretells, in the order of time.
         gap: What the findings close together.
-        minor: Effects that are seen but too small or too uncertain to matter.
+        minor: Effects that are seen but too small to matter.
         numbers: Sets of numbers for the files of the corrected model.
         ledger: What was claimed at any time, and the best that never were, with the gates that each met.
     """

@@ -44,9 +44,9 @@ class Penalty:
 class _Cost:
     """Cost of weights for a line search, which may step to where loops cannot be closed and no cost exists.
 
-    There it is told the parabola that begins where the line begins, with its cost and slope, and has its least value at
-    a quarter of the step: the next trial is shorter by about that. A cost that is merely large would shorten the step
-    to nothing, and end the descent.
+    There the cost is that of a parabola with the cost and slope at which the line begins, whose least value lies at a
+    quarter of the step: the next trial is shorter by about that. A cost that is merely large would shorten the step to
+    nothing, and end the descent.
     """
 
     def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):

@@ -16,8 +16,8 @@ from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
-from identification.gates.in_band import gap_is_there, torque_is_there, visible
-from identification.gates.least_size import closes_for_sure, large_enough
+from identification.gates.in_band import closes_for_sure, gap_is_there, torque_is_there, visible
+from identification.gates.least_size import large_enough
 from identification.gates.moved_joints import shown_above_noise, shown_by_motion
 from identification.gates.over_blocks import in_enough_blocks
 from identification.gates.possible import possible_size
@@ -36,6 +36,7 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     gap_is_there,
     shown_by_motion,
     visible,
+    closes_for_sure,
     shown_above_noise,
     differs_from_simpler,
     both_are_there,
@@ -45,7 +46,6 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     coarser_than_stated,
     rounding_matters,
     large_enough,
-    closes_for_sure,
     beyond_the_gain,
 )
 """All gates in the order in which a claim meets them: those of the search, of the judged band, of rivals, of size."""

@@ -1,4 +1,4 @@
-"""The gates of size: what passes them is a finding, what does not is listed as minor."""
+"""The gate of size: what passes is a finding, what does not is listed as minor."""
 
 from __future__ import annotations
 
@@ -20,14 +20,3 @@ def large_enough(gap_closed: float, floors: float) -> GateResult:
         (floors, contract_levels.MINOR_FLOORS, "floors"),
     )
     return easiest("large enough", ways)
-
-
-def closes_for_sure(least: float) -> GateResult:
-    """Does it close some of the gap on held-out data, whichever blocks of them count?
-
-    What fits need may be noise of the few blocks that hold most of the gap.
-
-    Args:
-        least: Lower end of the interval of the gap that it closes.
-    """
-    return GateResult("closes for sure", least, 0.0, "of the gap", least > 0.0)

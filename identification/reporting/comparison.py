@@ -220,7 +220,7 @@ def _listed(value: float | list[float]) -> list[float]:
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
     """What a diagnosis says of an effect that is not among its findings."""
     if any(_place(finding) == at for finding in diagnosis.minor):
-        return "seen, but too small or too uncertain to matter"
+        return "seen, but too small to matter"
     for finding in diagnosis.findings:
         for rival in finding.rivals:
             if at in rival.effects:

@@ -112,7 +112,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
         names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
-        out.append(f"Also visible, too small or too uncertain to matter: {names}.")
+        out.append(f"Also visible, too small to matter: {names}.")
     if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
         count = len(diagnosis.adjusted)
         out.append(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance.")

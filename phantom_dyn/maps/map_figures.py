@@ -161,9 +161,9 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
     values = panel.values if panel.values.ndim == 2 else panel.values[panel.values.shape[0] // 2]
     across, up = (second, first) if grid.names[first] == "y" else (first, second)
     values = values if up == first else values.T
-    told = "no point can be reached" if min(values.shape) < 2 or not np.isfinite(values).any() else ""
-    if told or not np.nan_to_num(values).any():
-        ax.text(0.5, 0.5, told or "zero wherever a point can be reached", ha="center", transform=ax.transAxes)
+    empty = "no point can be reached" if min(values.shape) < 2 or not np.isfinite(values).any() else ""
+    if empty or not np.nan_to_num(values).any():
+        ax.text(0.5, 0.5, empty or "zero wherever a point can be reached", ha="center", transform=ax.transAxes)
         ax.set_xticks([])
         ax.set_yticks([])
         return

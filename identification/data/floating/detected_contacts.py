@@ -38,7 +38,7 @@ _LEANS = 0.05
 
 
 def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Uniform times, and by how much the torques differ from those that the model foretells without contacts.
+    """Uniform times, and the differences between the torques and those of the model without contacts.
 
     Args:
         recording: Of a base that is not bolted down, with torques.

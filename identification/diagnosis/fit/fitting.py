@@ -13,10 +13,10 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, led_into_cone, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, bodies_of_terms, places_among
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
-from identification.engine.fits.minimum import Minimum, minimum_of
+from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Float, Int
 
@@ -25,8 +25,6 @@ Array = np.ndarray
 
 # Torque asked for over torque needed below which a row would vanish from a fit.
 _LEAST_GAIN = 0.02
-# Squared deviations that bodies which can exist cost, up to which all folds go the same way to them.
-_LITTLE_DENIED = 10.0
 
 
 @dataclass(frozen=True)
@@ -332,8 +330,8 @@ def _fit_linear(
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     denied = -found.objective
     way = None if near.led is None or held_out is not None else near.led[kept]
-    free, places = found.x, _places(bodies, kept)
-    found = _with_possible_bodies(found, square, line, precision, (lower, upper), folds, places, way)
+    free, places = found.x, places_among(kept, bodies)
+    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places, way)
     denied += found.objective
     theta, led = np.zeros(len(problem.precision)), near.led
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
@@ -349,67 +347,6 @@ def _fit_linear(
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied, led)
-
-
-def _places(bodies: tuple[Body, ...], kept: Int[Array, " n"]) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Bodies with the places of their changes among what is fitted."""
-    # A load's columns come last, so that what is fitted is not in the order of its columns.
-    order = np.argsort(kept)
-    return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
-
-
-def _with_possible_bodies(
-    found: Minimum,
-    square: Float[Array, "n n"],
-    line: Float[Array, " n"],
-    precision: Float[Array, " n"],
-    bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
-    folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
-    bodies: list[tuple[Body, Int[Array, " 10"]]],
-    way: Float[Array, " n"] | None,
-) -> Minimum:
-    """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
-
-    A fit whose bodies exist is the best of all that do, so that nothing is computed there. Where the data hardly show
-    what is impossible, the way to bodies that can exist hardly changes: fits without a fold take that of all blocks.
-
-    Args:
-        found: The fit without that limit.
-        square: Columns times columns.
-        line: Columns times residual.
-        precision: Prior precision of each coefficient.
-        bounds: Of each coefficient.
-        folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
-        bodies: Bodies with the places of their changes.
-        way: From a similar fit to one whose bodies can exist, None to search for the nearest one.
-    """
-
-    def exist(x: Float[Array, " n"]) -> bool:
-        return all(body.exists(x[at]) for body, at in bodies)
-
-    if not bodies:
-        return found
-    with_prior = square + np.diag(precision)
-    x, objective = found.x, found.objective
-    if not exist(x):
-        before = _loss_of(with_prior, line, x)
-        led = None if way is None or not way.any() else led_into_cone(x, way, bounds, bodies)
-        if led is None or _loss_of(with_prior, line, led) - before > _LITTLE_DENIED:
-            led = possible_minimum(with_prior, line, bounds, x, bodies)
-        x = led
-        objective += _loss_of(with_prior, line, x) - before
-    little, without = objective - found.objective < _LITTLE_DENIED, found.without.copy()
-    for k in range(len(without)):
-        if folds is not None and not exist(without[k]):
-            led = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
-            less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led is None else led
-    return Minimum(x, objective, without)
-
-
-def _loss_of(a: Float[Array, "n n"], b: Float[Array, " n"], x: Float[Array, " n"]) -> float:
-    """Loss of coefficients, up to what no coefficient changes."""
-    return float(x @ a @ x - 2.0 * b @ x)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:

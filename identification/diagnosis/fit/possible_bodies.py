@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
+from identification.engine.fits.minimum import Minimum
 from identification.engine.numerics.bounded import bounded_solve, solve
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, pseudo_inertia, reference_body
 from phantom_dyn.array_types import Float, Int
@@ -35,6 +36,8 @@ _WIDER, _THINNEST = 1.5, 0.5
 _SOME_LENGTH = 0.3
 # Accuracy of the solver, in squared deviations and of the cone.
 _ACCURACY = 1e-6
+# Squared deviations that bodies which can exist cost, up to which similar fits go the same way to them.
+_LITTLE_DENIED = 10.0
 # Times that the other coefficients are found again beside the bodies.
 _ROUNDS = 4
 # Parts of a way into the cone that are tried, the closest about its end.
@@ -121,6 +124,67 @@ def _given(robot: Robot, index: int) -> Reference:
 def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
     """Names of the bodies that cannot exist with these coefficients of all columns."""
     return tuple(body.name for body in bodies if not body.exists(theta[list(body.columns)]))
+
+
+def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
+    """Bodies with the places of their changes among what is fitted."""
+    # A load's columns come last, so that what is fitted is not in the order of its columns.
+    order = np.argsort(kept)
+    return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
+
+
+def among_possible_bodies(
+    found: Minimum,
+    square: Float[Array, "n n"],
+    line: Float[Array, " n"],
+    precision: Float[Array, " n"],
+    bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
+    folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
+    bodies: list[tuple[Body, Int[Array, " 10"]]],
+    way: Float[Array, " n"] | None,
+) -> Minimum:
+    """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
+
+    A fit whose bodies exist is the best of all that do, so that nothing is computed there. Where the data hardly show
+    what is impossible, the way to bodies that can exist hardly changes: fits without a fold take that of all blocks.
+
+    Args:
+        found: The fit without that limit.
+        square: Columns times columns.
+        line: Columns times residual.
+        precision: Prior precision of each coefficient.
+        bounds: Of each coefficient.
+        folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
+        bodies: Bodies with the places of their changes.
+        way: From a similar fit to one whose bodies can exist, None to search for the nearest one.
+    """
+
+    def exist(x: Float[Array, " n"]) -> bool:
+        return all(body.exists(x[at]) for body, at in bodies)
+
+    if not bodies:
+        return found
+    with_prior = square + np.diag(precision)
+    x, objective = found.x, found.objective
+    if not exist(x):
+        before = _loss_of(with_prior, line, x)
+        led = None if way is None or not way.any() else led_into_cone(x, way, bounds, bodies)
+        if led is None or _loss_of(with_prior, line, led) - before > _LITTLE_DENIED:
+            led = possible_minimum(with_prior, line, bounds, x, bodies)
+        x = led
+        objective += _loss_of(with_prior, line, x) - before
+    little, without = objective - found.objective < _LITTLE_DENIED, found.without.copy()
+    for k in range(len(without)):
+        if folds is not None and not exist(without[k]):
+            led = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
+            less, other = with_prior - folds[0][k], line - folds[1][k]
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led is None else led
+    return Minimum(x, objective, without)
+
+
+def _loss_of(a: Float[Array, "n n"], b: Float[Array, " n"], x: Float[Array, " n"]) -> float:
+    """Loss of coefficients, up to what no coefficient changes."""
+    return float(x @ a @ x - 2.0 * b @ x)
 
 
 def possible_minimum(

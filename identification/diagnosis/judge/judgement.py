@@ -49,6 +49,9 @@ from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 
+# Share of the samples below which a regime says nothing of a joint.
+_FEW = 0.01
+
 
 def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
@@ -70,8 +73,7 @@ def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Sho
     after = _less(sums(problem, residual), rounding.total)
     bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, left.floor.allowed)
     left_over = unexplained(shown, judge, residual, whole, left.floor.discrepancy)
-    joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
-    joints = tuple(replace(joint, left=pair) for joint, pair in zip(joints, _by_regime(problem, left), strict=True))
+    joints = joint_gaps(problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left))
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
@@ -223,10 +225,19 @@ def _by_regime(problem: Problem, left: _Left) -> tuple[tuple[float, float], ...]
     counted_slow = sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
     shares = np.stack([counted_slow, 1.0 - counted_slow])
     squares = np.stack([part.rms() ** 2 for part in both]) / np.maximum(shares, 1e-12) - left.floor.high**2
-    return tuple(tuple(pair) for pair in np.sqrt(np.where(shares > 0.01, np.maximum(squares, 0.0), 0.0)).T.tolist())
+    # Of a joint that was not judged nothing is known.
+    known = (shares > _FEW) & (squares > 0.0)
+    return tuple((slow_part, moving) for slow_part, moving in np.sqrt(np.where(known, squares, 0.0)).T.tolist())
 
 
-def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after: Sums) -> tuple[JointGap, ...]:
+def joint_gaps(
+    problem: Problem,
+    floor: Floor,
+    before: Sums,
+    within: Sums,
+    after: Sums,
+    by_regime: tuple[tuple[float, float], ...] | None = None,
+) -> tuple[JointGap, ...]:
     """Gap of each joint: of the given model, within its tolerances, and of the corrected model.
 
     Args:
@@ -235,6 +246,7 @@ def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after
         before: What the given model leaves.
         within: What the best moves within its tolerances leave.
         after: What moves and findings leave.
+        by_regime: Of each joint `JointGap.left`; None: not known.
     """
     robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
     out = []
@@ -256,6 +268,7 @@ def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after
                 noise_floor_source=floor.source[j],
                 discrepancy=None if floor.discrepancy is None else float(floor.discrepancy[j]),
                 closed=None if closed is None else float(closed),
+                left=None if by_regime is None else by_regime[j],
             )
         )
     return tuple(out)

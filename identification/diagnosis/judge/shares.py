@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.result import Gap
+from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left
 from identification.engine.resampling import block_counts
@@ -48,6 +50,29 @@ def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]
 def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
     """How often each block is drawn in bootstrap replicates of the gap closed, the same for all that is closed."""
     return block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
+
+
+def least_closed(
+    left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term], floor: Float[Array, " nv"]
+) -> dict[Term, float]:
+    """Lower end of the interval of what each of some effects closes, by a bootstrap of blocks, over what it closes.
+
+    Of near twins the one that is left takes up what the other closes, so that they are not asked.
+
+    Args:
+        left: What a set of them leaves in the judged band.
+        chosen: The effects.
+        floor: Noise floor of each joint.
+    """
+    base, out = left(chosen), {}
+    once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)
+    for term in ordered(chosen):
+        if any(are_near_twins(term, other) for other in chosen):
+            continue
+        without = left(chosen - {term})
+        closed, draws = (without.loss(floor, weights) - base.loss(floor, weights) for weights in (once, drawn))
+        out[term] = float(np.percentile(draws, 2.5) / closed[0]) if closed[0] > 0.0 else -np.inf
+    return out
 
 
 def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:

@@ -52,7 +52,7 @@ class CorrectedEffect:
 
 @dataclass(frozen=True)
 class ModelError:
-    """By how much the corrected model is still wrong on a joint, root mean square beyond noise; no torque to add.
+    """Error of the corrected model on a joint, root mean square beyond noise; no torque to add.
 
     Attributes:
         joint: Which.
@@ -174,25 +174,6 @@ def _model_error(entry: Any, file: str, key: str) -> ModelError:
     return ModelError(text_at(error["joint"], file, f"{key}.joint"), slow, moving, text_at(error["unit"], file, key))
 
 
-def with_model_error(robot: Robot, files: tuple[Path, ...]) -> Robot:
-    """The robot with the error of its model that ``corrected.yaml`` files state, the largest of each joint.
-
-    Raises:
-        ParameterError: If a file names a joint that the robot does not have.
-    """
-    error = np.zeros((robot.nv, 2))
-    for file in files:
-        for one in read_corrected(file).model_error:
-            if one.joint not in robot.joint_names:
-                raise ParameterError(
-                    f"{file}: model_error is of joint '{shortened(one.joint)}', which this robot does not have: "
-                    f"{known_names(one.joint, robot.joint_names, 'joints')}"
-                )
-            row = robot.joint_names.index(one.joint)
-            error[row] = np.maximum(error[row], [one.slow, one.moving])
-    return replace(robot, model_error=error) if error.any() else robot
-
-
 def _effect_entry(effect: CorrectedEffect) -> dict[str, object]:
     return {
         "effect": effect.effect,
@@ -254,8 +235,8 @@ def _adjusted(entry: Any, file: str, key: str) -> Adjusted:
     )
 
 
-def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
-    """All effects of several ``corrected.yaml``, checked against the robot.
+def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:
+    """All effects of several ``corrected.yaml``, and the robot with the largest error that they state of each joint.
 
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
@@ -266,11 +247,26 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
         if places[k] in places[:k]:
             raise UsageError(f"{file} is given twice, and its effects would be added twice: give every model once.")
     out: list[KnownEffect] = []
+    error = np.zeros((robot.nv, 2))
     for file in files:
-        for entry in read_corrected(file).effects:
+        model = read_corrected(file)
+        for entry in model.effects:
             # A load that one file has found, a later one may take off.
             out.append(known_effect(entry, carrying_known(robot, out), file))
-    return tuple(out)
+        for one in model.model_error:
+            if one.joint not in robot.joint_names:
+                raise ParameterError(
+                    f"{file}: model_error is of joint '{shortened(one.joint)}', which this robot does not have: "
+                    f"{known_names(one.joint, robot.joint_names, 'joints')}"
+                )
+            row = robot.joint_names.index(one.joint)
+            error[row] = np.maximum(error[row], [one.slow, one.moving])
+    return tuple(out), replace(robot, model_error=error) if error.any() else robot
+
+
+def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
+    """The effects of `known_model` alone."""
+    return known_model(files, robot)[0]
 
 
 def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:

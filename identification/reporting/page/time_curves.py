@@ -58,19 +58,8 @@ def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     before, after = (evidence.q[:, joint] - q[:, joint] for q in (followed.before, followed.after))
     rows = _kept((evidence.q[:, joint],), (before, after), most)
     stretch, unit = evidence.t[shown_motion(evidence, joint)], position_unit(diagnosis, joint)
-    return {
-        "id": f"positions-{joint}",
-        "torque": f"position [{unit}]",
-        "residual": f"error [{unit}]",
-        "unit": unit,
-        "floor": 0,
-        "view": [float(stretch[0]), float(stretch[-1])],
-        "t": _packed(evidence.t[rows], "<f4"),
-        "starts": _starts(evidence.t, rows),
-        "measured": _scaled(evidence.q[rows, joint]),
-        "before": _scaled(before[rows]),
-        "after": _scaled(after[rows]),
-    }
+    said = {"id": f"positions-{joint}", "torque": f"position [{unit}]", "residual": f"error [{unit}]", "unit": unit}
+    return {**said, "floor": 0, **_numbers(evidence.t, stretch, rows, (evidence.q[:, joint], before, after))}
 
 
 def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
@@ -79,19 +68,19 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     rows = _kept((evidence.tau_measured[:, joint], before, after), (), most)
     # At rest there are few samples, far apart.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
-    return {
-        "id": f"curves-{joint}",
-        "torque": torque_label(diagnosis, joint),
-        "residual": f"residual [{gap.unit}]",
-        "unit": gap.unit,
-        "floor": 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0,
-        "view": [float(stretch[0]), float(stretch[-1])],
-        "t": _packed(evidence.t[rows], "<f4"),
-        "starts": _starts(evidence.t, rows),
-        "measured": _scaled(evidence.tau_measured[rows, joint]),
-        "before": _scaled(before[rows]),
-        "after": _scaled(after[rows]),
-    }
+    said = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
+    floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
+    curves = evidence.tau_measured[:, joint], before, after
+    return {**said, "unit": gap.unit, "floor": floor, **_numbers(evidence.t, stretch, rows, curves)}
+
+
+def _numbers(
+    t: Float[Array, " N"], stretch: Float[Array, " n"], rows: Int[Array, " n"], curves: tuple[Array, Array, Array]
+) -> dict[str, Any]:
+    """The kept rows of a curve that was measured and of two errors, and the stretch that is shown first."""
+    view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
+    kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
+    return {"view": view, "t": _packed(t[rows], "<f4"), "starts": _starts(t, rows), **kept}
 
 
 def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:

@@ -68,7 +68,7 @@ def test_a_finding_that_is_gone_is_shown_with_what_would_have_been_seen(made_up)
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: replace(d, minor=d.findings, findings=()), "seen, but too small or too uncertain to matter"),
+        (lambda d: replace(d, minor=d.findings, findings=()), "seen, but too small to matter"),
         (
             lambda d: replace(d, findings=(), not_testable=(NotTestable("coulomb_friction", "j1", "it rests"),)),
             "not testable there",

@@ -32,7 +32,7 @@ def base_of(message: Any) -> Float[Array, " 10"]:
 
 
 def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapping[str, Array], tuple[str, ...]]:
-    """Columns of the sensor and of contacts, and what is told of them; none where the sensor reads nothing.
+    """Columns of the sensor and of contacts, and a sentence on them; none where the sensor reads nothing.
 
     Args:
         file: The bag, for messages.

@@ -270,8 +270,8 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
         which = "ticks" if messages[0].says.is_tick else "header stamps"
         warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
     based = [message.says.base for message in messages if message.says.base is not None]
-    base, told = base_columns(file, based) if len(based) == len(messages) else ({}, ())
-    warnings += told
+    base, said = base_columns(file, based) if len(based) == len(messages) else ({}, ())
+    warnings += said
     times = received if stamps is None else stamps
     table = RawTable(
         file,

@@ -33,7 +33,7 @@ from identification.diagnosis.search.imitation import (
     of_weights,
     on_a_line,
 )
-from identification.gates.least_size import closes_for_sure, large_enough
+from identification.gates.least_size import large_enough
 from identification.notes import Said
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.effect import Effect
@@ -130,9 +130,8 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         )
         more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(more / floor)))
-        sure = closes_for_sure(float(low))
-        plain.record.kept([term], large, sure)
+        plain.record.kept([term], large)
         if others != chosen - {term}:
             torque = held_out_torque(problem, others, plain.evaluate(others))
-        out.append(FindingWithout(finding, torque, minor=not (large.passed and sure.passed)))
+        out.append(FindingWithout(finding, torque, minor=not large.passed))
     return tuple(out)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import base_parameters
 from identification.engine.numerics.bounded import solve
@@ -47,8 +47,7 @@ def _of(shown: Shown, term: Term) -> Note | None:
     # The symmetric root, which does not turn with the rounding of the matrix as others do.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
-    places = {column: k for k, column in enumerate(term.columns)}
-    bodies = [(body, np.array([places[column] for column in body.columns])) for body in bodies_of_terms(robot, (term,))]
+    bodies = places_among(np.array(term.columns), bodies_of_terms(robot, (term,)))
     precision, anywhere = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, anywhere, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)

@@ -23,6 +23,7 @@ from identification.diagnosis.judge.moved_by_noise import (
     noise_may_make,
     noise_results,
 )
+from identification.diagnosis.judge.shares import least_closed
 from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.rival_sets import Standing, stand
@@ -31,7 +32,7 @@ from identification.diagnosis.search.special_cases import nearest_case, nearest_
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
-from identification.gates.in_band import gap_is_there, visible
+from identification.gates.in_band import closes_for_sure, gap_is_there, visible
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
@@ -56,7 +57,7 @@ def shown_effects(bench: Bench, state: State) -> Shown:
     one should lead, that one is shown whose findings are outdone least, and a finding and the rival that outdoes it
     share what both have.
     """
-    steps = (_gap, _motion, _visible, _noise, _simpler, _part, _searched_again, _rivals)
+    steps = (_gap, _motion, _visible, _sure, _noise, _simpler, _part, _searched_again, _rivals)
     return _until_all_pass(bench, state, steps).looked_at[-1]
 
 
@@ -127,6 +128,14 @@ def _visible(bench: Bench, state: State) -> State:
         return state
     growth = growth_without(bench.left(state.found | state.shown), state.shown)
     return _take_away(bench, state, {term: visible(more) for term, more in growth.items()}, _hide)
+
+
+def _sure(bench: Bench, state: State) -> State:
+    if not state.shown:
+        return state
+    left = bench.left(state.found | state.shown)
+    least = least_closed(left, state.shown, bench.judge_of(state.shown).floor)
+    return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, _hide)
 
 
 def _noise(bench: Bench, state: State) -> State:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings.bench import Bench, State
 from identification.diagnosis.judge.findings.findings import (
     findings_without,
@@ -15,11 +15,12 @@ from identification.diagnosis.judge.findings.findings import (
 )
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.judge.shares import least_closed, left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.engine import contract_levels
 from identification.words.note_words import sentences
 from identification.words.notes_on_findings import _range, _sized
+from phantom_dyn.effects.catalogue import effect_named
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +141,45 @@ def test_a_range_is_told_by_its_ends(plausible, unit, words):
 def test_a_size_is_told_with_its_unit_to_three_digits():
     assert _sized(1.23456, "kg") == "1.23 kg"
     assert _sized(1.23456, "1") == "1.23"
+
+
+def closing(quiet, gains):
+    """Least that friction of the elbow closes, over what it closes, where it takes so much off each block."""
+    term = quiet.term("coulomb_friction", "elbow")
+    counts = np.full((len(gains), 2), 100.0)
+
+    def left(chosen):
+        more = np.zeros(len(gains)) if term in chosen else np.asarray(gains, dtype=float)
+        return Sums(np.column_stack([100.0 + 100.0 * more, np.full(len(gains), 100.0)]), counts)
+
+    return least_closed(left, frozenset([term]), np.ones(2))[term]
+
+
+@pytest.fixture(scope="module")
+def quiet(lab, planar2):
+    motion = lab.motion(2, 3, seconds=20.0)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, np.zeros_like(motion.q)),))
+
+
+def test_what_closes_the_same_in_every_block_closes_it_in_every_draw(quiet):
+    assert closing(quiet, [1.0] * 8) == pytest.approx(1.0)
+
+
+def test_what_closes_in_one_block_alone_opens_nothing_where_that_is_not_drawn(quiet):
+    # By hand: a draw without the block, of which there are (7/8)^8 = 34 %, closes nothing.
+    assert closing(quiet, [8.0, *[0.0] * 7]) == pytest.approx(0.0)
+
+
+def test_what_opens_the_gap_in_many_blocks_is_not_sure(quiet):
+    assert closing(quiet, [6.0, *[-0.5] * 7]) < -0.1
+
+
+def test_what_closes_nothing_is_not_sure_at_all(quiet):
+    assert closing(quiet, [-1.0] * 8) == -np.inf
+
+
+def test_a_near_twin_is_not_asked(quiet):
+    late = quiet.term("viscous_friction", "elbow")
+    twin = replace(late, effect=effect_named("reference_delay"))
+    counts = np.full((4, 2), 100.0)
+    assert least_closed(lambda _: Sums(counts, counts), frozenset([late, twin]), np.ones(2)) == {}

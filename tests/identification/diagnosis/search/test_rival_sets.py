@@ -11,10 +11,10 @@ from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.fair_costs import costs_of
+from identification.diagnosis.search.richer_laws import odds_of_richer
 from identification.diagnosis.search.rival_sets import (
     Standing,
     _with_places,
-    odds_of_richer,
     settled,
     stand,
     with_wide_tolerances,

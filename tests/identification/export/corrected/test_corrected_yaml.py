@@ -15,8 +15,8 @@ from identification.export.corrected.corrected_yaml import (
     corrected_text,
     known_effect,
     known_effects,
+    known_model,
     read_corrected,
-    with_model_error,
     write_corrected,
 )
 from known_effects import EFFECTS_OF_THE_PENDULUM
@@ -209,20 +209,20 @@ def test_a_robot_takes_the_largest_error_of_its_joints(tmp_path):
     files = []
     for k, slow in enumerate(("0.02", "0.05")):
         files.append(tmp_path / f"{k}.yaml")
-        files[-1].write_text(GOOD + ERROR.replace("JOINT", first).replace("0.02", slow))
-    error = with_model_error(robot, tuple(files)).model_error
+        files[-1].write_text(GOOD.replace("j1", first) + ERROR.replace("JOINT", first).replace("0.02", slow))
+    error = known_model(tuple(files), robot)[1].model_error
     assert error is not None
     assert error.tolist() == [[0.05, 0.01], *[[0.0, 0.0]] * (robot.nv - 1)]
-    assert with_model_error(robot, ()).model_error is None
+    assert known_model((), robot)[1].model_error is None
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    ("JOINT", "j9", "which this robot does not have"),
+    ("JOINT", "j9", "model_error is of joint 'j9', which this robot does not have"),
     ("0.02", "-0.02", "wanted a root mean square of 0 or more"),
 ])  # fmt: skip
 def test_a_wrong_error_of_a_model_is_refused(tmp_path, old, new, message):
     robot = load_robot("phantom_1_5")
     text = ERROR.replace(old, new).replace("JOINT", robot.joint_names[0])
-    (tmp_path / "c.yaml").write_text(GOOD + text)
+    (tmp_path / "c.yaml").write_text(GOOD.replace("j1", robot.joint_names[0]) + text)
     with pytest.raises(ParameterError, match=message):
-        with_model_error(robot, (tmp_path / "c.yaml",))
+        known_model((tmp_path / "c.yaml",), robot)

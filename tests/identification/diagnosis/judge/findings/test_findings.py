@@ -33,8 +33,9 @@ def bench_of(prepared) -> Bench:
 
 @pytest.fixture
 def all_visible(monkeypatch):
-    """Every effect is visible, so that the other gates decide."""
+    """Every effect is visible and closes for sure, so that the other gates decide."""
     monkeypatch.setattr(shown_module, "growth_without", lambda left, chosen: dict.fromkeys(chosen, 1.0))
+    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
 def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_visible):
@@ -77,7 +78,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
         return Standing(0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),))
 
     monkeypatch.setattr(shown_module, "stand", next_leads)
-    for step in ("_gap", "_motion", "_visible", "_noise", "_simpler", "_part"):
+    for step in ("_gap", "_motion", "_visible", "_sure", "_noise", "_simpler", "_part"):
         monkeypatch.setattr(shown_module, step, lambda bench, state: state)
     bench = bench_of(rubbing)
     shown = shown_effects(bench, State.of(frozenset(terms[:1])))
