@@ -10,9 +10,13 @@ from matplotlib.figure import Figure
 from identification.experiments.friction_test import FrictionTest
 from identification.experiments.linear_fit import LinearFit
 from identification.experiments.transmission import Loop
+from phantom_dyn.array_types import Float
 from phantom_dyn.haptics.figures.canvas import COLORS, key, panels
 
+Array = np.ndarray
+
 _POINTS = 2000  # drawn of a test
+_ABREAST = 3  # panels in a row
 
 
 def friction_figure(tests: Sequence[FrictionTest]) -> Figure:
@@ -40,22 +44,37 @@ def friction_figure(tests: Sequence[FrictionTest]) -> Figure:
 
 
 def stiffness_figure(joint: str, loops: Sequence[Loop], fit: LinearFit) -> Figure:
-    """Torque of the motor over its position against a held arm, and the fitted stiffness.
+    """Torque of the motor over its position against a held arm, and the fitted stiffness; one panel a recording.
 
     Args:
         joint: Its name.
         loops: As recorded.
         fit: Of `identification.experiments.transmission.fit_transmission`.
     """
-    out, ((ax,),) = panels(1, 1, title=f"{joint} against a held arm", width=7, height=4.5)
-    for k, loop in enumerate(loops):
-        color = COLORS[k % len(COLORS)]
-        ax.plot(1e3 * loop.position, loop.torque, lw=0.8, color=color, label=f"recording {k + 1}")
     ends = np.array([min(loop.position.min() for loop in loops), max(loop.position.max() for loop in loops)])
+    torques = np.array([min(loop.torque.min() for loop in loops), max(loop.torque.max() for loop in loops)])
     (stiffness, _), (offset, _) = fit.value("K"), fit.value("offset")
-    ax.plot(1e3 * ends, stiffness * ends + offset, "k--", lw=1.2, label=f"{stiffness:.4g} {fit.units[0]}")
     linear = fit.units[0] == "N/m"
-    ax.set_xlabel(f"position of the motor [{'mm' if linear else 'mrad'}]")
-    ax.set_ylabel(f"torque of the motor [{'N' if linear else 'N m'}]")
-    key(ax)
+    title = f"{joint} against a held arm; dashed: {stiffness:.4g} {fit.units[0]}"
+    columns = min(len(loops), _ABREAST)
+    rows = -(-len(loops) // columns)
+    out, grid = panels(rows, columns, title=title, width=1.0 + 3.4 * max(columns, 1.8), height=3.2)
+    axes = [ax for row in grid for ax in row]
+    for k, (ax, loop) in enumerate(zip(axes, loops, strict=False)):
+        ax.plot(1e3 * loop.position, loop.torque, lw=0.8, color=COLORS[0])
+        ax.plot(1e3 * ends, stiffness * ends + offset, "k--", lw=1.2)
+        ax.set_xlim(*_widened(1e3 * ends))
+        ax.set_ylim(*_widened(torques))
+        ax.set_title(f"recording {k + 1}, {loop.t[-1] - loop.t[0]:.3g} s", fontsize=9)
+        ax.set_xlabel(f"position of the motor [{'mm' if linear else 'mrad'}]")
+        if k % columns == 0:
+            ax.set_ylabel(f"torque of the motor [{'N' if linear else 'N m'}]")
+    for ax in axes[len(loops) :]:
+        ax.remove()
     return out
+
+
+def _widened(ends: Float[Array, " 2"]) -> tuple[float, float]:
+    """Limits of an axis a little beyond what is drawn."""
+    margin = 0.05 * float(ends[1] - ends[0])
+    return float(ends[0]) - margin, float(ends[1]) + margin

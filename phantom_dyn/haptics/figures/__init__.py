@@ -9,7 +9,6 @@ from phantom_dyn.haptics.figures.device_figures import (
 from phantom_dyn.haptics.figures.experiment_figures import limit_cycles_figure, two_mass_fit_figure
 from phantom_dyn.haptics.figures.improvement_figures import (
     drive_heat_figure,
-    improvements_figure,
     loop_traces_figure,
     velocity_estimators_figure,
 )
@@ -35,7 +34,6 @@ __all__ = (
     "commutation_figure",
     "critical_stiffness_figure",
     "drive_heat_figure",
-    "improvements_figure",
     "limit_cycles_figure",
     "linear_condition_figure",
     "loop_bode_figure",

@@ -1,19 +1,16 @@
-"""The improved electronics of the PHANToM: velocity estimators, heat of drives, gains beside the published ratios."""
+"""The improved electronics of the PHANToM: velocity estimators, heat of drives, loops in time."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from phantom_dyn.haptics.device.drives import PUBLISHED_RISE_LINEAR, PUBLISHED_RISE_PULSES, SwitchedCurrent, Warming
-from phantom_dyn.haptics.figures.canvas import COLORS, MARK, MARKERS, key, panels
+from phantom_dyn.haptics.figures.canvas import COLORS, MARKERS, key, panels
 from phantom_dyn.haptics.sensing.loop_simulation import LoopTrace
 from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures
-from phantom_dyn.haptics.stability.phantom_improvements import Improvement, ModelFigure
-from phantom_dyn.haptics.stability.published_ratios import Explained
 
 Array = np.ndarray
 
@@ -21,65 +18,6 @@ _SHOWN, _SHOWN_STEADY = 0.1, 0.04
 """Ends of the accelerated and of the steady motion that the traces show [s]."""
 _PUBLISHED_AFTER = 600.0
 """Time after which the published rises of the casing were measured [s]."""
-
-
-def improvements_figure(improvements: Sequence[Improvement], explained: Sequence[Explained] = ()) -> Figure:
-    """How much better a quantity became by the improved electronics: published, assumed, and by each model.
-
-    Args:
-        improvements: Results of `phantom_improvements`.
-        explained: Results of `explained_improvements`, as many and in the same order, or none.
-    """
-    title = "PHANToM 1.5, improved over stock: published, under assumptions, and by models alone"
-    rows = [[_published(one), *map(_model, one.models)] for one in improvements]
-    for row, one in zip(rows, explained, strict=False):
-        row.insert(1, _assumed(one))
-    ratios = [ratio for row in rows for _, ratio, _, _ in row if not math.isnan(ratio)]
-    out, axes = panels(len(rows), title=title, width=12, height=1.9, ratios=[len(row) for row in rows])
-    for (ax,), row, one in zip(axes, rows, improvements, strict=True):
-        ax.axvline(one.published_ratio, color=COLORS[1], ls=MARK, lw=1)
-        for k, (name, ratio, says, needs) in enumerate(row):
-            kind = 1 if k == 0 else 2 if name == "under assumptions" else 0
-            if not math.isnan(ratio):
-                ax.plot([1, ratio], [k, k], color=COLORS[kind], lw=2)
-                ax.plot([ratio], [k], MARKERS[kind], color=COLORS[kind], gid=name)
-            ax.text(1.06 * ratio if needs else 1.0, k, needs, va="center", fontsize=8)
-            # Beside the panel, where no curve runs through it.
-            ax.text(1.01, k, says, va="center", fontsize=8, transform=ax.get_yaxis_transform())
-        ax.set_xscale("log")
-        ax.set_xlim(0.95, 1.3 * max(2.0, *ratios))
-        ax.set_xticks([1, 1.5, 2, 3, 5, 10, 20], ["1", "1.5", "2", "3", "5", "10", "20"])
-        ax.grid(False, axis="y")
-        ax.minorticks_off()
-        ax.set_yticks(range(len(row)), [name for name, *_ in row], fontsize=8)
-        ax.set_ylim(len(row) - 0.4, -0.6)
-        ax.set_title(one.quantity, fontsize=9)
-    axes[-1][0].set_xlabel("improved over stock [-]")
-    return out
-
-
-_Row = tuple[str, float, str, str]
-"""Name, ratio, what stands beside the panel, and what is assumed."""
-
-
-def _published(one: Improvement) -> _Row:
-    values = "" if one.published is None else f": {one.published[0]:g} to {one.published[1]:g} {one.unit}"
-    return "published", one.published_ratio, f"{100 * (one.published_ratio - 1):+.0f} %{values}", ""
-
-
-def _assumed(one: Explained) -> _Row:
-    # Where no values are published, the model's stand on nothing but its assumptions.
-    values = "" if one.published is None else f": {one.before:.4g} to {one.after:.4g} {one.unit}"
-    needs = "; ".join(f"{need.says}: {need.value:.3g} {need.unit}" for need in one.assumptions)
-    return "under assumptions", one.ratio, f"{100 * (one.ratio - 1):+.0f} %{values}", needs
-
-
-def _model(model: ModelFigure) -> _Row:
-    if math.isnan(model.ratio):
-        return model.model, model.ratio, _no_answer((model.before, model.after)), ""
-    known = not model.unit.startswith("in the fit")
-    values = f": {model.before:.3g} to {model.after:.3g} {model.unit}" if known else ", units of the fit not stated"
-    return model.model, model.ratio, f"{100 * (model.ratio - 1):+.0f} %{values}", ""
 
 
 def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure:
@@ -196,9 +134,3 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     rise.set_ylabel("rise of the casing [K]")
     key(rise, "lower right")
     return out
-
-
-def _no_answer(pair: tuple[float, float] | None) -> str:
-    if pair is not None and pair[0] == 0:
-        return "no answer: unstable for every gain"
-    return "no answer: stable for every gain" if pair is not None and math.isinf(pair[0]) else "no answer"

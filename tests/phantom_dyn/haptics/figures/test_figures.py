@@ -31,8 +31,6 @@ from phantom_dyn.haptics.stability.force_feedforward import (
     worst_critical_feedforward,
 )
 from phantom_dyn.haptics.stability.passivity import simulate_teleoperation
-from phantom_dyn.haptics.stability.phantom_improvements import Improvement, ModelFigure
-from phantom_dyn.haptics.stability.published_ratios import Assumption, Explained
 
 T = 1e-3
 RIGID = RigidAxis(5.4, 3.5)
@@ -201,25 +199,6 @@ def test_heat_figure_draws_currents_heats_and_rises():
     assert [bar.get_height() for bar in figure.axes[1].patches] == [current.heat, current.heat_linear]
     np.testing.assert_array_equal(line(figure, "pulses")[1], warm.pulses)
     np.testing.assert_array_equal(line(figure, "linear")[1], warm.linear)
-
-
-def test_improvements_stand_beside_the_published_ratio_and_a_model_without_answer_says_so():
-    answer = ModelFigure("model", "N/m", 2.0, 6.0, "")
-    none = ModelFigure("fit", "N/m", 0.0, 0.0, "")
-    one = Improvement("wall", (2e3, 2.7e3), "N/m", 1.35, (answer, none), "")
-    figure = figures.improvements_figure((one,))
-    assert line(figure, "published")[0] == [1.35]
-    assert line(figure, "model")[0] == [3.0]
-    assert any(text.get_text() == "no answer: unstable for every gain" for text in figure.axes[0].texts)
-
-
-def test_what_is_assumed_stands_beside_the_ratio_that_it_gives():
-    answer = ModelFigure("model", "N/m", 0.0, 0.0, "")
-    one = Improvement("wall", (2e3, 2.7e3), "N/m", 1.35, (answer,), "")
-    assumed = Explained("wall", "N/m", (2e3, 2.7e3), 1.35, (Assumption("a late amplifier", 0.175, "ms"),), 2e3, 2.7e3)
-    figure = figures.improvements_figure((one,), (assumed,))
-    assert line(figure, "under assumptions")[0] == [1.35]
-    assert {"a late amplifier: 0.175 ms", "+35 %: 2000 to 2700 N/m"} <= {t.get_text() for t in figure.axes[0].texts}
 
 
 def test_loop_traces_show_both_devices():
