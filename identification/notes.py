@@ -27,6 +27,7 @@ class Code(Enum):
     EVENT = auto()
     POSES_LEFT_OUT = auto()
     SOFT_FRICTION = auto()
+    OPEN_ARRIVAL = auto()
     # Simulated motion.
     RECORDED_PAST_LIMITS = auto()
     RUNS_PAST_LIMIT = auto()

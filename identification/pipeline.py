@@ -10,6 +10,7 @@ import numpy as np
 
 from identification.data.changes import Change
 from identification.data.checks.torque_lag import LagSentence
+from identification.data.drives.arrivals import arrival_notes
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, wrong_with
 from identification.diagnosis.columns.prepared import Prepared, prepared
@@ -203,7 +204,8 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
-    judgement = replace(judgement, notes=(*given.notes, *soft, *judgement.notes))
+    arrivals = arrival_notes(session.robot, session.recordings)
+    judgement = replace(judgement, notes=(*given.notes, *soft, *arrivals, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)

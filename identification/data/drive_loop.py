@@ -85,12 +85,14 @@ def drive_loop(
     if finite.sum() < _FEWEST or not np.ptp(y[finite]) > 0 or not np.ptp(q_ref[finite]) > 0:
         return None
     limit, clipped = _clipping(y, finite)
-    use = finite & ~clipped
-    if use.sum() < _FEWEST:
-        return None
     step = float(np.median(np.diff(t)))
     delays = np.arange(0.0, _LONGEST, step / _PER_STEP)
-    use = _without_bad(t, y, q_ref, q, use, delays, np.inf if limit is None else limit)
+    use = _without_bad(t, y, q_ref, q, finite & ~clipped, delays, np.inf if limit is None else limit)
+    if limit is not None and not _asks_for_more(t, y, q_ref, q, use, clipped, delays):
+        limit, clipped = None, np.zeros(len(y), dtype=bool)
+        use = _without_bad(t, y, q_ref, q, finite, delays, np.inf)
+    if use.sum() < _FEWEST:
+        return None
     errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in delays])
     sums = _sums(errors, y, use)
     gain, delay, rest = _best(sums.sum(axis=0), delays)
@@ -117,7 +119,9 @@ def drive_loop(
     )
 
 
-def read_delays(loops: tuple[DriveLoop | None, ...], nv: int) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+def read_delays(
+    loops: tuple[DriveLoop | None, ...], nv: int, frame: float = 0.0
+) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
     """Least and largest delay of each joint's reference [s] that its loop allows; zero and infinite if none was read.
 
     A computed output says nothing of the drive.
@@ -125,12 +129,13 @@ def read_delays(loops: tuple[DriveLoop | None, ...], nv: int) -> tuple[Float[Arr
     Args:
         loops: Of each joint, or none at all.
         nv: Number of joints.
+        frame: Time [s] for which a reference is held: the one that a reading is of came up to so much earlier.
     """
     least, most = np.zeros(nv), np.full(nv, np.inf)
     for j, loop in enumerate(loops):
         if loop is not None and not loop.computed:
             width = _DEVIATIONS * loop.delay_std
-            least[j], most[j] = max(loop.delay - width, 0.0), loop.delay + width
+            least[j], most[j] = max(loop.delay - width - frame, 0.0), loop.delay + width
     return least, most
 
 
@@ -142,6 +147,25 @@ def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float |
     if there.sum() < _SHARE_AT_LIMIT * finite.sum() or runs < 0.5 * there.sum():
         return None, np.zeros(len(y), dtype=bool)
     return float(np.median(np.abs(y[there]))), there
+
+
+def _asks_for_more(
+    t: Array,
+    y: Array,
+    q_ref: Array,
+    q: Array,
+    use: Bool[Array, " N"],
+    clipped: Bool[Array, " N"],
+    delays: Float[Array, " d"],
+) -> bool:
+    """True if the loop asks for more than is put out where that is largest: at its peak no more is asked for."""
+    if use.sum() < _FEWEST:
+        return True
+    coarse = delays[::_PER_STEP]
+    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
+    gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
+    asked = gain * (np.interp(t - delay, t, q_ref) - q)
+    return bool(np.median(asked[clipped] / y[clipped]) > 1.0 + _NEAR)
 
 
 def _without_bad(

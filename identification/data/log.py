@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,6 +69,8 @@ class Log:
         references: What controllers ask for, where the torque was computed from references; None where it was not.
         touched: True where a joint carries something that touches its surroundings, or may, ``(N, nv)``: its row is not
             judged then. None where nobody knows of contacts.
+        arrival: Torque more with references that arrive one sample later [N m or N], ``(N, nv)``, where voltages were
+            read once while each was held, see `identification.data.drives.arrivals`; None: nowhere.
         base_noise: White noise of gyroscope and accelerometer [rad/s, m/s^2]; None for a base that is bolted down.
     """
 
@@ -85,6 +88,7 @@ class Log:
     references: References | None = None
     touched: Bool[Array, "N nv"] | None = None
     base_noise: tuple[float, float] | None = None
+    arrival: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))
@@ -94,6 +98,15 @@ class Log:
     def samples(self) -> Int[Array, " n"]:
         """Full-rate index of each sample in the band."""
         return self.band.samples(len(self.motion.t))
+
+    def later_references(self, frames: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
+        """Torque more [N m or N] where the references of some joints arrive later, each by a part of a frame."""
+        out = np.zeros_like(self.tau)
+        if self.arrival is not None:
+            for joint, part in frames:
+                row = self.joint_names.index(joint)
+                out[:, row] = part * self.arrival[:, row]
+        return out
 
     @cached_property
     def valid_in_band(self) -> Bool[Array, " n"]:

@@ -13,11 +13,11 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
-from identification.data.duty_cycles import with_voltages
+from identification.data.drives.duty_cycles import with_voltages
+from identification.data.drives.loops_of_drives import computed_from_references, loops_of
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
-from identification.data.loops_of_drives import computed_from_references, loops_of
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import (
     ALONE,
@@ -297,7 +297,7 @@ def recording(
         torque_from=torque_from,
         slowing=slowing,
         loops=loops,
-        references_held=table.references_held,
+        references_held=table.references_held if robot.reference_hold is None else robot.reference_hold == "zoh",
         follows=follows,
         follows_up_to=follows_up_to,
         friction_taken=joints_without(table, robot, "friction"),

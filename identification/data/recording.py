@@ -157,7 +157,7 @@ class Recording:
             differences of positions (back-EMF, damping of a controller), ``(nv,)``: whoever filters the positions
             computes it anew. None: nowhere.
         loops: What regression says of each drive's own loop, None where nothing; empty where nobody looked.
-        references_held: True if the format says that a reference acts from its sample to the next.
+        references_held: True if the format or the robot says that a reference acts from its sample to the next.
         follows: Torque per unit of the reference [N m/rad or N/m] where ``tau`` was computed from references, zero
             elsewhere, ``(nv,)``; None: nowhere.
         follows_up_to: Where that part of the torque is clipped, ``(nv,)``; None with it.

@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.data.compensation import friction_taken
 from identification.data.drive_loop import read_delays
+from identification.data.drives.arrivals import torque_of_arrival
 from identification.data.floating.filtered_base import filtered_base, noise_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.joint_torque import external_torque, voltage_bound
@@ -307,7 +308,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     t, q, tau, valid = uniform(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
     wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
-    if wanted is not None and holds_references(recording, robot):
+    held_references = holds_references(recording, robot)
+    if wanted is not None and held_references:
         held = align_held_torque(wanted)
         sent = _references(recording, robot, t, wanted, q, _on_grid(recording.t, differences(recording), t))
         # The torque was computed with references that act at once.
@@ -342,8 +344,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
     motion = Motion(t, smooth, v, a, base=base)
     found = (q, wanted, external, steps, temperature, references, touched_rows(recording, robot, t))
-    noise = noise_of_base(recording)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, base_noise=noise)
+    more = {"base_noise": noise_of_base(recording), "arrival": torque_of_arrival(recording, robot, t, held_references)}
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, **more)
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
@@ -371,7 +373,8 @@ def _references(
     asked = gain * (q_ref - q) - damping * v
     if robot.torque_hold == "zoh":
         q_ref, asked = align_held_torque(q_ref), align_held_torque(asked)
-    return References(t, q_ref, asked, gain, limits, *read_delays(recording.loops, len(gain)))
+    frame = float(np.median(np.diff(recording.t))) if holds_references(recording, robot) else 0.0
+    return References(t, q_ref, asked, gain, limits, *read_delays(recording.loops, len(gain), frame))
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:

@@ -227,12 +227,15 @@ class FittedNumbers:
         timing: Part of a sample by which the recorded torque is late; it is a property of the recordings.
         softness: Joints whose dry friction turns over as softly as in the simulator of the robot's file, each with how
             much of that softness.
+        arrivals: Joints whose references arrive elsewhere in a frame than their voltages were read, each by how much of
+            a frame.
     """
 
     moves: tuple[Adjusted, ...]
     sizes: dict[tuple[str, str | None], dict[str, Value]]
     timing: float = 0.0
     softness: tuple[tuple[str, float], ...] = ()
+    arrivals: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -159,8 +159,7 @@ def _written(
         if diagnosis.replay is None:
             return None
         fitted = diagnosis.numbers[0] if diagnosis.numbers else FittedNumbers((), {})
-        recorded = (fitted.timing, fitted.softness)
-        return Proof(diagnosis, diagnosis.replay, corrected, known_torques, found, stated, *recorded)
+        return Proof(diagnosis, diagnosis.replay, corrected, known_torques, found, stated, fitted)
 
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)

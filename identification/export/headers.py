@@ -7,28 +7,34 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.file_names import FEEDFORWARD, YAML
 from identification.words.numbers_and_names import number
+from phantom_dyn.errors import listed
 
 _LATE = 0.05  # of a sample: less is hardly seen in the figures
 
 
-def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, *, late: float = 0.0) -> str:
+def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: FittedNumbers) -> str:
     """The text of a file with what it leaves of each joint in its header; as it is where nothing was run.
 
     Args:
         text: Of the file.
         record: What it leaves.
         diagnosis: Gives units and the measured torque.
-        late: Part of a sample by which the recorded torque is late.
+        fitted: How late the recorded torque and references are.
     """
     if not record.rms_left:
         return text
     lines = _table(record, diagnosis)
-    if abs(late) > _LATE:
-        lines.append(f"The recorded torque is {late:.2f} samples late, which is part of these figures and of no file.")
+    if abs(fitted.timing) > _LATE:
+        said = f"The recorded torque is {fitted.timing:.2f} samples late"
+        lines.append(f"{said}, which is part of these figures and of no file.")
+    moved = [joint for joint, part in fitted.arrivals if abs(part) > _LATE]
+    if moved:
+        said = f"The voltage of {listed(moved)} was read once while each reference was held and is not its mean"
+        lines.append(f"{said}, which is part of these figures and of no file.")
     if record.file == YAML:
         lines.append("The changes under adjusted are part of it: --with leaves them to the next diagnosis.")
     kind = Path(record.file).suffix

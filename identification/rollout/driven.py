@@ -49,6 +49,8 @@ def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
     if model.late_references is not None and log.references is not None:
         rows = [log.references.later(float(delay), (row,)) for row, delay in enumerate(model.late_references)]
         tau = tau + np.hstack(rows)
+    if model.arrivals:
+        tau = tau + log.later_references(model.arrivals)
     out = given_torque(model, log.motion.t, tau) + (0.0 if log.external is None else log.external)
     for joint, share in model.soft:
         out -= share * softness(model.robot, log.motion, joint)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.columns.nuisances import SOFTNESS, moves_of
+from identification.diagnosis.columns.nuisances import ARRIVAL, SOFTNESS, moves_of
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
@@ -40,6 +40,7 @@ class Model:
         late: Samples by which the recorded torque acts later than it stands in the log.
         late_references: Time [s] by which the references of each joint's controller arrive late, ``(nv,)``; None: none.
         soft: Joints whose modelled friction turns over softly, each with how much of the softness.
+        arrivals: Joints whose references arrive elsewhere in a frame than their voltages were read, each by how much.
     """
 
     robot: Robot
@@ -48,6 +49,7 @@ class Model:
     late: float = 0.0
     late_references: Float[Array, " nv"] | None = None
     soft: tuple[tuple[str, float], ...] = ()
+    arrivals: tuple[tuple[str, float], ...] = ()
 
     @cached_property
     def parts(self) -> tuple[Simulated, ...]:
@@ -192,10 +194,11 @@ def corrected_model(
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta, operation.recording)
-    soft = tuple(
-        (str(move.place), float(x)) for x, move in zip(values, moves, strict=True) if move.kind == SOFTNESS and x
+    soft, arrivals = (
+        tuple((str(m.place), float(x)) for x, m in zip(values, moves, strict=True) if m.kind == kind and x)
+        for kind in (SOFTNESS, ARRIVAL)
     )
-    return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft)
+    return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft, arrivals=arrivals)
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:

@@ -119,6 +119,15 @@ def _soft_friction(note: Note) -> str:
     )
 
 
+def _open_arrival(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"The voltage of {note.joint} was read once in {1e3 * n['frame']:.3g} ms while a reference was held, and no "
+        f"reading shows when in that time the next one came. It makes as much torque as viscous friction of up to "
+        f"{n['viscous']:.2g} {n['unit']}, and was fitted beside it."
+    )
+
+
 def _recorded_past_limits(note: Note) -> str:
     n = note.numbers
     return (
@@ -192,6 +201,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.EVENT: _event,
     Code.POSES_LEFT_OUT: _poses_left_out,
     Code.SOFT_FRICTION: _soft_friction,
+    Code.OPEN_ARRIVAL: _open_arrival,
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,

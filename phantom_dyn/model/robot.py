@@ -122,6 +122,8 @@ class Robot:
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
         gains_of_file: Joints whose controller is that of their actuator in the robot's file.
+        open_arrivals: Joints whose held references arrive in the drive at a moment of a frame that recordings leave
+            open, see `identification.data.drives.arrivals`.
         model_error: Root mean square [N m or N] by which an earlier diagnosis has found the torque of the model wrong,
             where a joint creeps or turns about and elsewhere, ``(nv, 2)``. None: not known.
         floating: True if the base is not bolted down.
@@ -150,6 +152,7 @@ class Robot:
     carried: Float[Array, " 10"] | None = None
     gains_of_file: tuple[str, ...] = ()
     floating: bool = False
+    open_arrivals: tuple[str, ...] = ()
     model_error: Float[Array, "nv 2"] | None = None
 
     def __post_init__(self):

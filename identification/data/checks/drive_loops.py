@@ -27,14 +27,18 @@ def loop_sentences(recording: Recording) -> tuple[str, ...]:
         recording: With loops that were read.
     """
     pairs = zip(recording.joint_names, recording.loops, strict=False)
-    return tuple(_sentence(joint, loop) for joint, loop in pairs if loop is not None)
+    frame = float(np.median(np.diff(recording.t))) if recording.references_held else 0.0
+    return tuple(_sentence(joint, loop, frame) for joint, loop in pairs if loop is not None)
 
 
-def _sentence(joint: str, loop: DriveLoop) -> str:
+def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
+    """What a loop is, with references that are held for a frame [s]."""
     unit = _UNIT[loop.output]
     parts = [f"gain {loop.gain:.4g} ± {loop.gain_std:.2g} {unit} per rad or m of error"]
     if not loop.computed:
-        parts.append(f"its reference {1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
+        # Which reference a reading is of does not say when it came: within the frame before.
+        first = f"{1e3 * max(loop.delay - frame, 0.0):.3g} to " if frame else ""
+        parts.append(f"its reference {first}{1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
     if loop.limit is not None:
         parts.append(f"clipped at {loop.limit:.4g} {unit} for {100 * loop.at_limit:.2g} % of the time")
     if loop.dead_band is not None:

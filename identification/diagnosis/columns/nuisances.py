@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.data.log import Band
+from identification.data.log import Log
 from identification.diagnosis.columns.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
@@ -23,6 +23,10 @@ TIMING = "timing"
 """Kind of the move that shifts all torques in time."""
 SOFTNESS = "softness"
 """Kind of the move that lets the dry friction of a joint turn over softly."""
+ARRIVAL = "arrival"
+"""Kind of the move that lets the references of a joint arrive elsewhere in a frame."""
+OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL)
+"""Kinds of moves that change no number of the model."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +37,8 @@ class Nuisance:
         name: What moves, for the report.
         sigma: One sigma of the change.
         bound: Largest change.
-        relative: True if the change is relative to the modelled value; a shift of all torques is in samples, softness
-            of friction in that of the simulator that the model is for.
+        relative: True if the change is relative to the modelled value; a shift of all torques or of references is in
+            samples, softness of friction in that of the simulator that the model is for.
     """
 
     name: str
@@ -49,8 +53,8 @@ class Move:
 
     Attributes:
         nuisance: Name and size.
-        kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, or
-            the timing of all.
+        kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, when its
+            references arrive, or the timing of all.
         place: Index of the body, or name of the joint; None for all.
         direction: Of the move among the ten parameters of the body.
     """
@@ -107,6 +111,9 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
     for joint in soft_joints(robot):
         # A recording of the simulator that the file is for rubs softly, a robot may do so less or not at all.
         out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), SOFTNESS, joint))
+    for joint in robot.open_arrivals:
+        # Anywhere in the frame.
+        out.append(Move(Nuisance(f"{joint} arrival of references", 0.29, 0.5, relative=False), ARRIVAL, joint))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
     out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
     return tuple(out)
@@ -117,7 +124,7 @@ def move_columns(
     operation: Operation,
     moves: tuple[Move, ...],
     body: Float[Array, "nv n p"],
-    band: Band,
+    log: Log,
     narrow: Callable[[Array], Array],
 ) -> list[list[Float[Array, " n"]]]:
     """In-band columns of the moves that touch each row, in order.
@@ -127,9 +134,10 @@ def move_columns(
         operation: One recording at the full rate.
         moves: Of `moves_of`.
         body: Columns of the rigid-body regressor in the band, by row.
-        band: Filter of all columns.
+        log: The recording, with the filter of all columns.
         narrow: Filter of columns made of accelerations.
     """
+    band = log.band
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
     rows: list[list[Array]] = [[] for _ in range(robot.nv)]
     touched = touching(robot, moves)
@@ -140,6 +148,11 @@ def move_columns(
             change = drift.T
         elif move.kind == SOFTNESS:
             change = band(softness(robot, operation, move.place)).T
+        elif move.kind == ARRIVAL:
+            change = np.zeros_like(drift.T)
+            row = robot.joint_names.index(move.place)
+            if log.arrival is not None:
+                change[row] = -band(log.arrival[:, row])
         else:
             # The column of the effect that would add to what is modelled, times what is modelled.
             value, effect = _modelled(robot, move.kind, move.place)

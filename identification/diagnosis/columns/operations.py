@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.nuisances import SOFTNESS, moves_of
+from identification.diagnosis.columns.nuisances import OF_THE_RECORDING, moves_of
 from identification.diagnosis.columns.standstill import standing_still
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
 from phantom_dyn.array_types import Float
@@ -213,7 +213,7 @@ def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = N
                 change[10 * (place - 1) : 10 * place] += value * move.direction
         elif place is not None and move.kind == "rotor":
             out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
-        elif place is not None and move.kind != SOFTNESS:
+        elif place is not None and move.kind not in OF_THE_RECORDING:
             viscous, coulomb = modelled_friction_of(robot, place)
             more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
             out = with_friction(out, place, **more)

@@ -288,7 +288,7 @@ def _plain(
     there = where_links_are(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
-    moved = move_columns(robot, operation, moves, bodies, band, narrow)
+    moved = move_columns(robot, operation, moves, bodies, session.logs[log], narrow)
     return [[*moved[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from identification.diagnosis.columns.soft_friction import softness
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
-from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
 from identification.export.corrected.found_effects import within_tolerance
@@ -68,8 +68,7 @@ class Proof:
         known: Effects that belong to the given model already.
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
-        timing: Part of a sample by which the recorded torque is late.
-        softness: Joints whose dry friction turns over softly in the recordings, each with how much of it.
+        fitted: How late the recorded torque and references are and how softly joints rub there, among what was fitted.
     """
 
     diagnosis: Diagnosis
@@ -78,8 +77,7 @@ class Proof:
     known: tuple[KnownEffect, ...]
     found: tuple[KnownEffect, ...]
     config: Path | None
-    timing: float = 0.0
-    softness: tuple[tuple[str, float], ...] = ()
+    fitted: FittedNumbers
 
     @property
     def effects(self) -> tuple[KnownEffect, ...]:
@@ -137,20 +135,24 @@ class Proof:
     def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
         """Squares that a torque leaves as late and with friction as soft as recorded, and their counts.
 
-        Both belong to the recording: files are judged by what is left besides.
+        These belong to the recording: files are judged by what is left besides.
         """
+        fitted = self.fitted
 
         def recorded(log: int) -> Array:
-            torque = asked(log)
-            for joint, share in self.softness:
-                torque = torque + share * softness(self.replay.robot, self.replay.logs[log].motion, joint)
-            return torque + self.timing * np.gradient(torque, axis=0) if self.timing else torque
+            torque, one = asked(log), self.replay.logs[log]
+            for joint, share in fitted.softness:
+                torque = torque + share * softness(self.replay.robot, one.motion, joint)
+            if fitted.arrivals:
+                torque = torque - one.later_references(fitted.arrivals)
+            return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
 
         return self.replay.squares(recorded)
 
     def _as_recorded(self, asked: Asked, squares: Float[Array, "2 B nv"]) -> dict[str, float]:
         """Residual of each joint on the recording as it is, by name."""
-        left = rms(self.replay.squares(asked) if self.timing or self.softness else squares)
+        as_recorded = self.fitted.timing or self.fitted.softness or self.fitted.arrivals
+        left = rms(self.replay.squares(asked) if as_recorded else squares)
         return dict(zip(self.corrected.given.joint_names, left.tolist(), strict=True))
 
     def _held(self, kind: Format) -> tuple[KnownEffect, ...]:

@@ -45,7 +45,7 @@ def proved(
             del kept[name]
             refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
-            kept[name] = with_header(texts[name], record, proof.diagnosis, late=proof.timing)
+            kept[name] = with_header(texts[name], record, proof.diagnosis, proof.fitted)
     for name, other in GOES_WITH.items():
         if name in kept and other not in kept:
             del kept[name]

@@ -46,6 +46,13 @@ def test_rows_at_the_limit_are_censored(q, rng):
     assert found.delay == pytest.approx(0.03, abs=0.001)
 
 
+def test_the_peaks_of_an_output_are_no_limit(q):
+    # Of a hundred samples a second more than one in a hundred are within a per cent of the largest.
+    y = GAIN * (moving(T - 0.03) - q)
+    assert np.mean(np.abs(y) > 0.985 * np.abs(y).max()) > 0.01
+    assert loop_of(q, y).limit is None
+
+
 def test_an_output_up_to_rounding_was_computed(q):
     found = loop_of(q, np.round(GAIN * (moving(T) - q), 3))
     assert found.computed
@@ -93,6 +100,13 @@ def test_the_interval_of_the_delay_covers_it(q):
         least, most = read_delays((found,), 1)
         inside += least[0] <= 0.03 <= most[0]
     assert inside >= 38
+
+
+def test_a_held_reference_came_up_to_a_frame_earlier(q):
+    found = loop_of(q, GAIN * (moving(T - 0.03) - q))
+    (least,), (most,) = read_delays((found,), 1, frame=0.01)
+    assert least < 0.0201
+    assert most == pytest.approx(0.03, abs=0.003)
 
 
 def test_a_computed_output_says_nothing_of_the_delay(q):

@@ -51,6 +51,14 @@ def test_a_voltage_that_was_measured_has_its_delay(robot, rng):
     assert float(stated[1]) == pytest.approx(30.0, abs=3 * float(stated[2]))
 
 
+def test_a_held_reference_is_late_by_a_time_within_a_frame(robot, rng):
+    held = replace(robot, reference_hold="zoh")
+    found = read(held, **{"u.pin": 24.0 * (late(0.03) - Q) + 0.01 * rng.standard_normal(len(T))})
+    stated = re.search(r"its reference ([\d.]+) to ([\d.]+) ± [\d.]+ ms late", loop_sentences(found)[0])
+    assert stated is not None
+    assert [float(x) for x in stated.groups()] == pytest.approx([20.0, 30.0], abs=1.5)
+
+
 def test_a_torque_that_follows_a_law_makes_no_late_reference(robot):
     # Whoever commands a torque knows the reference at that instant.
     assert read(robot, **{"tau.pin": 12.0 * (Q_REF - Q)}).follows is None
