@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from identification.diagnosis.result import Diagnosis, JointGap
 from identification.reporting.charts.chart import short_name
+from identification.reporting.page.robot_postures import Postures, postures
 from identification.words.diagnosis_words import finding_name
 from identification.words.numbers_and_names import percent
 from phantom_dyn.array_types import Float
@@ -25,6 +26,7 @@ EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""
 LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
+_WIDER = 1.3  # width of the viewer over its height, at least
 _LABELLED = 0.05  # joints with a smaller share of the gap have no label
 
 Colour = Float[Array, "3"]
@@ -47,7 +49,7 @@ class Scene:
 
 
 def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
-    """The robot in a posture from the middle of the recording.
+    """The robot in a posture from the middle of the recording, and how it gets from there to others.
 
     Args:
         robot: The robot that the diagnosis is about.
@@ -57,42 +59,65 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
         Its links and joints in the colour of their share; a passive joint has that of none.
     """
     model = robot.model
-    data = model.createData()
-    pin.forwardKinematics(model, data, posture(robot, diagnosis))
+    over_time = postures(robot, diagnosis)
+    places = [
+        (over_time.rotation[over_time.middle, k], over_time.place[over_time.middle, k]) for k in range(model.njoints)
+    ]
     shapes = robot_shapes(robot)
-    links = [_placed(mesh, data.oMi[k]) for k, mesh in enumerate(shapes.links)]
-    rails = _rails(robot, diagnosis, data)
-    origins = np.array([place.translation for place in data.oMi][1:])
-    size = extent(np.concatenate([*(mesh.points for mesh in links + rails), origins]))
-    joints = [_placed(joint_solid(model, k, size), data.oMi[k]) for k in range(1, model.njoints)]
+    links = [moved(mesh, *places[k]) for k, mesh in enumerate(shapes.links)]
+    rails = _rails(robot, diagnosis, places)
+    origins = np.array([place for _, place in places[1:]])
+    size = extent(np.concatenate([*(mesh.points for mesh in [*links, *rails.values()]), origins]))
+    joints = [moved(joint_solid(model, k, size), *places[k]) for k in range(1, model.njoints)]
     own = shares_of(diagnosis)
     shares = dict(zip((gap.joint for gap in diagnosis.joints), own.tolist(), strict=True))
     strengths = dict(zip(shares, relative(own).tolist(), strict=True))
-    solids = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
-    for name, link, joint in zip(list(model.names)[1:], links[1:], joints, strict=True):
+    # What bears a rail is the body before its joint.
+    fixed = [(0, links[0]), *((int(model.parents[joint]), mesh) for joint, mesh in rails.items())]
+    solids = [_solid(body, mesh, "", share_colour(0.0)) for body, mesh in fixed if len(mesh.faces)]
+    for k, (name, link, joint) in enumerate(zip(list(model.names)[1:], links[1:], joints, strict=True), start=1):
         share, text = strengths.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
         if len(link.faces):
-            solids.append(_solid(link, text, share_colour(share, _LINK_TINT)))
-        solids.append(_solid(joint, text, share_colour(share)))
-    points = joined([*links, *rails, *joints]).points
-    low, high = points.min(axis=0), points.max(axis=0)
+            solids.append(_solid(k, link, text, share_colour(share, _LINK_TINT)))
+        solids.append(_solid(k, joint, text, share_colour(share)))
+    bodies = [*fixed, *enumerate(links[1:], start=1), *enumerate(joints, start=1)]
+    middle, half = _seen(over_time, bodies)
     figure = {
-        "middle": ((low + high) / 2).tolist(),
-        "half": max(float((high - low).max()) / 2, 1e-3),
+        "middle": middle.tolist(),
+        "half": half,
         "eye": EYE,
         "solids": solids,
         "labels": _labels(model, origins, shares),
+        "moves": _moves(over_time, middle, half),
     }
     return Scene(json.dumps(figure), shapes.from_meshes)
 
 
-def posture(robot: Robot, diagnosis: Diagnosis) -> Float[Array, " nq"]:
-    """Configuration of the robot in the middle of the recording; its neutral one without samples."""
-    q = diagnosis.evidence.q
-    finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)
-    if not len(finite):
-        return pin.neutral(robot.model)
-    return robot.configuration(q[finite[len(finite) // 2]][None, :])[0]
+def _seen(over_time: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[Float[Array, " 3"], float]:
+    """Middle [m] of what the robot reaches, and half the side of the cube that the viewer fits into its height."""
+    turned, shift = over_time.moved_from_the_middle()
+    now = joined([mesh for _, mesh in bodies]).points
+    every = [mesh.points @ turned[k, body].T + shift[k, body] for body, mesh in bodies for k in range(len(turned))]
+    points = np.concatenate(every)
+    low, high = points.min(axis=0), points.max(axis=0)
+    # The viewer is wider than high.
+    sides = (high - low) / np.array([_WIDER, _WIDER, 1.0])
+    return (low + high) / 2, max(float(np.ptp(now, axis=0).max()) / 2, float(sides.max()) / 2, 1e-3)
+
+
+def _moves(over_time: Postures, middle: Float[Array, " 3"], half: float) -> dict | None:
+    """Rotation by rows and shift of each body at each instant, in the cube of the viewer; None for one posture."""
+    if len(over_time.t) < 2:
+        return None
+    turned, shift = over_time.moved_from_the_middle()
+    inside = (turned @ middle + shift - middle) / half
+    numbers = np.concatenate([turned.reshape(*turned.shape[:2], 9), inside], axis=2)
+    return {
+        "times": np.round(over_time.t - over_time.t[0], 3).tolist(),
+        "start": over_time.middle,
+        "bodies": turned.shape[1],
+        "places": _packed(numbers, "<f4"),
+    }
 
 
 def extent(points: Float[Array, "P 3"]) -> float:
@@ -101,20 +126,16 @@ def extent(points: Float[Array, "P 3"]) -> float:
     return side if side > 1e-6 else 0.1
 
 
-def _placed(mesh: Mesh, place: pin.SE3) -> Mesh:
-    return moved(mesh, place.rotation, place.translation)
-
-
-def _rails(robot: Robot, diagnosis: Diagnosis, data: pin.Data) -> list[Mesh]:
-    """For each linear joint a thin rod along the way that it went."""
-    rails = []
+def _rails(robot: Robot, diagnosis: Diagnosis, places: list[tuple[Array, Array]]) -> dict[int, Mesh]:
+    """For each linear joint, by its number, a thin rod along the way that it went."""
+    rails = {}
     for joint, row in zip(_active_joints(robot), range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
         way = diagnosis.evidence.q[:, row]
         if not linear or not np.isfinite(way).any():
             continue
         low, high = np.nanmin(way) - np.nanmedian(way), np.nanmax(way) - np.nanmedian(way)
-        rails.append(_placed(capsule(low * axis, high * axis, 0.02 * (high - low)), data.oMi[joint]))
+        rails[joint] = moved(capsule(low * axis, high * axis, 0.02 * (high - low)), *places[joint])
     return rails
 
 
@@ -122,9 +143,10 @@ def _active_joints(robot: Robot) -> list[int]:
     return [robot.model.getJointId(name) for name in robot.joint_names]
 
 
-def _solid(mesh: Mesh, text: str, colour: Colour) -> dict[str, str]:
+def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | int]:
     """One solid as the page holds it: little-endian numbers in base64, three a point, a face and a colour."""
     return {
+        "body": body,
         "text": text,
         "points": _packed(np.round(mesh.points, 5), "<f4"),
         "faces": _packed(mesh.faces, "<u2"),
@@ -153,8 +175,8 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
     names = list(model.names)[1:]
     shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
     return [
-        {"at": origin.tolist(), "text": short_name(name)}
-        for name, origin in zip(names, origins, strict=True)
+        {"body": k, "at": origin.tolist(), "text": short_name(name)}
+        for k, (name, origin) in enumerate(zip(names, origins, strict=True), start=1)
         if name in shown
     ]
 

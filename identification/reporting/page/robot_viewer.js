@@ -1,4 +1,5 @@
-// Draws the solids of a robot on a canvas, far ones first; dragging turns them, the wheel or two keys come closer.
+// Draws the solids of a robot on a canvas, far ones first; dragging turns them, the wheel or two keys come closer, and a
+// slider shows postures of the recording.
 {
   const place = document.getElementById("robot-scene");
   const scene = JSON.parse(document.getElementById("robot-figure").textContent);
@@ -9,18 +10,18 @@
   tip.hidden = true;
   place.append(canvas, tip);
 
-  // Every face with its corners in a cube from -1 to 1, its colour, and the words of its solid. A long face is cut, as
+  // Every face with its corners in a cube from -1 to 1, its colour, its body, and the words of its solid. A long face is cut, as
   // only small ones have one depth.
   const faces = [];
   const longest = 0.1;
-  const add = (corners, colour, text) => {
+  const add = (corners, colour, solid) => {
     const lengths = corners.map((a, k) => Math.hypot(...a.map((value, axis) => value - corners[(k + 1) % 3][axis])));
     const k = lengths.indexOf(Math.max(...lengths));
-    if (!(lengths[k] > longest)) return faces.push({ corners, colour, text });
+    if (!(lengths[k] > longest)) return faces.push({ corners, at: corners, colour, text: solid.text, body: solid.body });
     const [a, b, c] = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
     const middle = a.map((value, axis) => (value + b[axis]) / 2);
-    add([a, middle, c], colour, text);
-    add([middle, b, c], colour, text);
+    add([a, middle, c], colour, solid);
+    add([middle, b, c], colour, solid);
   };
   for (const solid of scene.solids) {
     const points = new Float32Array(bytes(solid.points).buffer);
@@ -29,13 +30,13 @@
     const at = (k) => [0, 1, 2].map((axis) => (points[3 * k + axis] - scene.middle[axis]) / scene.half);
     for (let f = 0; f < corners.length; f += 3) {
       const colour = `rgb(${colours[f]},${colours[f + 1]},${colours[f + 2]})`;
-      add([at(corners[f]), at(corners[f + 1]), at(corners[f + 2])], colour, solid.text);
+      add([at(corners[f]), at(corners[f + 1]), at(corners[f + 2])], colour, solid);
     }
   }
-  const labels = scene.labels.map((label) => ({
-    text: label.text,
-    at: label.at.map((value, axis) => (value - scene.middle[axis]) / scene.half),
-  }));
+  const labels = scene.labels.map((label) => {
+    const at = label.at.map((value, axis) => (value - scene.middle[axis]) / scene.half);
+    return { text: label.text, body: label.body, corner: at, at };
+  });
 
   const [ex, ey, ez] = scene.eye;
   const start = { turn: Math.atan2(ey, ex), height: Math.atan2(ez, Math.hypot(ex, ey)), distance: 4.6 };
@@ -61,7 +62,7 @@
       return [width / 2 + (scale * right) / near, height / 2 - (scale * up) / near, depth];
     };
     drawn = faces.map((face) => {
-      const corners = face.corners.map(project);
+      const corners = face.at.map(project);
       return { face, corners, depth: corners[0][2] + corners[1][2] + corners[2][2] };
     });
     drawn.sort((one, other) => other.depth - one.depth);
@@ -126,6 +127,32 @@
     camera.distance = Math.min(Math.max(camera.distance * factor, 1.8), 15);
     draw();
   };
+
+  const { moves } = scene;
+  if (moves) {
+    const numbers = new Float32Array(bytes(moves.places).buffer);
+    const pose = (frame) => {
+      const moved = (body, [x, y, z]) => {
+        const m = numbers.subarray(12 * (frame * moves.bodies + body));
+        return [0, 1, 2].map((axis) => m[3 * axis] * x + m[3 * axis + 1] * y + m[3 * axis + 2] * z + m[9 + axis]);
+      };
+      for (const face of faces) face.at = face.corners.map((corner) => moved(face.body, corner));
+      for (const label of labels) label.at = moved(label.body, label.corner);
+    };
+    const label = document.createElement("label"), slider = document.createElement("input");
+    const time = document.createElement("output");
+    label.className = "posture";
+    Object.assign(slider, { type: "range", min: 0, max: moves.times.length - 1, step: 1, value: moves.start });
+    const say = () => (time.textContent = `${moves.times[Number(slider.value)].toFixed(1)} s`);
+    slider.addEventListener("input", () => {
+      pose(Number(slider.value));
+      say();
+      draw();
+    });
+    say();
+    label.append("Posture at", slider, time);
+    place.after(label);
+  }
 
   let last = null;
   canvas.tabIndex = 0;

@@ -11,7 +11,7 @@ const pen = {
 };
 const heard = {};
 const element = () => ({
-  style: {}, append() {}, addEventListener(name, act) { heard[name] = act; }, getContext: () => pen, setPointerCapture() {},
+  style: {}, append() {}, after() {}, addEventListener(name, act) { heard[name] = act; }, getContext: () => pen, setPointerCapture() {},
 });
 const elements = { "robot-scene": { ...element(), clientWidth: 400, clientHeight: 300 }, "robot-figure": { textContent: figure } };
 const made = [];
@@ -28,4 +28,13 @@ heard.pointermove({ offsetX: 200, offsetY: 150 });
 const tip = made[1].textContent;
 drawn.faces = [];
 heard.keydown({ key: "ArrowLeft", preventDefault() {} });
-console.log(JSON.stringify({ ...first, tip, turned: drawn.faces }));
+const turned = drawn.faces;
+heard.keydown({ key: "ArrowRight", preventDefault() {} });
+drawn.faces = [];
+const slider = made.find((one) => one.type === "range");
+if (slider) {
+  slider.value = "1";
+  heard.input();
+}
+const time = made.at(-1).textContent;
+console.log(JSON.stringify({ ...first, tip, turned, slid: drawn.faces, time }));

@@ -26,6 +26,7 @@ def triangle(x, colour, text, size=0.25):
     """A triangle across the x axis, at a distance x from the middle."""
     corners = [[x, -size, -size], [x, size, -size], [x, 0.0, size]]
     return {
+        "body": 1 if text == "near" else 0,
         "text": text,
         "points": packed(corners, "<f4"),
         "faces": packed([0, 1, 2], "<u2"),
@@ -35,8 +36,12 @@ def triangle(x, colour, text, size=0.25):
 
 def drawn(folder, solids):
     """What the viewer draws of solids in a cube of 20 m, seen along the x axis, with labels at the middle."""
-    labels = [{"at": [0.0, 0.0, 0.0], "text": text} for text in ("<b>middle", "other", "third")]
-    figure = {"middle": [0, 0, 0], "half": 10.0, "eye": [1, 0, 0], "solids": solids, "labels": labels}
+    labels = [{"body": 0, "at": [0.0, 0.0, 0.0], "text": text} for text in ("<b>middle", "other", "third")]
+    stays = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]
+    upside_down = [1, 0, 0, 0, -1, 0, 0, 0, -1, 0, 0, 0.5]  # half a turn about x, then up by half the cube
+    places = packed([[stays, stays], [stays, upside_down]], "<f4")
+    moves = {"times": [0.0, 2.04], "start": 0, "bodies": 2, "places": places}
+    figure = {"middle": [0, 0, 0], "half": 10.0, "eye": [1, 0, 0], "solids": solids, "labels": labels, "moves": moves}
     path = folder / "figure.json"
     path.write_text(json.dumps(figure))
     words = [str(PAGE), str(VIEWER), str(path)]
@@ -77,6 +82,16 @@ def test_a_long_face_is_cut_into_small_ones_of_the_same_area(tmp_path):
 
 def test_a_key_turns_the_robot(shown):
     assert shown["turned"][1]["corners"] != shown["faces"][1]["corners"]
+
+
+def test_the_slider_moves_the_bodies_as_its_posture_says(shown):
+    # By hand: the near triangle, of body 1, stands on its head and half the cube higher; the far one stays.
+    size, up = 0.025 * 2 * 300 / 3.6, 0.5 * 2 * 300 / 3.6
+    wanted = [[200 + size, 150 - up - size], [200 - size, 150 - up - size], [200, 150 - up + size]]
+    far, near = shown["slid"]
+    np.testing.assert_allclose(near["corners"], wanted, atol=1e-3)
+    np.testing.assert_allclose(far["corners"], shown["faces"][0]["corners"], atol=1e-4)
+    assert shown["time"] == "2.0 s"
 
 
 def test_labels_at_one_place_stand_beside_and_above_each_other(shown):
