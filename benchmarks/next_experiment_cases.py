@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.blind.generator.effects import WHOLE, Effect, joint_name
-from benchmarks.blind.generator.files import robot_yaml, urdf_text
-from benchmarks.blind.generator.recipes import payload_link
-from benchmarks.blind.generator.reference import AMPLITUDES, fourier
-from benchmarks.blind.generator.robots import Table
-from benchmarks.blind.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
-from benchmarks.blind.generator.simulate import feedforward
 from benchmarks.fresh_noise import fresh_noise
+from benchmarks.gapbench.generator.effects import WHOLE, Effect, joint_name
+from benchmarks.gapbench.generator.files import robot_yaml, urdf_text
+from benchmarks.gapbench.generator.recipes import payload_link
+from benchmarks.gapbench.generator.reference import AMPLITUDES, fourier
+from benchmarks.gapbench.generator.robots import Table
+from benchmarks.gapbench.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
+from benchmarks.gapbench.generator.simulate import feedforward
 from benchmarks.next_experiment_makes import Case
 from identification.data.changes import KnownPayload
 from identification.data.recording import Recording

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.blind.makes.drake.case import draw_open, write_case
-from benchmarks.blind.makes.drake.files import write_log
-from benchmarks.blind.makes.drake.motions import Motion as Reference
-from benchmarks.blind.makes.drake.plant import Plant
-from benchmarks.blind.makes.drake.session import LEAD, Setup, feedforward, uneven_ticks
-from benchmarks.blind.makes.drake.sizing import Found, run_with
 from benchmarks.fresh_noise import fresh_noise
+from benchmarks.gapbench.makes.drake.case import draw_open, write_case
+from benchmarks.gapbench.makes.drake.files import write_log
+from benchmarks.gapbench.makes.drake.motions import Motion as Reference
+from benchmarks.gapbench.makes.drake.plant import Plant
+from benchmarks.gapbench.makes.drake.session import LEAD, Setup, feedforward, uneven_ticks
+from benchmarks.gapbench.makes.drake.sizing import Found, run_with
 from benchmarks.next_experiment_makes import Case
 from identification.data.changes import KnownPayload
 from identification.data.reading import read_recording

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.blind.makes.field.case import Setting, Sized, draw_open, feedforward
-from benchmarks.blind.makes.field.records import LEAD, Recorder, columns, written
-from benchmarks.blind.makes.field.simulate import STEP, Task
-from benchmarks.blind.makes.field.world import World, moved, with_body
 from benchmarks.fresh_noise import fresh_noise
+from benchmarks.gapbench.makes.field.case import Setting, Sized, draw_open, feedforward
+from benchmarks.gapbench.makes.field.records import LEAD, Recorder, columns, written
+from benchmarks.gapbench.makes.field.simulate import STEP, Task
+from benchmarks.gapbench.makes.field.world import World, moved, with_body
 from benchmarks.next_experiment_makes import Case
 from identification.data.changes import KnownPayload
 from identification.data.reading import read_recording

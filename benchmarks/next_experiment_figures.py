@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import bootstrap
 
-from benchmarks.blind.proportions import proportion
+from benchmarks.gapbench.scoring.proportions import proportion
 
 CHOICES = ("proposed", "random", "D-optimal")
 Row = dict

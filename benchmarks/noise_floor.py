@@ -25,8 +25,8 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.blind.generate import seed_range
-from benchmarks.blind.generator.files import robot_yaml, urdf_text
-from benchmarks.blind.generator.setup import draw_setup, logged_torque, run_of, tracks
+from benchmarks.gapbench.generator.files import robot_yaml, urdf_text
+from benchmarks.gapbench.generator.setup import draw_setup, logged_torque, run_of, tracks
 from identification.data.log import Log
 from identification.data.reading import read_recording
 from identification.data.recording import Recording

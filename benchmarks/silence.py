@@ -25,9 +25,9 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.blind.generate import seed_range
-from benchmarks.blind.generator.case import Case, with_and_without, write_case
-from benchmarks.blind.makes import NoCase
 from benchmarks.blind.processes import default_command, run_all
+from benchmarks.gapbench.generator.case import Case, with_and_without, write_case
+from benchmarks.gapbench.makes import NoCase
 
 WITHIN = 1.2
 MAKES = ("mujoco", "slow")

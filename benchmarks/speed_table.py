@@ -25,9 +25,9 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import compare_figaroh, compare_mujoco_sysid
-from benchmarks.blind.tables import wrapped
 from benchmarks.comparison import NotInstalled, Row, missed, table
 from benchmarks.core_speed import core_rows
+from benchmarks.gapbench.scoring.tables import wrapped
 from identification.files import write_atomically
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "large_work.md"

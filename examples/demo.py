@@ -82,7 +82,7 @@ def say_findings(diagnosis: dict) -> None:
 
 def agreement(answer: dict, diagnosis: dict) -> str:
     """Whether the diagnosis names what was drawn, by the rules of the benchmark's scorer."""
-    from benchmarks.blind.judged import judged
+    from benchmarks.gapbench.scoring.judged import judged
 
     score = judged(answer, {"diagnosis": diagnosis, "seconds": diagnosis["seconds"]})
     more = ", but it claims something else besides" if score.extra else ""
@@ -103,7 +103,7 @@ def sealed_case(seed: int, out: Path) -> bool:
     try:
         from benchmarks.blind.generate import draw_one
         from benchmarks.blind.makes import make_named
-        from benchmarks.blind.seal import sealed
+        from benchmarks.gapbench.seal import sealed
 
         make_named("mujoco")
     except ImportError as error:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.blind.judged import Judged
+from benchmarks.gapbench.scoring.judged import Judged
 
 
 @dataclass(frozen=True)

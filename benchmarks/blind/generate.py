@@ -8,17 +8,16 @@ field`` or ``--make real`` takes the cases of another make. Cases that are there
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.makes import NAMES as MAKES
-from benchmarks.blind.makes import NoCase, make_named
+from benchmarks.blind.makes import make_named
+from benchmarks.gapbench import cases as drawing
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
 # Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
@@ -47,36 +46,13 @@ def seed_range(text: str) -> range:
     return seeds
 
 
-def write_answer(answer: dict, answers: Path) -> Path:
-    """Writes one answer under a temporary name and renames it."""
-    answers.mkdir(parents=True, exist_ok=True)
-    path = answers / f"{answer['id']}.json"
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(answer, indent=1) + "\n")
-    part.replace(path)
-    return path
-
-
-def robot_and_log(case: Path) -> tuple[str, str] | None:
-    """Names of the robot file and the (first) log in the folder of a case; None where it lacks one of them."""
-    robots = [path.name for path in (case / "robot.urdf", case / "robot.xml") if path.is_file()]
-    logs = sorted(path.name for path in [*case.glob("log.*"), *case.glob("log_*")])
-    return (robots[0], logs[0]) if robots and logs else None
-
-
 def draw(seed: int, kind: str, cases: Path, answers: Path, make: str = FIRST) -> str:
     """Generates a case and its answer unless both are there; returns its id.
 
     Raises:
         NoCase: If the seed gives none.
     """
-    by = make_named(make)
-    name = by.case_id(seed, by.resolved_kind(seed, kind))
-    if not (answers / f"{name}.json").is_file() or robot_and_log(cases / name) is None:
-        case = by.draw_case(seed, kind)
-        by.write_case(case, cases)
-        write_answer(case.answer, answers)
-    return name
+    return drawing.draw(seed, kind, cases, answers, make_named(make))
 
 
 def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]:
@@ -86,27 +62,10 @@ def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]
 
 
 def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int, make: str = FIRST) -> list[str]:
-    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there.
-
-    Returns:
-        Their ids. A seed that gives no case is told on the terminal and has none.
-    """
-    if jobs == 1 or len(seeds) == 1:
-        names = [draw_if_any(seed, kind, cases, answers, make) for seed in seeds]
-    else:
-        with ProcessPoolExecutor(jobs) as pool:
-            waiting = [pool.submit(draw_if_any, seed, kind, cases, answers, make) for seed in seeds]
-            names = [one.result() for one in waiting]
+    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there; ids of those that exist."""
+    by = make_named(make)
+    names = drawing.draw_all([(by, seed, kind) for seed in seeds], cases, answers, jobs)
     return [name for name in names if name is not None]
-
-
-def draw_if_any(seed: int, kind: str, cases: Path, answers: Path, make: str) -> str | None:
-    """As `draw`, but says that a seed gives no case in place of raising."""
-    try:
-        return draw(seed, kind, cases, answers, make)
-    except NoCase as reason:
-        print(reason, file=sys.stderr)
-        return None
 
 
 def case_ids(batches: Iterable[tuple[str, range]], make: str = FIRST) -> list[str]:

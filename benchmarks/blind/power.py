@@ -20,16 +20,17 @@ import numpy as np
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generate import FILES, seed_range, write_answer
-from benchmarks.blind.generator.case import ATTEMPTS, Case, write_case
-from benchmarks.blind.generator.effects import WHOLE, Effect
-from benchmarks.blind.generator.files import robot_yaml, urdf_text
-from benchmarks.blind.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
-from benchmarks.blind.generator.simulate import Run
+from benchmarks.blind.generate import FILES, seed_range
 from benchmarks.blind.processes import default_command, run_all
-from benchmarks.blind.proportions import proportion
-from benchmarks.blind.seal import sealed
-from benchmarks.blind.tables import table
+from benchmarks.gapbench.cases import write_answer
+from benchmarks.gapbench.generator.case import ATTEMPTS, Case, write_case
+from benchmarks.gapbench.generator.effects import WHOLE, Effect
+from benchmarks.gapbench.generator.files import robot_yaml, urdf_text
+from benchmarks.gapbench.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
+from benchmarks.gapbench.generator.simulate import Run
+from benchmarks.gapbench.scoring.proportions import proportion
+from benchmarks.gapbench.scoring.tables import table
+from benchmarks.gapbench.seal import sealed
 
 # Effects that one number describes, and what is added to the stated size to get that number.
 ONE_NUMBER = {

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from benchmarks.blind.generate import robot_and_log
+from benchmarks.gapbench.cases import robot_and_log
 
 TIMEOUT = 600.0
 HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD", "PHANTOM_DYN_DATA")  # the last names the recordings that cases are made from

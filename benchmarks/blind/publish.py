@@ -19,7 +19,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.generate import OPTIONS, REPORTING, add_seed_options, case_ids, chosen_batches
-from benchmarks.blind.tables import wrapped
+from benchmarks.gapbench.scoring.tables import wrapped
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 BEGIN, END = "<!-- blind:begin -->", "<!-- blind:end -->"

@@ -21,8 +21,8 @@ from benchmarks.blind.makes import ALONE
 from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_all
 from benchmarks.blind.publish import publish
 from benchmarks.blind.score import load_baselines, load_pairs, write_score
-from benchmarks.blind.seal import sealed
 from benchmarks.blind.worst import TABLE, finished, scored, worst_of_makes
+from benchmarks.gapbench.seal import sealed
 
 # Baselines and oracle are asked on so many of each kind: enough to tell them apart, and a third of the time.
 BESIDE = 100

@@ -18,11 +18,12 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.confusion import confusion, confusion_text, draw_confusion
-from benchmarks.blind.figures import FIGURES, beyond
-from benchmarks.blind.judged import Judged, judged
-from benchmarks.blind.proportions import proportion
-from benchmarks.blind.reliability import calibration_error, reliability
-from benchmarks.blind.tables import FLOORS, aims, beside, calibration, misses, others, singles, wrapped
+from benchmarks.blind.makes.real.context import entry_without_context
+from benchmarks.gapbench.scoring.figures import FIGURES, beyond
+from benchmarks.gapbench.scoring.judged import Judged, judged
+from benchmarks.gapbench.scoring.proportions import proportion
+from benchmarks.gapbench.scoring.reliability import calibration_error, reliability
+from benchmarks.gapbench.scoring.tables import FLOORS, aims, beside, calibration, misses, others, singles, wrapped
 
 BASELINES = ("always_coulomb", "independent_bic", "mujoco_sysid")
 
@@ -44,7 +45,8 @@ def load_pairs(
         path = oracle / f"{name}.json" if oracle else None
         return _read(path) if path and path.is_file() else None
 
-    return [judged(_read(answers / f"{n}.json"), _read(results / f"{n}.json"), told(n)) for n in wanted]
+    read = ((n, _read(answers / f"{n}.json"), _read(results / f"{n}.json")) for n in wanted)
+    return [judged(answer, entry_without_context(answer, entry), told(n)) for n, answer, entry in read]
 
 
 def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[str, list[Judged]]:

@@ -17,10 +17,10 @@ from pathlib import Path
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.figures import FIGURES, Figure, Score
 from benchmarks.blind.makes import NAMES
-from benchmarks.blind.proportions import Average, Proportion
-from benchmarks.blind.tables import FLOORS, table
+from benchmarks.gapbench.scoring.figures import FIGURES, Figure, Score
+from benchmarks.gapbench.scoring.proportions import Average, Proportion
+from benchmarks.gapbench.scoring.tables import FLOORS, table
 
 GROUP = f"gap >= {FLOORS[0]:g}"
 OPENED = 1000  # seeds below are for development

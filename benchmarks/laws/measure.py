@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.blind.proportions import Proportion
+from benchmarks.gapbench.scoring.proportions import Proportion
 from benchmarks.laws.cases import RATE, Case, make
 from identification.data.reading import read_recording
 from identification.diagnosis.columns.session import session_of

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.blind.generator.files import urdf_text
-from benchmarks.blind.generator.reference import draw_reference
-from benchmarks.blind.generator.robots import Tolerance
-from benchmarks.blind.generator.setup import draw_setup, quiet, run_of
-from benchmarks.blind.generator.sizing import at_samples
+from benchmarks.gapbench.generator.files import urdf_text
+from benchmarks.gapbench.generator.reference import draw_reference
+from benchmarks.gapbench.generator.robots import Tolerance
+from benchmarks.gapbench.generator.setup import draw_setup, quiet, run_of
+from benchmarks.gapbench.generator.sizing import at_samples
 
 TRUSTED = Tolerance(0.0, 0.0, 0.0)
 

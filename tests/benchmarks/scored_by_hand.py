@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.blind.judged import judged
+from benchmarks.gapbench.scoring.judged import judged
 
 PARAMETERS = {
     "viscous_friction": {"coefficient": 0.5},

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from benchmarks.blind.generate import KINDS, draw_many, draw_one
-from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind
-from benchmarks.blind.generator.effects import SINGLE_EFFECTS
 from benchmarks.blind.run import default_command, diagnose_all
 from benchmarks.blind.score import load_pairs
-from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
+from benchmarks.gapbench.generator.case import case_id, draw_case, resolved_kind
+from benchmarks.gapbench.generator.effects import SINGLE_EFFECTS
+from benchmarks.gapbench.seal import NAME, decrypted, encrypted, sealed
 from identification.cli.main import main
 from places import CHECKOUT
 
@@ -42,7 +42,7 @@ def test_the_generator_runs_where_the_diagnosis_and_its_engine_cannot_be_importe
                     raise ImportError(f"{name} must not be imported here")
 
         sys.meta_path.insert(0, Refuse())
-        from benchmarks.blind.generator.case import draw_case
+        from benchmarks.gapbench.generator.case import draw_case
         print(draw_case(0, "null").answer["kind"])
     """
     done = subprocess.run(

@@ -12,15 +12,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.blind.baselines import mujoco_sysid as sysid_baseline
 from benchmarks.blind.baselines.always_coulomb import always_coulomb
 from benchmarks.blind.baselines.answers import timed
 from benchmarks.blind.baselines.independent_bic import bic, independent_bic, select
 from benchmarks.blind.baselines.least_squares import Choice, Row, Task, fit, residual_rms
-from benchmarks.blind.baselines.mujoco_sysid import DELAY, mujoco_sysid, torque_of
-from benchmarks.blind.baselines.windows import Windows, read_windows, robot_spec
 from benchmarks.blind.oracle import told
 from benchmarks.blind.processes import ORACLE, run_case
+from benchmarks.gapbench.baselines import mujoco_sysid as sysid_baseline
+from benchmarks.gapbench.baselines.mujoco_sysid import DELAY, mujoco_sysid, torque_of
+from benchmarks.gapbench.baselines.windows import Windows, read_windows, robot_spec
 from places import CHECKOUT
 
 SAMPLES = 400

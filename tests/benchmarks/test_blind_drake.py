@@ -10,23 +10,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.blind.makes.drake.engine import installed
+from benchmarks.gapbench.makes.drake.engine import installed
 
 if not installed():
     pytest.skip("Drake is not installed: 'make drake' puts it into .venv-drake", allow_module_level=True)
 
 from benchmarks.blind.generate import FILES, case_ids, draw
-from benchmarks.blind.judged import judged
-from benchmarks.blind.makes.drake import sizing
-from benchmarks.blind.makes.drake.case import draw_case
-from benchmarks.blind.makes.drake.contacts import Fine
-from benchmarks.blind.makes.drake.departures import none
-from benchmarks.blind.makes.drake.measure import lag_of_loops, on_even_clock, residual, rms, ruler
-from benchmarks.blind.makes.drake.motions import Motion
-from benchmarks.blind.makes.drake.plant import Plant
-from benchmarks.blind.makes.drake.robots import KINDS, Part, Robot, drawn_robot
-from benchmarks.blind.makes.drake.session import Setup, drawn_setup, with_fine
-from benchmarks.blind.makes.drake.simulate import STEP, Run, Session, simulated
+from benchmarks.gapbench.makes.drake import sizing
+from benchmarks.gapbench.makes.drake.case import draw_case
+from benchmarks.gapbench.makes.drake.contacts import Fine
+from benchmarks.gapbench.makes.drake.departures import none
+from benchmarks.gapbench.makes.drake.measure import lag_of_loops, on_even_clock, residual, rms, ruler
+from benchmarks.gapbench.makes.drake.motions import Motion
+from benchmarks.gapbench.makes.drake.plant import Plant
+from benchmarks.gapbench.makes.drake.robots import KINDS, Part, Robot, drawn_robot
+from benchmarks.gapbench.makes.drake.session import Setup, drawn_setup, with_fine
+from benchmarks.gapbench.makes.drake.simulate import STEP, Run, Session, simulated
+from benchmarks.gapbench.scoring.judged import judged
 
 ROD = Part("hinge", False, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 2.0, (0.0, 0.0, -0.3), (0.02, 0.03, 0.01), 1.0, 0.0, 2.0)
 PENDULUM = Robot("pendulum_by_hand", (ROD,))

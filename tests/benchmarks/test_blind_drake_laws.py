@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.blind.makes.drake.bristles import Bristles, linear
-from benchmarks.blind.makes.drake.departures import none
-from benchmarks.blind.makes.drake.drive import CommandHistory, passed, sensed
-from benchmarks.blind.makes.drake.effects import NAMES, turned
-from benchmarks.blind.makes.drake.measure import held_mean, size_of
-from benchmarks.blind.makes.drake.motions import trapezoid
-from benchmarks.blind.makes.drake.sizing import COUPLES
+from benchmarks.gapbench.makes.drake.bristles import Bristles, linear
+from benchmarks.gapbench.makes.drake.departures import none
+from benchmarks.gapbench.makes.drake.drive import CommandHistory, passed, sensed
+from benchmarks.gapbench.makes.drake.effects import NAMES, turned
+from benchmarks.gapbench.makes.drake.measure import held_mean, size_of
+from benchmarks.gapbench.makes.drake.motions import trapezoid
+from benchmarks.gapbench.makes.drake.sizing import COUPLES
 from places import CHECKOUT
 
-MAKE = CHECKOUT / "benchmarks" / "blind" / "makes" / "drake"
-FORBIDDEN = ("identification", "phantom_dyn", "pinocchio", "mujoco", "benchmarks.blind.generator")
+MAKE = CHECKOUT / "benchmarks" / "gapbench" / "makes" / "drake"
+FORBIDDEN = ("identification", "phantom_dyn", "pinocchio", "mujoco", "benchmarks", "generator")
 
 
 def _imported(tree: ast.AST) -> list[str]:

@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.blind.generator.channel import Drive
-from benchmarks.blind.generator.drives import draw_table
-from benchmarks.blind.generator.laws import laws_of
-from benchmarks.blind.generator.plant import Channel, Plant, compiled
+from benchmarks.gapbench.generator.channel import Drive
+from benchmarks.gapbench.generator.drives import draw_table
+from benchmarks.gapbench.generator.laws import laws_of
+from benchmarks.gapbench.generator.plant import Channel, Plant, compiled
 
 DT, STEP = 2e-3, 5e-4
 

@@ -6,8 +6,8 @@ import pytest
 from scored_by_hand import some_cases
 
 from benchmarks.blind.confusion import confusion, confusion_text
-from benchmarks.blind.figures import FIGURES, beyond
-from benchmarks.blind.proportions import average, proportion, wilson
+from benchmarks.gapbench.scoring.figures import FIGURES, beyond
+from benchmarks.gapbench.scoring.proportions import average, proportion, wilson
 
 
 @pytest.mark.parametrize(

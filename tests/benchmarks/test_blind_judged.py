@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scored_by_hand import FAILED, answer, entry, finding
 
-from benchmarks.blind.judged import judged
+from benchmarks.gapbench.scoring.judged import judged
 
 
 def test_a_null_with_no_gap_is_no_false_claim():

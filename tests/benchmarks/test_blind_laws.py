@@ -18,10 +18,10 @@ from moved_robots import (
     short_setup,
 )
 
-from benchmarks.blind.generator.effects import Effect
-from benchmarks.blind.generator.plant import Outside
-from benchmarks.blind.generator.setup import run_of
-from benchmarks.blind.generator.sizing import at_samples, rms
+from benchmarks.gapbench.generator.effects import Effect
+from benchmarks.gapbench.generator.plant import Outside
+from benchmarks.gapbench.generator.setup import run_of
+from benchmarks.gapbench.generator.sizing import at_samples, rms
 
 LAWS = {
     "viscous_friction": ({"coefficient": 0.3}, lambda q, v, a, p: -p["coefficient"] * v),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.blind.generator.effects import SINGLE_EFFECTS
-from benchmarks.blind.makes.drake.effects import NAMES
+from benchmarks.gapbench.generator.effects import SINGLE_EFFECTS
+from benchmarks.gapbench.makes.drake.effects import NAMES
 from phantom_dyn.effects.catalogue import EFFECTS
 
 

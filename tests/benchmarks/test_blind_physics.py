@@ -18,16 +18,16 @@ from moved_robots import (
     short_setup,
 )
 
-from benchmarks.blind.generator.arms import ARMS, arm, phantom
-from benchmarks.blind.generator.drives import ROBOTS, draw_table
-from benchmarks.blind.generator.effects import plant_with
-from benchmarks.blind.generator.files import robot_yaml
-from benchmarks.blind.generator.inverse import rigid_torque
-from benchmarks.blind.generator.plant import Plant, compiled
-from benchmarks.blind.generator.robots import Tolerance, perturbed
-from benchmarks.blind.generator.setup import logged_torque, run_of
-from benchmarks.blind.generator.simulate import feedforward
-from benchmarks.blind.generator.sizing import rms
+from benchmarks.gapbench.generator.arms import ARMS, arm, phantom
+from benchmarks.gapbench.generator.drives import ROBOTS, draw_table
+from benchmarks.gapbench.generator.effects import plant_with
+from benchmarks.gapbench.generator.files import robot_yaml
+from benchmarks.gapbench.generator.inverse import rigid_torque
+from benchmarks.gapbench.generator.plant import Plant, compiled
+from benchmarks.gapbench.generator.robots import Tolerance, perturbed
+from benchmarks.gapbench.generator.setup import logged_torque, run_of
+from benchmarks.gapbench.generator.simulate import feedforward
+from benchmarks.gapbench.generator.sizing import rms
 from phantom_dyn.model.robot_files import examples_folder
 
 

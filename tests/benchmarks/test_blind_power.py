@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.blind.generator.effects import WHOLE
 from benchmarks.blind.power import ONE_NUMBER, check, chosen_bound, effect_of, found, recorded, report, setup_of
+from benchmarks.gapbench.generator.effects import WHOLE
 
 PENDULUM = 702  # its robot is the quickest to move
 

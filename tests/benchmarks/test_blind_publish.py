@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.blind.generate import REPORTING, case_ids
-from benchmarks.blind.judged import judged
 from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, PAGE, between_markers, heading, publish
-from benchmarks.blind.reliability import calibration_error, reliability
 from benchmarks.blind.score import report, write_score
+from benchmarks.gapbench.scoring.judged import judged
+from benchmarks.gapbench.scoring.reliability import calibration_error, reliability
 
 NULL = {
     "id": "c1",

@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.blind.generate import robot_and_log
-from benchmarks.blind.judged import judged
 from benchmarks.blind.makes.real import case as real_case
 from benchmarks.blind.makes.real import laws
 from benchmarks.blind.makes.real.body import torques, with_link
 from benchmarks.blind.makes.real.case import trimmed
-from benchmarks.blind.makes.real.context import context_of, places, without_context
+from benchmarks.blind.makes.real.context import context_of, entry_without_context, places, without_context
 from benchmarks.blind.makes.real.given import PartOne, log_text
 from benchmarks.blind.makes.real.motion import at_rows
 from benchmarks.blind.makes.real.recordings import SOURCES, Run, Source, parts
 from benchmarks.blind.makes.real.rivals import alike
 from benchmarks.blind.makes.real.sizing import beyond_tolerance, change, gap, ruler, sized
 from benchmarks.blind.processes import run_case
+from benchmarks.gapbench.cases import robot_and_log
+from benchmarks.gapbench.scoring.judged import judged
 from rods import FAR, MASS, ROD, G, rod_scene
 
 
@@ -154,13 +154,14 @@ def test_unknown_counts_if_nothing_new_is_found_or_it_was_not_unknown_before():
 def test_the_gap_that_is_closed_ends_at_what_was_left_before():
     answer = answer_with(said("no_gap"))
     entry = {"diagnosis": said("explained", ("base_tilt", None)), "seconds": 1.0}
-    assert judged(answer, entry).gap_closed == pytest.approx(1.0)
+    assert judged(answer, entry_without_context(answer, entry)).gap_closed == pytest.approx(1.0)
 
 
 def test_a_null_is_judged_with_all_that_is_claimed():
     null = said("unknown", ("coulomb_friction", "pin"))
     answer = answer_with(null, kind="null", effects=[], truth=[], paired_gap=0.0)
-    assert judged(answer, {"diagnosis": null, "seconds": 1.0}).false_claim
+    entry = entry_without_context(answer, {"diagnosis": null, "seconds": 1.0})
+    assert judged(answer, entry).false_claim
 
 
 def test_a_log_is_written_to_the_precision_of_its_recording():

@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.blind import generate, publish, run
 from benchmarks.blind.generate import REPORTING, case_ids, chosen_batches, draw_many, main, parser, seed_range
-from benchmarks.blind.generator.case import draw_case, resolved_kind
-from benchmarks.blind.makes import NoCase
+from benchmarks.gapbench.generator.case import draw_case, resolved_kind
+from benchmarks.gapbench.makes import NoCase
 
 
 def test_one_seed_is_a_range_of_one():
@@ -103,11 +103,11 @@ def test_ids_come_in_the_order_of_the_batches():
 
 def test_a_seed_that_gives_no_case_is_told_and_the_others_are_drawn(tmp_path, monkeypatch, capsys):
     # Oracle: a make whose every odd seed gives none.
-    def drawn(seed: int, kind: str, cases, answers, make: str) -> str:
+    def drawn(seed: int, kind: str, cases, answers, make) -> str:
         if seed % 2:
             raise NoCase(f"Seed {seed} gives none: use another seed.")
         return f"c{seed}"
 
-    monkeypatch.setattr("benchmarks.blind.generate.draw", drawn)
+    monkeypatch.setattr("benchmarks.gapbench.cases.draw", drawn)
     assert draw_many(range(4), "pair", tmp_path, tmp_path, 1) == ["c0", "c2"]
     assert capsys.readouterr().err == "Seed 1 gives none: use another seed.\nSeed 3 gives none: use another seed.\n"

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.blind.generator.case import draw_case
-from benchmarks.blind.generator.drawing import CLOSE, sized
-from benchmarks.blind.generator.effects import SINGLE_EFFECTS, Effect
-from benchmarks.blind.generator.guess import first_guess
-from benchmarks.blind.generator.recipes import Recipe, draw_recipe
-from benchmarks.blind.generator.rivals import alike
-from benchmarks.blind.generator.setup import draw_setup, run_of
-from benchmarks.blind.generator.sizing import rms, ruler, unexplained_torque
-from benchmarks.blind.twins import explanations
+from benchmarks.gapbench.generator.case import draw_case
+from benchmarks.gapbench.generator.drawing import CLOSE, sized
+from benchmarks.gapbench.generator.effects import SINGLE_EFFECTS, Effect
+from benchmarks.gapbench.generator.guess import first_guess
+from benchmarks.gapbench.generator.recipes import Recipe, draw_recipe
+from benchmarks.gapbench.generator.rivals import alike
+from benchmarks.gapbench.generator.setup import draw_setup, run_of
+from benchmarks.gapbench.generator.sizing import rms, ruler, unexplained_torque
+from benchmarks.gapbench.scoring.twins import explanations
 
 # Tolerance may explain these almost wholly: they are made larger than asked for.
 ENLARGED = ("payload", "inertial_parameters", "torque_constant", "rotor_inertia", "parasitic_spring", "base_tilt")

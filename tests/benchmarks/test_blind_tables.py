@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from scored_by_hand import answer, entry, finding, some_cases
 
-from benchmarks.blind.judged import judged
 from benchmarks.blind.score import report
-from benchmarks.blind.tables import aims, beside, cell, misses, table, wrapped
+from benchmarks.gapbench.scoring.judged import judged
+from benchmarks.gapbench.scoring.tables import aims, beside, cell, misses, table, wrapped
 
 
 def single(*said, gap=6.0, beyond=6.0, verdict=None):

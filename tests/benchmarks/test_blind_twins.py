@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scored_by_hand import PARAMETERS, answer, claims_of, entry, finding
 
-from benchmarks.blind.judged import judged
+from benchmarks.gapbench.scoring.judged import judged
 
 TWINS = [
     ("payload", None, "pendulum", ["inertial_parameters:j1"]),

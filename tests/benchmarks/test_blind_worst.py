@@ -7,11 +7,11 @@ import json
 import pytest
 from scored_by_hand import answer, entry, finding
 
-from benchmarks.blind.figures import FIGURES
-from benchmarks.blind.judged import judged
-from benchmarks.blind.proportions import Proportion
 from benchmarks.blind.score import write_score
 from benchmarks.blind.worst import finished, main, scored, worst, worst_of_makes
+from benchmarks.gapbench.scoring.figures import FIGURES
+from benchmarks.gapbench.scoring.judged import judged
+from benchmarks.gapbench.scoring.proportions import Proportion
 
 
 def figure(name):

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from benchmarks.blind.generate import draw_many, robot_and_log
-from benchmarks.blind.judged import judged
-from benchmarks.blind.makes.field import files, gap
-from benchmarks.blind.makes.field.case import STREAMS, _setting, case_id, draw_case
-from benchmarks.blind.makes.field.dynamics import Chain, link_torque, mass_and_bias
-from benchmarks.blind.makes.field.plant import add, put, sound_plant
-from benchmarks.blind.makes.field.records import band_of, torque_noise
-from benchmarks.blind.makes.field.robots import KINDS, draw_robot
-from benchmarks.blind.makes.field.simulate import STEP, Task, run
+from benchmarks.blind.generate import draw_many
+from benchmarks.gapbench.cases import robot_and_log
+from benchmarks.gapbench.makes.field import files, gap
+from benchmarks.gapbench.makes.field.case import STREAMS, _setting, case_id, draw_case
+from benchmarks.gapbench.makes.field.dynamics import Chain, link_torque, mass_and_bias
+from benchmarks.gapbench.makes.field.plant import add, put, sound_plant
+from benchmarks.gapbench.makes.field.records import band_of, torque_noise
+from benchmarks.gapbench.makes.field.robots import KINDS, draw_robot
+from benchmarks.gapbench.makes.field.simulate import STEP, Task, run
+from benchmarks.gapbench.scoring.judged import judged
 from identification.data.reading import read_recording
 from phantom_dyn.model.loading import load_robot
 from places import CHECKOUT
@@ -211,11 +212,11 @@ def test_the_make_runs_where_diagnosis_and_engines_cannot_be_imported():
         class Refuse:
             def find_spec(self, name, path=None, target=None):
                 barred = ("phantom_dyn", "identification", "pinocchio", "mujoco")
-                if name.partition(".")[0] in barred or name.startswith("benchmarks.blind.generator"):
+                if name.partition(".")[0] in barred or name.startswith("benchmarks.gapbench.generator"):
                     raise ImportError(f"{name} must not be imported here")
 
         sys.meta_path.insert(0, Refuse())
-        from benchmarks.blind.makes.field.case import draw_case
+        from benchmarks.gapbench.makes.field.case import draw_case
         print(draw_case(6, "null").answer["kind"])
     """
     done = subprocess.run(

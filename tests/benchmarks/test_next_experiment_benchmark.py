@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.blind.makes.field.case import draw_open
-from benchmarks.blind.makes.field.records import LEAD, columns
 from benchmarks.fresh_noise import fresh_noise
+from benchmarks.gapbench.makes.field.case import draw_open
+from benchmarks.gapbench.makes.field.records import LEAD, columns
 from benchmarks.next_experiment_cases import drawn_case
 from benchmarks.next_experiment_field import fresh_recorder, log_of, reference_at_steps, task_along, world_with
 from benchmarks.next_experiment_figures import lines_of, paired_difference

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.blind.generator.case import draw_case, with_and_without
 from benchmarks.blind.makes import make_named
+from benchmarks.gapbench.generator.case import draw_case, with_and_without
 from benchmarks.silence import Pair, summary
 
 

@@ -19,7 +19,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.blind.baselines.always_coulomb import always_coulomb
 from benchmarks.blind.baselines.independent_bic import independent_bic
 from benchmarks.blind.baselines.least_squares import prepare
-from benchmarks.blind.baselines.mujoco_sysid import mujoco_sysid
+from benchmarks.gapbench.baselines.mujoco_sysid import mujoco_sysid
 
 
 def timed(say: Callable[[], dict], before: float = 0.0) -> dict:

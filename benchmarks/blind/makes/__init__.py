@@ -1,56 +1,15 @@
-"""Makes of sealed cases: independent generators of one form of case and answer, chosen by name."""
+"""Makes of sealed cases by name: those of `gapbench`, and the one that asks the library for corrected models."""
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from benchmarks.gapbench import makes
+from benchmarks.gapbench.makes import Make, make_of
 
-# Imported when they are asked for: a make must run where what another one is built on is missing.
-MODULES = {
-    "mujoco": "benchmarks.blind.generator.case",
-    "drake": "benchmarks.blind.makes.drake.case",
-    "field": "benchmarks.blind.makes.field.case",
-    "real": "benchmarks.blind.makes.real.case",
-    "slow": "benchmarks.blind.makes.slow",
-}
-NAMES = tuple(MODULES)
+REAL = "benchmarks.blind.makes.real.case"
+NAMES = (*makes.NAMES, "real")
 ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, and a model with effects
-
-
-# Of an effect: what the tolerance has to leave of it, as a share or in noise floors, whichever is less.
-SHARE_BEYOND, FLOORS_BEYOND = 0.5, 2.0
-
-
-def enough_beyond(size: float, beyond: float) -> bool:
-    """Whether the tolerance of the model leaves enough of an effect to ask for it [noise floors, both]."""
-    return beyond >= min(SHARE_BEYOND * size, FLOORS_BEYOND)
-
-
-class NoCase(Exception):
-    """A seed and a kind that give no possible case."""
-
-
-@dataclass(frozen=True)
-class Make:
-    """What every make offers.
-
-    Attributes:
-        case_id: Name of the case of a seed and a kind.
-        resolved_kind: ``mixed`` made ``null`` or ``single``.
-        draw_case: The case, with its ``answer``; raises `NoCase` where a seed gives none.
-        write_case: Writes what the diagnosis may see.
-    """
-
-    case_id: Callable[[int, str], str]
-    resolved_kind: Callable[[int, str], str]
-    draw_case: Callable[[int, str], Any]
-    write_case: Callable[[Any, Path], Path]
 
 
 def make_named(name: str) -> Make:
     """The make of a name of `NAMES`."""
-    module = importlib.import_module(MODULES[name])
-    return Make(module.case_id, module.resolved_kind, module.draw_case, module.write_case)
+    return make_of(REAL) if name == "real" else makes.make_named(name)

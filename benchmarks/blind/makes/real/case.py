@@ -14,8 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.blind.makes import NoCase
-from benchmarks.blind.makes.plain_numbers import plain
 from benchmarks.blind.makes.real.body import body
 from benchmarks.blind.makes.real.context import context_of, named, places
 from benchmarks.blind.makes.real.given import PartOne, corrected_by, null_diagnosis, write_inputs
@@ -26,6 +24,8 @@ from benchmarks.blind.makes.real.recordings import SOURCES, Run, Source, parts
 from benchmarks.blind.makes.real.rivals import alike
 from benchmarks.blind.makes.real.scene import Effect, Rng, Rows, scene_of
 from benchmarks.blind.makes.real.sizing import Ruler, Sized, beyond_tolerance, change, each, ruler, sized
+from benchmarks.gapbench.makes import NoCase
+from benchmarks.gapbench.makes.plain_numbers import plain
 
 Array = np.ndarray
 KINDS = ("null", "single", "pair", "outside")

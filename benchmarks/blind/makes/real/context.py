@@ -85,3 +85,8 @@ def without_context(answer: Mapping, diagnosis: dict) -> dict:
         "verdict": "partly_explained" if same else diagnosis["verdict"],
         "joints": [{**j, "noise_floor": floor} for j, floor in floors],
     }
+
+
+def entry_without_context(answer: Mapping, entry: dict) -> dict:
+    """What the runner kept of a diagnosis, with what that says of the effect alone."""
+    return {**entry, "diagnosis": without_context(answer, entry["diagnosis"]) if entry["diagnosis"] else None}

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
-from benchmarks.blind.makes import enough_beyond
 from benchmarks.blind.makes.real import body
 from benchmarks.blind.makes.real.motion import even, low_passed
 from benchmarks.blind.makes.real.scene import Effect, Rows, Scene
+from benchmarks.gapbench.makes import enough_beyond
 
 Array = np.ndarray
 REACHED = 1.0 / 3.0  # of the largest gap: a joint beyond it is one that the effect reaches
