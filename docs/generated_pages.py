@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from effect_figures import ARM, shown_sizes, write_figures
 
 from identification.cli.main import COMMANDS
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -16,24 +17,24 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 
-ROBOT = "cea_branch"
-"""Built-in robot whose ranges are shown: it has several joints, as a coupling needs."""
-
 
 def write_pages(folder: Path) -> None:
     """Write all generated pages into a folder, made where it is missing."""
     folder.mkdir(exist_ok=True)
     (folder / "effects.rst").write_text(effects_page())
+    write_figures(folder, EFFECTS)
     (folder / "commands.rst").write_text(commands_page())
 
 
 def effects_page() -> str:
     """Every effect in the catalogue's order: its law as its module states it, its parameters and their ranges."""
-    robot = load_robot(ROBOT)
+    robot = load_robot(ARM)
     lead = (
-        "From the catalogue of this version. Ranges are those of the first place on the built-in robot "
-        f"``{ROBOT}``; where they depend on the model, as friction that cannot be less than none, another robot has "
-        "others."
+        "From the catalogue of this version. Ranges are those of the first place on the arm of the first diagnosis, "
+        "which weighs some kilograms and whose drives give 12 to 20 N m; where they depend on the model, as friction "
+        "that cannot be less than none, another robot has others.\n\n"
+        "The figure of an effect is drawn by its own law, on an elbow that swings along a sine: what it leaves beyond "
+        "the model over velocity, position and time, with the sizes below it."
     )
     parts = (_table(EFFECTS, robot), *(_effect(effect, robot) for effect in EFFECTS))
     return "\n".join([_heading("All effects", "="), lead, "", *parts])
@@ -57,6 +58,8 @@ def _law(effect: Effect) -> str:
 
 def _effect(effect: Effect, robot: Robot) -> str:
     lines = [_heading(effect.name, "-"), _law(effect), ""]
+    lines += [f".. figure:: effect_{effect.name}.svg", f"   :alt: {effect.name} over velocity, position, time", ""]
+    lines += [f"   {shown_sizes(effect)}", ""]
     place = effect.places(robot)[0]
     # Inertial parameters are ten a body, with one range each kind.
     shown = effect.parameters(robot, place)[:10]

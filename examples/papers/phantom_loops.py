@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from computed_torque import WAYS, follow
 from paper_figures import PHANTOM_FITS, PHANTOM_RESONANCES
 
 from papers.page import NOT_GIVEN, Row, Section, compared
@@ -234,8 +235,19 @@ def future() -> Section:
                 reason="without errors of its signals, of which none are given",
             )
         )
+    for words, sensing in WAYS.items():
+        rows.append(
+            Row(
+                f"teleoperation by computed torque, {words}: error of the slave's tip",
+                '"not feasible" without better sensors' if "stock" in words else "planned",
+                f"{1e3 * follow(sensing).rms:.2f} mm rms",
+                "",
+                "simulated; motion, gains and sensors are assumed",
+            )
+        )
     return Section(
         "7 Future work",
-        "`phantom_dyn.haptics.sensing`; `sinusoidal_encoder` of `examples/haptics_gallery.py`",
+        "`phantom_dyn.haptics.sensing`; `sinusoidal_encoder` of `examples/haptics_gallery.py`; teleoperation: "
+        "`examples/computed_torque.py`",
         tuple(rows),
     )
