@@ -1,9 +1,10 @@
 """What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
 
 A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again, in
-radians, or in degrees where these are still to be told from radians. A
-value that departs by far more than any change beside it and is back after at most five samples is no motion and no
-torque: it is cut out, and the samples beside it are joined. Whatever was mended is said, with counts and times.
+radians, or in degrees where nothing says yet which of the two they are. A value that departs by far more than any
+change beside it and is back after at most five samples is no motion and no torque: it is cut out, and the samples
+beside it are joined. A torque stays where the velocity of some joint jumps with it: a reference that steps makes both.
+Whatever was mended is said, with counts and times.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.data.times import when
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
@@ -30,6 +31,9 @@ _TIMES = 6.0
 _BACK, _AWAY = 0.2, 0.5
 # The least departure of a position [rad or m] and of a torque (in standard deviations of it) that is worth a cut.
 _LEAST_ANGLE, _LEAST_LENGTH, _LEAST_TORQUE = 0.02, 0.002, 0.5
+# A velocity jumps where it changes by this many times what 95 % of all changes stay below, each from the mean of this
+# many samples to that of the next ones.
+_JUMPS, _MEAN_OF = 3.0, 10
 # Share of the samples from which on there is more to it than a few bad samples: then nothing is cut.
 _MOST = 0.01
 
@@ -47,7 +51,8 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
     tau = together.tau
     if tau is not None:
         tau = _without_lost(together, tau, at_q)
-        tau, at_tau = _without_spikes(tau, _LEAST_TORQUE * np.array([column.std() for column in tau.T]))
+        least = _LEAST_TORQUE * np.array([column.std() for column in tau.T])
+        tau, at_tau = _without_spikes(tau, least, _jumps_of_velocity(q))
         warnings += _spike_warnings(together, "the torque", at_tau)
     if not warnings:
         return together
@@ -144,11 +149,33 @@ def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
     return out
 
 
-def _without_spikes(x: Float[Array, "N nv"], least: Float[Array, " nv"]) -> tuple[Array, list[list[tuple[int, int]]]]:
-    """Columns whose spikes are bridged by straight lines, and the spikes; a column with too many stays as it is."""
+def _jumps_of_velocity(q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
+    """True beside samples at which the velocity of some joint jumps."""
+    out = np.zeros(len(q), dtype=bool)
+    if len(q) <= 2 * _MEAN_OF:
+        return out
+    changes = np.abs(q[2 * _MEAN_OF :] - 2.0 * q[_MEAN_OF:-_MEAN_OF] + q[: -2 * _MEAN_OF])
+    usual = np.percentile(changes, 95, axis=0)
+    at = np.flatnonzero((changes > _JUMPS * np.maximum(usual, 1e-12)).any(axis=1)) + _MEAN_OF
+    for k in range(-_LONGEST, _LONGEST + 1):
+        out[np.clip(at + k, 0, len(q) - 1)] = True
+    return out
+
+
+def _without_spikes(
+    x: Float[Array, "N nv"], least: Float[Array, " nv"], real: Bool[Array, " N"] | None = None
+) -> tuple[Array, list[list[tuple[int, int]]]]:
+    """Columns whose spikes are bridged by straight lines, and the spikes; a column with too many stays as it is.
+
+    Args:
+        x: Samples.
+        least: The least departure of each column that counts.
+        real: Samples at which nothing is cut; None: none.
+    """
     out, found = x, []
     for j in range(x.shape[1]):
         runs = spikes(np.ascontiguousarray(x[:, j]), float(least[j]))
+        runs = runs if real is None else [run for run in runs if not real[run[0] : run[1]].any()]
         bad = np.zeros(len(x), dtype=bool)
         for start, end in runs:
             bad[start:end] = True

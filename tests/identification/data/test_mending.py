@@ -98,3 +98,26 @@ def test_a_recording_full_of_dropouts_stays_as_it_is(swinging):
     recording = replace(swinging, q=broken)
     assert len(spikes(broken[:, 0], 0.02)) == 16
     assert mended(recording, TURNING) is recording
+
+
+@pytest.fixture
+def stepping() -> Recording:
+    """A joint that every second is kicked from rest to 2 rad/s within 3 ms, and slows down in 0.3 s."""
+    t = np.arange(6000) / 1000
+    after, kicks = t % 1.0, t > 0.5
+    v = np.where(kicks, 2.0 * np.clip(1.0 - after / 0.3, 0.0, 1.0) * np.minimum(after / 0.003, 1.0), 0.0)
+    tau = np.where(kicks & (after < 0.003), 100.0, np.where(kicks & (after < 0.3), -1.0, 0.0))
+    return Recording("a.csv", ("pin",), t, np.cumsum(v)[:, None] / 1000, tau[:, None])
+
+
+def test_a_torque_with_which_the_velocity_jumps_is_no_spike(stepping):
+    assert len(spikes(stepping.tau[:, 0], 1.0)) == 5
+    assert mended(stepping, TURNING) is stepping
+
+
+def test_a_spike_without_a_jump_is_cut_out_beside_torques_that_make_one(stepping):
+    broken = stepping.tau.copy()
+    broken[2700:2702] = 100.0
+    found = mended(replace(stepping, tau=broken), TURNING)
+    np.testing.assert_allclose(found.tau, stepping.tau)
+    assert "1 spike or dropout of 2 samples in all (at t = 2.7 s)" in found.warnings[0]
