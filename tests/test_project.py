@@ -78,6 +78,16 @@ def test_the_lock_holds_every_declared_dependency():
     assert declared - {"phantom-dyn"} <= locked_packages()
 
 
+def test_the_badges_of_the_readme_say_what_the_project_declares():
+    # Oracle: pyproject.toml.
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    said = {"licence": project["license"], "python": project["requires-python"].replace(">=", "") + " or later"}
+    readme = (CHECKOUT / "README.md").read_text()
+    for name, words in said.items():
+        assert f": {words}</title>" in (CHECKOUT / "docs" / "badges" / f"{name}.svg").read_text()
+        assert f": {words}](docs/badges/{name}.svg)" in readme
+
+
 def test_the_extras_are_those_that_sentences_about_missing_libraries_name():
     # Oracle: pyproject.toml; `all` is the others together.
     extras = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
