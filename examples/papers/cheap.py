@@ -53,7 +53,7 @@ def models() -> Section:
     cogging = cheap_translation(slip=1.0, order=order, limit=math.inf).cogging
     wave = rendered(CheapAxis(cogging=cogging), t, x, 0 * x).force
     return Section(
-        "II Hardware models",
+        "II and III Hardware models and their composition, Figures 2, 3 and 5 to 7",
         f"{MODELS}; `cheap_axis`, `sticking_friction` and `backlash` of `examples/haptics_gallery.py`",
         (
             Row(
@@ -94,6 +94,7 @@ def models() -> Section:
                 "",
                 "its period is not given and is an input",
             ),
+            Row("III, Figure 7: composition", "a diagram", "as drawn", "none", "forces pass beside the coupling"),
             Row("E: level of the clipping", "20 to 30 % of the stall torque", "an input", "", "no number is given"),
         ),
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from computed_torque import WAYS, follow
 from paper_figures import PHANTOM_FITS, PHANTOM_RESONANCES
 
 from papers.page import NOT_GIVEN, Row, Section, compared
+from phantom_dyn.devices.phantom import PHANTOM_1_5, wrench_torque
 from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
@@ -34,11 +36,15 @@ from phantom_dyn.haptics.stability.virtual_wall import critical_wall
 
 HZ = 2 * math.pi
 CLOCK, COUNTS = 10e6, 2**16
+MISPLACED = (0.05, -0.03, 0.02, -0.04)
+"""Edges of a quadrature off their places, in steps: not given."""
 
 
 def electronics() -> Section:
     quarter = switched_current(Winding(2.0), voltage=4.0, duty=0.25, frequency=20e3)
     duty = duty_of_heat_ratio(PUBLISHED_RISE_PULSES / PUBLISHED_RISE_LINEAR)
+    downward = np.array([[0.0, -2.0, 0.0, 0.0, 0.0, 0.0]])
+    held = abs(float(wrench_torque(np.zeros((1, 3)), downward)[0, 1])) / PHANTOM_1_5.gear_ratio
     return Section(
         "4.1.1 and 4.2.1 Motor drive electronics",
         "`phantom_dyn.haptics.device.drives`, `commutation` and `safety`; `drive_heat`, `brush_cogging` and "
@@ -52,6 +58,13 @@ def electronics() -> Section:
                 "",
                 "the duty cycle that the rises imply; none is given",
             ),
+            Row(
+                "section 5: torque of motor 2 that holds 2 N downward at the origin",
+                NOT_GIVEN,
+                f"{1e3 * held:.1f} mN m at the motor",
+                "",
+                f"{11.6 * held:.2f} N m at the joint, over a transmission of 11.6",
+            ),
             Row("cogging of the stock amplifier", "felt", "see `brush_cogging`", "", "motor's constants are not given"),
         ),
     )
@@ -61,6 +74,12 @@ def velocity() -> Section:
     period = LoopSettings().period
     one = estimator_figures(AveragedDifference(), Encoder(), speed=0.1003, acceleration=0.1)
     stock, improved = (estimator_figures(each, Encoder(), speed=0.1003, acceleration=0.1) for each in (STOCK, IMPROVED))
+    by_order = {
+        order: estimator_figures(
+            replace(IMPROVED, samples=order), Encoder(spacing=MISPLACED), speed=0.0303, acceleration=0.1
+        ).granularity
+        for order in (8, 12, 14, 16)
+    }
     return Section(
         "4.1.2 and 4.2.2 Velocity estimation",
         "`phantom_dyn.haptics.sensing.velocity_comparison.estimator_figures`; `velocity_estimators` of "
@@ -82,6 +101,14 @@ def velocity() -> Section:
                 stock.lag / improved.lag,
                 "times",
                 reason="100/16 is 6.25; the period measurement itself is half an edge late",
+            ),
+            Row(
+                "granularity with a mean of 8, 12 and 16",
+                '"not adequately smooth" at 8 and 12',
+                ", ".join(f"{1e3 * by_order[order]:.2f}" for order in (8, 12, 16)) + " mm/s",
+                "",
+                "edges of the quadrature misplaced by up to 5 % assumed, at 30.3 mm/s; the order is to be a multiple "
+                f"of 4, but here 14 lies between its neighbours: {1e3 * by_order[14]:.2f} mm/s",
             ),
             Row(
                 "slowest speed before a 16-bit counter at 10 MHz runs over",

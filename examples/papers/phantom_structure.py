@@ -174,6 +174,7 @@ def appendix() -> Section:
         "Appendix: inertial parameters",
         f"`PHANTOM_1_5` of {MODULE}",
         (
+            Row("lengths, masses, moments, Figure 7", "printed", "used as printed", "", "but for what follows"),
             *(
                 compared(
                     f"{name}, m l^2 / 12 of a thin rod",

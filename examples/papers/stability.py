@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from paper_figures import (
     CABLE_DAMPING,
     STARTS,
@@ -26,7 +27,12 @@ from phantom_dyn.haptics.device.published import (
     phantom_1_0,
 )
 from phantom_dyn.haptics.experiments.frequency_identification import NAMES
-from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, linear_ratio, linear_stiffness
+from phantom_dyn.haptics.stability.critical_stiffness import (
+    critical_stiffness,
+    linear_ratio,
+    linear_stiffness,
+    loop_bode,
+)
 from phantom_dyn.haptics.stability.force_feedforward import (
     Feedforward,
     critical_feedforward,
@@ -224,6 +230,18 @@ def relay() -> Section:
         )
         for each in relays_over_delays()
     ]
+    bode = loop_bode(LHIFAM_NEW_CABLE, period=PERIOD)
+    low = np.interp(np.log(HZ * np.array([1.0, 3.0])), np.log(bode.frequency), bode.decibels)
+    slope = float(low[1] - low[0]) / math.log10(3.0)
+    rows.append(
+        compared(
+            "Figure 17: slope from 1 to 3 Hz",
+            "-40",
+            slope,
+            "dB a decade",
+            reason="steeper by the anti-resonance at 14 Hz",
+        )
+    )
     rows.append(
         Row(
             "loss by 250 us of inherent delay",
