@@ -81,15 +81,6 @@ class Improvement:
     models: tuple[ModelFigure, ...]
     needs: str
 
-    def summary(self) -> str:
-        """Published and computed figures under each other."""
-        given = "values not published" if self.published is None else f"{self.published[0]:g} to {self.published[1]:g}"
-        lines = [f"{self.quantity}: published {_percent(self.published_ratio)} ({given} {self.unit})"]
-        for model in self.models:
-            figures = f"{_figure(model.before)} to {_figure(model.after)} {model.unit}"
-            lines.append(f"  {model.model}: {_percent(model.ratio)} ({figures}). {model.says}")
-        return "\n".join([*lines, f"  {self.needs}"])
-
 
 def operational_masses() -> tuple[float, float, float]:
     """Mass [kg] of the tip along x, y, z at the origin of the PHANToM 1.5, from its dynamic model."""
@@ -196,7 +187,3 @@ def _same(name: str, gain: float) -> ModelFigure:
 
 def _percent(ratio: float) -> str:
     return "no answer" if math.isnan(ratio) else f"{100 * (ratio - 1):+.0f} %"
-
-
-def _figure(value: float) -> str:
-    return "any" if value == math.inf else f"{value:.3g}"

@@ -87,14 +87,6 @@ class Explained:
         """After over before."""
         return self.after / self.before
 
-    def summary(self) -> str:
-        """Ratio, figures and assumptions in one sentence."""
-        given = " and ".join(f"{one.says} ({one.value:.3g} {one.unit})" for one in self.assumptions)
-        return (
-            f"{self.quantity}: {100 * (self.ratio - 1):+.0f} % ({self.before:.3g} to {self.after:.3g} {self.unit}), "
-            f"assuming {given}."
-        )
-
 
 def explained_wall() -> Explained:
     """Stiffest wall along y of a device that is held with some damping, the stock amplifier late by some lag.

@@ -94,13 +94,6 @@ def test_a_wall_that_is_later_by_0_214_ms_has_its_ratio_from_the_amplifier_of_th
     assert prompt / late == pytest.approx(1.35, rel=2e-3)
 
 
-def test_the_summary_states_what_is_assumed(wall):
-    assert wall.summary() == (
-        "virtual wall stiffness: +35 % (2e+03 to 2.7e+03 N/m), assuming a stock amplifier that is late (0.175 ms) and "
-        "hand and arm with a damping along y (1.34 N s/m)."
-    )
-
-
 def test_an_assumption_that_explains_nothing_is_refused():
     with pytest.raises(EstimationError, match="the assumption does not explain it"):
         _solved(lambda x: x + 1.0, 0.0, 1.0)
