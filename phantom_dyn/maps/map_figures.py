@@ -38,7 +38,7 @@ _ONE_COLOUR = 1 / 3
 _RIM = 0.02
 """Part of a section next to what cannot be reached, or is singular, in which no largest value is marked."""
 _MARKS = 6
-"""Equal largest values that are marked; of more the first."""
+"""Equal largest values that are marked; of more as many at even steps, as they lie along a line."""
 _LABEL_ROOM = 0.12
 """Least distance of two numbers on lines, and least extent of a line that has one, over the size of the axes."""
 _HELD = "\u00a0"
@@ -243,7 +243,7 @@ def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
     if np.isfinite(inner).any():
         rows, columns = np.nonzero(inner >= np.nanmax(inner) * (1.0 - 1e-9))
         largest = f"largest: {values[rows[0], columns[0]]:.4g}"
-        kept = slice(_MARKS)
+        kept = np.unique(np.linspace(0, len(rows) - 1, _MARKS).round().astype(int))
         ax.plot(
             across[columns[kept]], up[rows[kept]], "x", color="w", mec="r", ms=7, mew=1.5, label=largest, clip_on=False
         )

@@ -75,7 +75,8 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
     mass = "kg m²" if rotary else "kg"
     (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
     title = (
-        f"{name} from {experiment}: anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
+        f"{name} from {experiment}\n"
+        f"anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
         f"resonance {hertz(high):.2f} ± {hertz(high_error):.1g} Hz\n"
         f"motor {fit.axis.motor_mass:.3g} {mass}, body {fit.axis.body_mass:.3g} {mass}, "
         f"cable {fit.axis.cable_stiffness:.4g} {stiffness_unit(rotary)}"

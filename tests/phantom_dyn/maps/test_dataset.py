@@ -223,6 +223,14 @@ def test_the_largest_value_and_the_origin_are_marked():
     assert legend == [f"largest: {np.nanmax(found.values['apparent_mass']):.4g}", "origin"]
 
 
+def test_equal_largest_values_on_a_line_are_marked_along_it(wide):
+    # Made by hand: 4 at the whole left edge of 50 points, less farther right.
+    values = np.repeat(np.linspace(4.0, 1.0, 50)[:, None], 50, axis=1)
+    ax, _ = drawn(wide, "apparent_mass", values)
+    (crosses,) = [line for line in ax.lines if line.get_marker() == "x"]
+    np.testing.assert_allclose(crosses.get_ydata(), np.linspace(*ax.get_ylim(), 6), atol=0.03 * np.ptp(ax.get_ylim()))
+
+
 def test_the_caption_says_why_points_are_blank():
     model = map_model(load_robot("cea_branch"))
     found = operational_map(model, read_grid("x=-0.2:0.2:3,z=-0.4:0.1:6", model.joint_names), ["apparent_mass"])
