@@ -65,7 +65,7 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     ]
     shapes = robot_shapes(robot)
     links = [moved(mesh, *places[k]) for k, mesh in enumerate(shapes.links)]
-    rails = _rails(robot, diagnosis, places)
+    rails = _rails(robot, diagnosis, over_time)
     origins = np.array([place for _, place in places[1:]])
     size = extent(np.concatenate([*(mesh.points for mesh in [*links, *rails.values()]), origins]))
     joints = [moved(joint_solid(model, k, size), *places[k]) for k in range(1, model.njoints)]
@@ -126,16 +126,17 @@ def extent(points: Float[Array, "P 3"]) -> float:
     return side if side > 1e-6 else 0.1
 
 
-def _rails(robot: Robot, diagnosis: Diagnosis, places: list[tuple[Array, Array]]) -> dict[int, Mesh]:
-    """For each linear joint, by its number, a thin rod along the way that it went."""
+def _rails(robot: Robot, diagnosis: Diagnosis, over_time: Postures) -> dict[int, Mesh]:
+    """For each linear joint, by its number, a thin rod along the way that it went, in the middle posture."""
     rails = {}
     for joint, row in zip(_active_joints(robot), range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
         way = diagnosis.evidence.q[:, row]
         if not linear or not np.isfinite(way).any():
             continue
-        low, high = np.nanmin(way) - np.nanmedian(way), np.nanmax(way) - np.nanmedian(way)
-        rails[joint] = moved(capsule(low * axis, high * axis, 0.02 * (high - low)), *places[joint])
+        low, high = np.nanmin(way) - over_time.q[row], np.nanmax(way) - over_time.q[row]
+        rod = capsule(low * axis, high * axis, 0.02 * (high - low))
+        rails[joint] = moved(rod, over_time.rotation[over_time.middle, joint], over_time.place[over_time.middle, joint])
     return rails
 
 

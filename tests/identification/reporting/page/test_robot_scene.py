@@ -130,10 +130,16 @@ def test_the_moves_carry_a_joint_to_where_forward_kinematics_puts_it(made_up, pl
     np.testing.assert_allclose(drums, wanted, atol=1e-3)
 
 
-def test_a_rail_does_not_move_with_its_joint(made_up):
+@pytest.mark.parametrize("frame", range(0, 41, 10))
+def test_a_rail_stays_and_its_joint_moves_along_all_of_it(made_up, frame):
     robot = load_robot("emps")
     figure = json.loads(robot_scene(robot, made_up(robot.joint_names, samples=400, unit="N")).figure)
-    assert [solid["body"] for solid in figure["solids"] if not solid["text"]] == [0]
+    rail, joint = figure["solids"][0], figure["solids"][-1]
+    assert (rail["body"], rail["text"]) == (0, "")
+    ends = carried(figure, rail, frame)[:, 0]
+    places = [carried(figure, joint, k)[:, 0].mean() for k in range(41)]
+    assert ends.min() < min(places) < max(places) < ends.max()
+    assert np.ptp(places) == pytest.approx(np.ptp(ends), rel=0.06)
 
 
 def test_without_samples_there_is_nothing_to_slide(made_up, planar2):
