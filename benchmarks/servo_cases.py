@@ -53,6 +53,7 @@ class Servo:
         sag: Volts that the supply loses per ampere of all drives together.
         drops_beyond: Position error [rad] beyond which the servo protects itself; infinite if it does not.
         drops_to: Share of the voltage that is left then.
+        warms: Kelvin per second by which the motor warms from 25 deg C; its copper's resistance grows by 0.393 % each.
     """
 
     gain: float
@@ -66,6 +67,7 @@ class Servo:
     sag: float = 0.0
     drops_beyond: float = np.inf
     drops_to: float = 1.0
+    warms: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def _bias(q, v, mass, length, rotor, tip, matrix):
 @njit(cache=True)
 def _stepped(t, q_ref, mass, length, rotor, tip, numbers):
     """Readings, voltages, shares of the supply, and the supply at the bus's samples."""
-    gain, kt, resistance, nominal, delay, coulomb, viscous, by_load, sag, beyond, drops_to = numbers
+    gain, kt, resistance, nominal, delay, coulomb, viscous, by_load, sag, beyond, drops_to, warms = numbers
     n, count = q_ref.shape[1], 2 * np.pi / COUNTS
     read, out, share = np.zeros((len(t), n)), np.zeros((len(t), n)), np.zeros((len(t), n))
     level = np.zeros(len(t))
@@ -148,7 +150,7 @@ def _stepped(t, q_ref, mass, length, rotor, tip, numbers):
             return read, out, share, level
         h = STEP / 2
         for _ in range(2):
-            current = (u - kt * v) / resistance
+            current = (u - kt * v) / (resistance * (1.0 + 0.00393 * warms * (time - t[0])))
             supply = nominal - sag * np.sum(np.abs(current * duty))
             bias = _bias(q, v, mass, length, rotor, tip, matrix)
             for j in range(n):
@@ -221,6 +223,7 @@ def table(columns: dict[str, Array]) -> str:
 KINDS = (
     "null measured", "null command", "null motion", "late command", "late motion", "load measured", "load command",
     "load motion", "friction measured", "friction command", "sag", "protection",
+    "warm",
 )  # fmt: skip
 
 
@@ -256,6 +259,8 @@ def case(kind: str, seed: int) -> Case:
         truth |= {"coulomb_friction": servo.coulomb, "viscous_friction": servo.viscous}
     if what == "sag":
         servo = replace(servo, sag=float(rng.uniform(0.3, 0.8)))
+    if what == "warm":
+        servo = replace(servo, warms=float(rng.uniform(1.5, 3.0)))
     if what == "protection":
         servo = replace(servo, gain=30.0, drops_beyond=float(rng.uniform(0.16, 0.22)), drops_to=0.2)
     q_ref = reference(rng, t, joints)
@@ -269,6 +274,8 @@ def case(kind: str, seed: int) -> Case:
     elif what == "sag":
         columns |= {f"duty.{name}": share[:, j] for j, name in enumerate(names)} | {"supply": supply}
     elif route == "measured":
+        if what == "warm":
+            columns |= {f"temp.{name}": np.round(25.0 + servo.warms * t) for name in names}
         columns |= {f"u.{name}": u[:, j] for j, name in enumerate(names)}
     return Case(kind, truth, urdf(given), _config(given, servo, names, route), table(columns))
 

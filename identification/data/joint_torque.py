@@ -18,6 +18,11 @@ from phantom_dyn.motion import side_by_side
 
 Array = np.ndarray
 
+# Copper's resistance grows by so much per kelvin; data sheets state that of a motor at room temperature.
+_COPPER, _ROOM = 0.00393, 25.0
+# Of the resistance: a smaller growth is less than what data sheets are right to, and is not said.
+_SAID = 0.01
+
 
 class NoTorqueError(LogError):
     """No joint has a torque, or a current or voltage in its place."""
@@ -53,8 +58,21 @@ def voltage_bound(actuator: Actuator) -> float:
     return per_volt(actuator) * actuator.voltage_limit if actuator.voltage_limit and per_volt(actuator) else np.inf
 
 
+def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
+    """Resistance of a motor at room temperature as a share of the one at its measured temperature; one without any."""
+    warm = table.columns.get(f"temp.{joint}")
+    return 1.0 if warm is None else copper_share(warm)
+
+
+def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
+    """The same at temperatures [deg C]; one where none was measured."""
+    # A register that nobody fills is zero throughout.
+    known = np.isfinite(warm) if np.any(warm) else np.zeros(len(warm), dtype=bool)
+    return np.where(known, 1.0 / (1.0 + _COPPER * (np.where(known, warm, _ROOM) - _ROOM)), 1.0)
+
+
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
-    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
+    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`, of a motor that warms.
 
     Where no velocity was recorded it is that of differences of the mended positions, as a dropout of one sample is none
     of the motor; whoever filters the positions takes the back-EMF of the filtered ones, see `Recording.slowing`.
@@ -68,7 +86,7 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
     v = table.columns.get(f"v.{joint}")
     if v is None:
         v = np.gradient(mended_position(table.columns[f"q.{joint}"]), table.columns["t"])
-    return per_volt(actuator) * table.columns[f"u.{joint}"] - per_speed(actuator) * v
+    return warm_share(table, joint) * (per_volt(actuator) * table.columns[f"u.{joint}"] - per_speed(actuator) * v)
 
 
 def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) -> Float[Array, " nv"] | None:
@@ -83,7 +101,22 @@ def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) 
     differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
     if not any(differenced):
         return None
-    return np.array([per_speed(a) if own else 0.0 for (_, a), own in zip(pairs, differenced, strict=True)])
+    # Of what the filter takes from speeds, the mean of a motor that warms is enough.
+    warm = [float(np.mean(warm_share(table, joint))) for joint in robot.joint_names]
+    return np.array([w * per_speed(a) if own else 0.0 for (_, a), own, w in zip(pairs, differenced, warm, strict=True)])
+
+
+def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
+    """A sentence on a motor whose resistance is not the stated one."""
+    share, resistance = warm_share(table, joint), actuator.resistance
+    if resistance is None or np.max(np.abs(np.asarray(share) - 1.0)) < _SAID:
+        return ()
+    warm, grown = table.columns[f"temp.{joint}"], resistance / np.asarray(share)
+    return (
+        f"{table.file}: the resistance of {joint} is taken as {grown.min():.3g} to {grown.max():.3g} ohm: copper at "
+        f"{warm.min():.3g} to {warm.max():.3g} °C of temp.{joint}, the stated {resistance:.3g} ohm being that at "
+        f"{_ROOM:.3g} °C. If it is not, state the one at that temperature, or leave the column out.",
+    )
 
 
 def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
@@ -150,7 +183,9 @@ def drive_torque(
         "robot.yaml."
         for joint in zero
     )
-    return tau, warnings
+    sources = torque_sources(table, robot.joint_names)
+    warm = [_warming(table, joint, actuator) for joint, actuator in pairs if sources.get(joint) == "u"]
+    return tau, (*warnings, *(sentence for own in warm for sentence in own))
 
 
 def external_torque(

@@ -269,7 +269,7 @@ def recording(
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
     loops = loops_of(table, joints)
     slowing = voltage_slowing(table, robot, torque_from)
-    follows, follows_up_to = computed_from_references(robot, loops, torque_from)
+    follows, follows_up_to = computed_from_references(table, robot, loops, torque_from)
     # Where nobody else holds the table, its torques make room for the positions.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
@@ -302,6 +302,7 @@ def recording(
         follows_up_to=follows_up_to,
         friction_taken=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
+        supply=table.columns.get("supply"),
         named=table.named,
         base=base,
         **optional,

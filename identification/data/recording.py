@@ -142,6 +142,7 @@ class Recording:
         v_ref: References of the velocity controllers.
         x: Link-side positions of a second encoder.
         temperature: Of the drives [deg C], NaN for joints without a column.
+        supply: Voltage that feeds the drives [V], ``(N,)``.
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
         positions: Measured positions [m] by frame, in the axes of whatever measured them, each ``(N, 3)``.
         orientations: Measured orientations by frame as unit quaternions x, y, z, w, each ``(N, 4)``; each frame has a
@@ -181,6 +182,7 @@ class Recording:
     v_ref: Float[Array, "N nv"] | None = None
     x: Float[Array, "N nv"] | None = None
     temperature: Float[Array, "N nv"] | None = None
+    supply: Float[Array, " N"] | None = None
     forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
     positions: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
     orientations: Mapping[str, Float[Array, "N 4"]] = field(default_factory=dict)

@@ -81,6 +81,7 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         v_ref=some(recording.v_ref),
         x=some(recording.x),
         temperature=some(recording.temperature),
+        supply=some(recording.supply),
         forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},
         positions={frame: read_only(position[rows]) for frame, position in recording.positions.items()},
         orientations={frame: read_only(turn[rows]) for frame, turn in recording.orientations.items()},

@@ -59,11 +59,12 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
 def _computed(recording: Recording, robot: Robot) -> Recording:
     """The recording whose torque its controllers have computed, with how that depends on references and speed."""
     stated = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
-    limits = np.array([_bound(actuator) for actuator in robot.actuators])
+    supplied = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
+    limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supplied
     # What is late as a whole is not computed anew.
     at_once = np.array([controller.delay == 0 for controller in stated])
     slowing = np.array([controller.kd for controller in stated]) * at_once if recording.v is None else None
-    gain = np.array([controller.kp for controller in stated])
+    gain = np.array([controller.kp for controller in stated]) * supplied
     return replace(
         recording,
         controlled=True,
@@ -98,9 +99,18 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
         most, late = voltage_bound(actuator), controller.reference_delay
         reference = np.interp(t - late, t, recording.q_ref[:, k]) if late else recording.q_ref[:, k]
         asked = np.clip(controller.stiff_part(reference - recording.q[:, k]), -most, most)
+        asked = _supplied(recording, actuator) * asked
         asked = asked - controller.kd * v[:, k]
         out[:, k] = asked if controller.delay == 0 else np.interp(t - controller.delay, t, asked)
     return out
+
+
+def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
+    """Voltage of the supply as a share of the one that a drive states, where it puts a share of it on its motor."""
+    duty = actuator.controller is not None and actuator.controller.kind == "duty"
+    if not duty or recording.supply is None or actuator.voltage_limit is None:
+        return 1.0
+    return recording.supply / actuator.voltage_limit
 
 
 _LEAST_ROWS = 20

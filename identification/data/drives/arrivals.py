@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop
-from identification.data.joint_torque import per_volt
+from identification.data.joint_torque import copper_share, per_volt
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.notes import Code, Note
@@ -42,7 +42,9 @@ def torque_of_arrival(
         if loop is None or loop.computed or recording.torque_from.get(joint) != "u":
             continue
         late, early = (_voltage(loop, recording, t, j, loop.delay + side * step) for side in (0.5, -0.5))
-        out[:, j] = per_volt(robot.actuators[j]) * (late - early)
+        warm = 1.0 if recording.temperature is None else copper_share(recording.temperature[:, j])
+        share = np.interp(t, recording.t, np.broadcast_to(warm, recording.t.shape))
+        out[:, j] = share * per_volt(robot.actuators[j]) * (late - early)
     return out if out.any() else None
 
 

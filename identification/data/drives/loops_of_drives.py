@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop, drive_loop
-from identification.data.joint_torque import per_volt
+from identification.data.joint_torque import per_volt, warm_share
 from identification.data.recording import Table
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
@@ -42,7 +42,7 @@ def _loop_of(table: Table, joint: str) -> DriveLoop | None:
 
 
 def computed_from_references(
-    robot: Robot, loops: tuple[DriveLoop | None, ...], torque_from: Mapping[str, str]
+    table: Table, robot: Robot, loops: tuple[DriveLoop | None, ...], torque_from: Mapping[str, str]
 ) -> tuple[Float[Array, " nv"] | None, Float[Array, " nv"] | None]:
     """Torque per unit of the reference of each joint whose voltage was computed from it, and where that is clipped.
 
@@ -50,6 +50,7 @@ def computed_from_references(
     follows a law to the last digit is the command of somebody who knows the reference at that instant.
 
     Args:
+        table: Columns under the contract's names.
         robot: Gives the constants of the drives.
         loops: Of each joint.
         torque_from: The quantity that gave the torque of each joint.
@@ -58,7 +59,8 @@ def computed_from_references(
     for j, (joint, loop, actuator) in enumerate(zip(robot.joint_names, loops, robot.actuators, strict=True)):
         if loop is None or not loop.computed or torque_from.get(joint) != "u":
             continue
-        gain[j] = per_volt(actuator) * loop.gain
+        own = float(np.mean(warm_share(table, joint))) * per_volt(actuator)
+        gain[j] = own * loop.gain
         if loop.limit is not None:
-            limits[j] = per_volt(actuator) * loop.limit
+            limits[j] = own * loop.limit
     return (gain, limits) if gain.any() else (None, None)

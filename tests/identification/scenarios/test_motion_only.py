@@ -101,6 +101,22 @@ def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pend
     np.testing.assert_allclose(ours, np.where(large, np.clip(KP * error, -0.5, 0.5), KP * error))
 
 
+def test_a_servo_puts_a_share_of_the_measured_supply_on_its_motor(pendulum):
+    # Closed form: a supply of 9 V where 12 V are stated takes a quarter of what follows the reference.
+    recording, _ = moved(pendulum)
+    drive = Actuator(torque_constant=1.0, resistance=2.0, voltage_limit=12.0, controller=Controller("duty", kp=KP))
+    robot = replace(pendulum, actuators=(drive,))
+    sagging = replace(recording, supply=np.linspace(12.0, 9.0, len(recording.t)))
+    plain, ours = commanded_torque(recording, robot), commanded_torque(sagging, robot)
+    np.testing.assert_allclose(ours[:, 0], plain[:, 0] * np.linspace(1.0, 0.75, len(ours)), atol=1e-12)
+
+
+def test_a_supply_does_not_change_gains_that_are_stated_as_torques(pendulum):
+    recording, _ = moved(pendulum)
+    sagging = replace(recording, supply=np.full(len(recording.t), 9.0))
+    np.testing.assert_array_equal(commanded_torque(sagging, pendulum), commanded_torque(recording, pendulum))
+
+
 def test_friction_is_named_from_positions_alone(rubbing):
     (finding,) = rubbing.findings
     assert finding.joint == "pin"

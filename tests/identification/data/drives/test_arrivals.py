@@ -62,6 +62,17 @@ def test_the_mean_of_a_frame_is_off_its_readings_by_a_part_of_a_frame(robot, del
     assert np.std(off[inner]) < 0.1 * 0.5 * np.std(column[inner])
 
 
+def test_a_warm_motor_makes_less_of_it(robot):
+    # By hand: at 65 deg C copper has 0.393 % times 40 K more resistance.
+    t = np.arange(1001) * FRAME
+    columns = (
+        torque_of_arrival(read_once_a_frame(robot, 0.031, **{"temp.pin": np.full(len(t), warm)}), robot, t, held=True)
+        for warm in (25.0, 65.0)
+    )
+    cold, warm = (np.asarray(column) for column in columns)
+    np.testing.assert_allclose(warm * (1.0 + 0.00393 * 40.0), cold, atol=1e-12)
+
+
 def test_an_instant_reference_leaves_nothing_open(robot):
     one = read_once_a_frame(robot, 0.031)
     assert torque_of_arrival(one, robot, one.t, held=False) is None
