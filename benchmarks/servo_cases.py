@@ -52,7 +52,7 @@ class Servo:
         by_load: Friction per torque that the transmission passes.
         sag: Volts that the supply loses per ampere of all drives together.
         drops_beyond: Position error [rad] beyond which the servo protects itself; infinite if it does not.
-        drops_to: Share of the voltage that is left then.
+        drops_to: Largest share of the supply then.
         warms: Kelvin per second by which the motor warms from 25 deg C; its copper's resistance grows by 0.393 % each.
     """
 
@@ -139,9 +139,9 @@ def _stepped(t, q_ref, mass, length, rotor, tip, numbers):
         if i % LOOP == 0:
             for j in range(n):
                 error = q_ref[active, j] - np.round(q[j] / count) * count
-                left = drops_to if abs(error) > beyond else 1.0
+                most = drops_to if abs(error) > beyond else 1.0
                 # A duty counts in thousandths of the supply, as its register has it.
-                duty[j] = np.round(1000 * min(max(gain * error / nominal, -1.0), 1.0) * left) / 1000
+                duty[j] = np.round(1000 * min(max(gain * error / nominal, -most), most)) / 1000
         u = duty * supply
         while k < len(t) and t[k] <= time + 1e-12:
             read[k], out[k], share[k], level[k] = np.round(q / count) * count, u, duty, supply
@@ -223,7 +223,7 @@ def table(columns: dict[str, Array]) -> str:
 KINDS = (
     "null measured", "null command", "null motion", "late command", "late motion", "load measured", "load command",
     "load motion", "friction measured", "friction command", "sag", "protection",
-    "warm",
+    "warm", "protection load",
 )  # fmt: skip
 
 
@@ -236,7 +236,9 @@ def case(kind: str, seed: int) -> Case:
     """
     rng = np.random.default_rng([KINDS.index(kind), seed])
     joints = 1 if rng.random() < 0.6 else 2
-    what, route = [*kind.split(" "), "measured"][:2]
+    what, *rest = kind.split(" ")
+    loaded = "load" in (what, *rest)
+    route = next((word for word in rest if word != "load"), "measured")
     rate = float(rng.choice([30.0, 50.0, 60.0, 100.0])) if route != "measured" else float(rng.choice([50.0, 100.0]))
     t = np.arange(int((24.0 if rate < 60 else 16.0) * rate)) / rate
     length = rng.uniform(0.12, 0.2, joints)
@@ -250,7 +252,7 @@ def case(kind: str, seed: int) -> Case:
     servo = replace(servo, delay=float(rng.uniform(*((0.01, 0.04) if route == "measured" else late))))
     if route != "measured" and what != "null":
         truth["reference_delay"] = servo.delay
-    if what == "load":
+    if loaded:
         load = float(rng.uniform(0.15, 0.5))
         true = Arm(true.mass, length, true.rotor, load)
         truth["payload"] = load
@@ -261,9 +263,13 @@ def case(kind: str, seed: int) -> Case:
         servo = replace(servo, sag=float(rng.uniform(0.3, 0.8)))
     if what == "warm":
         servo = replace(servo, warms=float(rng.uniform(1.5, 3.0)))
-    if what == "protection":
-        servo = replace(servo, gain=30.0, drops_beyond=float(rng.uniform(0.16, 0.22)), drops_to=0.2)
     q_ref = reference(rng, t, joints)
+    if what == "protection":
+        # Beyond errors that the same servo without protection has for some of the time.
+        _, u, _, _ = simulated(true, servo, t, q_ref)
+        largest = np.abs(u / servo.gain).max(axis=1)
+        beyond = float(np.quantile(largest, rng.uniform(0.9, 0.98)))
+        servo = replace(servo, drops_beyond=beyond, drops_to=float(rng.uniform(0.04, 0.12)))
     read, u, share, supply = simulated(true, servo, t, q_ref)
     names = [f"j{j}" for j in range(joints)]
     columns = {"t": t} | {f"q.{name}": read[:, j] for j, name in enumerate(names)}

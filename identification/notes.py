@@ -28,6 +28,7 @@ class Code(Enum):
     POSES_LEFT_OUT = auto()
     SOFT_FRICTION = auto()
     OPEN_ARRIVAL = auto()
+    DRIVE_DROPS = auto()
     # Simulated motion.
     RECORDED_PAST_LIMITS = auto()
     RUNS_PAST_LIMIT = auto()

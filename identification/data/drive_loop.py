@@ -34,6 +34,12 @@ _FAR, _MOST_BAD = 6.0, 0.02
 _SILENT = 0.02
 # Share of the steps of a moving reference that repeat it from which on it is held for longer than a sample.
 _REPEATED = 0.3
+# A drive that protects itself beyond an error puts out less than this share of what its loop asks for there, in more
+# than so many rows; and two levels leave less than this share of the squares that one gain leaves.
+_DROPPED, _SHARE_DROPPED, _OF_ONE_GAIN = 0.7, 0.01, 0.3
+# Rows that are enough to see it in, and usual steps of a position beyond which one row away from both its neighbours is
+# a bad reading.
+_ROWS_OF_DROP, _JUMP = 4000, 10.0
 # Deviations to either side of a delay that was read, beyond which it is not.
 _DEVIATIONS = 3.0
 
@@ -54,6 +60,9 @@ class DriveLoop:
         hold: Time [s] for which one reference acts, longer than a sample; None where every sample has its own.
         rest: Rms of what the loop leaves of the output, in rows that are not clipped.
         computed: True if the output is the loop itself up to rounding, so that it was computed and not measured.
+        drops_beyond: Position error [rad or m] beyond which the drive protects itself; infinite where it never does.
+        drops_to: Output that is left then.
+        dropped: Share of the rows in which it does.
     """
 
     output: str
@@ -67,6 +76,15 @@ class DriveLoop:
     hold: float | None
     rest: float
     computed: bool
+    drops_beyond: float = np.inf
+    drops_to: float = np.inf
+    dropped: float = 0.0
+
+    def put_out(self, error: Float[Array, " N"]) -> Float[Array, " N"]:
+        """Output at position errors [rad or m], clipped and dropped, without an offset."""
+        limit = np.inf if self.limit is None else self.limit
+        most = np.where(np.abs(error) > self.drops_beyond, min(self.drops_to, limit), limit)
+        return np.clip(self.gain * error, -most, most)
 
 
 def drive_loop(
@@ -87,10 +105,12 @@ def drive_loop(
     limit, clipped = _clipping(y, finite)
     step = float(np.median(np.diff(t)))
     delays = np.arange(0.0, _LONGEST, step / _PER_STEP)
-    use = _without_bad(t, y, q_ref, q, finite & ~clipped, delays, np.inf if limit is None else limit)
+    drop = _drop(t, y, q_ref, q, finite & ~clipped & ~_lone(q), delays[::_PER_STEP])
+    dropped = np.zeros(len(y), dtype=bool) if drop is None else _beyond(t, q_ref, q, *drop)
+    use = _without_bad(t, y, q_ref, q, finite & ~clipped & ~dropped, delays, np.inf if limit is None else limit)
     if limit is not None and not _asks_for_more(t, y, q_ref, q, use, clipped, delays):
         limit, clipped = None, np.zeros(len(y), dtype=bool)
-        use = _without_bad(t, y, q_ref, q, finite, delays, np.inf)
+        use = _without_bad(t, y, q_ref, q, finite & ~dropped, delays, np.inf)
     if use.sum() < _FEWEST:
         return None
     errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in delays])
@@ -116,7 +136,51 @@ def drive_loop(
         _hold(t, q_ref, step),
         rest,
         computed,
+        *((np.inf, np.inf) if drop is None else (drop[1], float(np.median(np.abs(y[finite & dropped]))))),
+        float((finite & dropped).sum() / finite.sum()),
     )
+
+
+def _lone(q: Float[Array, " N"]) -> Bool[Array, " N"]:
+    """Rows whose position is far from both its neighbours: bad readings."""
+    away = np.minimum(np.abs(np.diff(q, prepend=q[:1])), np.abs(np.diff(q, append=q[-1:])))
+    return away > _JUMP * max(float(np.median(np.abs(np.diff(q)))), 1e-12)
+
+
+def _drop(
+    t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"]
+) -> tuple[float, float] | None:
+    """Delay [s] and position error [rad or m] from which on a drive puts out little; None if it never does.
+
+    Output and error of one sign are a line through nothing up to the error and a level beyond. That is tried at every
+    error there is: sorted by it, sums give what both leave.
+    """
+    rows = np.flatnonzero(use)
+    rows = rows[:: max(len(rows) // _ROWS_OF_DROP, 1)]
+    least, best = np.inf, None
+    for delay in delays:
+        error = np.interp(t[rows] - delay, t, q_ref) - q[rows]
+        order = np.argsort(np.abs(error))
+        e, z = np.abs(error)[order], (y[rows] * np.sign(error))[order]
+        ee, ez, zz, zs = (np.cumsum(x) for x in (e * e, e * z, z * z, z))
+        ahead = np.arange(len(e) - 1, 0, -1)
+        gain, level = ez[:-1] / np.maximum(ee[:-1], 1e-300), (zs[-1] - zs[:-1]) / ahead
+        left = zz[-1] - gain * ez[:-1] - level * (zs[-1] - zs[:-1])
+        there = (level < _DROPPED * gain * e[:-1]) & (ahead > _SHARE_DROPPED * len(e))
+        left = np.where(there, left, np.inf)
+        k = int(np.argmin(left))
+        if left[k] < min(least, _OF_ONE_GAIN * (zz[-1] - ez[-1] ** 2 / max(ee[-1], 1e-300))):
+            least, best = float(left[k]), (float(delay), float(0.5 * (e[k] + e[k + 1])))
+    if best is None:
+        return None
+    # It lasts, and single rows are bad readings.
+    there = use & _beyond(t, q_ref, q, *best)
+    return best if 2 * int(np.sum(there[1:] & there[:-1])) > there.sum() else None
+
+
+def _beyond(t: Array, q_ref: Array, q: Array, delay: float, error: float) -> Bool[Array, " N"]:
+    """Rows whose position error is beyond one, with a reference that is late."""
+    return np.abs(np.interp(t - delay, t, q_ref) - q) > error
 
 
 def read_delays(

@@ -71,6 +71,8 @@ class Log:
             judged then. None where nobody knows of contacts.
         arrival: Torque more with references that arrive one sample later [N m or N], ``(N, nv)``, where voltages were
             read once while each was held, see `identification.data.drives.arrivals`; None: nowhere.
+        switching: Standard deviation of the torque where a drive drops its voltage between two readings [N m or N],
+            ``(N, nv)``, with the sign of the change; None with ``arrival``.
         base_noise: White noise of gyroscope and accelerometer [rad/s, m/s^2]; None for a base that is bolted down.
     """
 
@@ -89,6 +91,7 @@ class Log:
     touched: Bool[Array, "N nv"] | None = None
     base_noise: tuple[float, float] | None = None
     arrival: Float[Array, "N nv"] | None = None
+    switching: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.data.compensation import friction_taken
 from identification.data.drive_loop import read_delays
-from identification.data.drives.arrivals import torque_of_arrival
+from identification.data.drives.arrivals import between_readings
 from identification.data.floating.filtered_base import filtered_base, noise_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.joint_torque import external_torque, voltage_bound
@@ -344,8 +344,11 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
     motion = Motion(t, smooth, v, a, base=base)
     found = (q, wanted, external, steps, temperature, references, touched_rows(recording, robot, t))
-    more = {"base_noise": noise_of_base(recording), "arrival": torque_of_arrival(recording, robot, t, held_references)}
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, **more)
+    between = between_readings(recording, robot, t, held_references)
+    tau = tau if between is None else tau + between.torque
+    left_open = (None, None) if between is None else (between.arrival, between.doubt)
+    noise = noise_of_base(recording)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, noise, *left_open)
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:

@@ -128,6 +128,15 @@ def _open_arrival(note: Note) -> str:
     )
 
 
+def _drive_drops(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{n['file']}: beyond an error of {n['beyond']:.3g} {n['unit']} the drive of {note.joint} puts out at most "
+        f"{n['most']:.3g} V, for {100 * n['share']:.2g} % of the time: it protects itself. That is part of the torque, "
+        "but for when it begins and ends between two readings."
+    )
+
+
 def _recorded_past_limits(note: Note) -> str:
     n = note.numbers
     return (
@@ -202,6 +211,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.POSES_LEFT_OUT: _poses_left_out,
     Code.SOFT_FRICTION: _soft_friction,
     Code.OPEN_ARRIVAL: _open_arrival,
+    Code.DRIVE_DROPS: _drive_drops,
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,

@@ -41,6 +41,11 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
         parts.append(f"its reference {first}{1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
     if loop.limit is not None:
         parts.append(f"clipped at {loop.limit:.4g} {unit} for {100 * loop.at_limit:.2g} % of the time")
+    if loop.dropped:
+        parts.append(
+            f"no more than {loop.drops_to:.3g} {unit} beyond an error of {loop.drops_beyond:.3g}, for "
+            f"{100 * loop.dropped:.2g} % of the time (it protects itself)"
+        )
     if loop.dead_band is not None:
         parts.append(f"nothing below an error of {loop.dead_band:.3g}")
     if loop.hold is not None:

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from identification.data.log import Band
+from identification.data.log import Band, Log
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
@@ -201,8 +201,14 @@ def _given_part(session: Session) -> _GivenPart:
         torque,
         residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
         usable=tuple(usable_samples(log) & ~unknown_drives(robot) & ~row for log, row in zip(logs, few, strict=True)),
-        doubt=tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True)),
+        doubt=tuple(log.band(_doubt(log, o)) for log, o in zip(logs, operations, strict=True)),
     )
+
+
+def _doubt(log: Log, operation: Operation) -> Float[Array, "N nv"]:
+    """Of the torque where friction changes sign, and where a drive switches between two readings."""
+    friction = reversal_doubt(operation)
+    return friction if log.switching is None else friction + log.switching
 
 
 def _given_part_of(session: Session, before: Columns) -> _GivenPart:

@@ -63,6 +63,37 @@ def test_a_late_loop_without_noise_was_not_computed_from_the_reference(q):
     assert not loop_of(q, GAIN * (moving(T - 0.03) - q)).computed
 
 
+def protected(q: np.ndarray, beyond: float = 0.2, most: float = 1.2) -> np.ndarray:
+    """Output of a loop that puts out no more than ``most`` beyond an error."""
+    error = moving(T - 0.03) - q
+    return np.where(np.abs(error) > beyond, np.clip(GAIN * error, -most, most), GAIN * error)
+
+
+def test_a_drive_that_protects_itself_has_its_error_and_its_output(q, rng):
+    found = loop_of(q, protected(q) + 0.02 * rng.standard_normal(len(T)))
+    assert found.drops_beyond == pytest.approx(0.2, rel=0.03)
+    assert found.drops_to == pytest.approx(1.2, rel=0.03)
+    assert found.dropped == pytest.approx(np.mean(np.abs(moving(T - 0.03) - q) > 0.2), abs=0.01)
+    assert found.gain == pytest.approx(GAIN, rel=0.01)
+    assert found.delay == pytest.approx(0.03, abs=0.001)
+
+
+def test_its_law_is_that_of_the_loop(q):
+    found = loop_of(q, protected(q))
+    np.testing.assert_allclose(found.put_out(moving(T - 0.03) - q), protected(q), atol=0.02)
+
+
+def test_a_limit_is_no_protection(q, rng):
+    y = np.clip(GAIN * (moving(T - 0.03) - q) + 0.05 * rng.standard_normal(len(T)), -LIMIT, LIMIT)
+    assert loop_of(q, y).dropped == 0.0
+
+
+def test_bad_readings_are_no_protection(q):
+    bad = q.copy()
+    bad[100::90] = -np.pi
+    assert loop_of(bad, GAIN * (moving(T - 0.03) - q)).dropped == 0.0
+
+
 def test_a_dead_band_is_the_error_below_which_nothing_is_put_out(q):
     error = moving(T - 0.03) - q
     found = loop_of(q, np.where(np.abs(error) < 0.06, 0.0, GAIN * error))

@@ -59,6 +59,12 @@ def test_a_held_reference_is_late_by_a_time_within_a_frame(robot, rng):
     assert [float(x) for x in stated.groups()] == pytest.approx([20.0, 30.0], abs=1.5)
 
 
+def test_protection_is_said_with_its_error(robot):
+    error = late(0.03) - Q
+    found = read(robot, **{"u.pin": np.where(np.abs(error) > 0.15, 0.8 * np.sign(error), 24.0 * error)})
+    assert re.search(r"no more than 0\.8 V beyond an error of 0\.15, for \d+ % of the time", loop_sentences(found)[0])
+
+
 def test_a_torque_that_follows_a_law_makes_no_late_reference(robot):
     # Whoever commands a torque knows the reference at that instant.
     assert read(robot, **{"tau.pin": 12.0 * (Q_REF - Q)}).follows is None
