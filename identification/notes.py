@@ -29,6 +29,7 @@ class Code(Enum):
     SOFT_FRICTION = auto()
     OPEN_ARRIVAL = auto()
     DRIVE_DROPS = auto()
+    DRIVE_PROTECTED = auto()
     # Simulated motion.
     RECORDED_PAST_LIMITS = auto()
     RUNS_PAST_LIMIT = auto()

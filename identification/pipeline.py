@@ -34,6 +34,7 @@ from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.one_difference import beside_the_model_in_common, judged_by_difference
+from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import Reader, moved_by_controllers, torque_or_motion
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn import __version__
@@ -204,8 +205,8 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
-    arrivals = arrival_notes(session.robot, session.recordings)
-    judgement = replace(judgement, notes=(*given.notes, *soft, *arrivals, *judgement.notes))
+    drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
+    judgement = replace(judgement, notes=(*given.notes, *soft, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)

@@ -137,6 +137,18 @@ def _drive_drops(note: Note) -> str:
     )
 
 
+def _drive_protected(note: Note) -> str:
+    n = note.numbers
+    angle, torque = n["units"]
+    share = "" if n["of_supply"] is None else f" and drops_to: {n['of_supply']:.2g}"
+    return (
+        f"{n['file']}: beyond an error of about {n['beyond']:.2g} {angle} the motion of {note.joint} needs about "
+        f"{n['most']:.2g} {torque}, where its controller asks for {n['asked']:.2g} {torque} and more, for "
+        f"{100 * n['share']:.2g} % of the time: its drive may protect itself, which no effect stands for. Record with "
+        f"smaller errors; a controller of kind duty states it as drops_beyond: {n['beyond']:.2g}{share}."
+    )
+
+
 def _recorded_past_limits(note: Note) -> str:
     n = note.numbers
     return (
@@ -212,6 +224,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.SOFT_FRICTION: _soft_friction,
     Code.OPEN_ARRIVAL: _open_arrival,
     Code.DRIVE_DROPS: _drive_drops,
+    Code.DRIVE_PROTECTED: _drive_protected,
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,

@@ -1,0 +1,73 @@
+"""Drives that give less than their controllers ask for beyond a position error, by the torque that the model needs.
+
+Where the torque was computed from references, no output of the drive was recorded. What the model needs along the
+motion stands in its place, and a loop is read from it as from a voltage: gain, lateness, and the error beyond which the
+drive protects itself. A wrong mass changes the gain and not that error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.drive_loop import DriveLoop, drive_loop
+from identification.data.joint_torque import voltage_bound
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.session import Session
+from identification.notes import Code, Note
+from phantom_dyn.array_types import Float
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+def protection_notes(session: Session) -> tuple[Note, ...]:
+    """A note on each joint and recording whose drive protects itself, unless its controller states so.
+
+    Args:
+        session: Robot, logs and recordings.
+    """
+    out = []
+    for k, (log, recording) in enumerate(zip(session.logs, session.recordings, strict=False)):
+        if log.references is None or log.q_ref is None:
+            continue
+        needed = operate(session.robot, log, session.known, k, session.cutoff_hz).tau
+        for j, joint in enumerate(session.robot.joint_names):
+            controller = session.robot.actuators[j].controller
+            stated = recording.controlled and controller is not None and np.isfinite(controller.drops_beyond)
+            loop = None if stated else needed_loop(log, recording, needed, j)
+            if loop is not None and loop.dropped:
+                out.append(_note(session.robot, recording, j, joint, loop))
+    return tuple(out)
+
+
+def needed_loop(log: Log, recording: Recording, needed: Float[Array, "N nv"], j: int) -> DriveLoop | None:
+    """The loop by which a joint's torque follows its reference, read from the torque that a model needs.
+
+    Args:
+        log: Gives motion and references.
+        recording: Says what its torque loses with speed.
+        needed: Torque of the model [N m or N].
+        j: The joint.
+    """
+    references = log.references
+    if references is None or log.q_ref is None or not references.gain[j]:
+        return None
+    slowing = 0.0 if recording.slowing is None else recording.slowing[j] * log.motion.v[:, j]
+    q = log.motion.q if log.raw_q is None else log.raw_q
+    return drive_loop("tau", log.motion.t, needed[:, j] + slowing, log.q_ref[:, j], q[:, j])
+
+
+def _note(robot: Robot, recording: Recording, j: int, joint: str, loop: DriveLoop) -> Note:
+    most = voltage_bound(robot.actuators[j])
+    numbers = {
+        "file": recording.file,
+        "beyond": loop.drops_beyond,
+        "most": loop.drops_to,
+        "asked": loop.gain * loop.drops_beyond,
+        "share": loop.dropped,
+        "of_supply": loop.drops_to / most if np.isfinite(most) else None,
+        "units": ("m", "N") if robot.prismatic[j] else ("rad", "N m"),
+    }
+    return Note(Code.DRIVE_PROTECTED, joint, numbers)
