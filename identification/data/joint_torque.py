@@ -18,8 +18,8 @@ from phantom_dyn.motion import side_by_side
 
 Array = np.ndarray
 
-# Copper's resistance grows by so much per kelvin; data sheets state that of a motor at room temperature.
-_COPPER, _ROOM = 0.00393, 25.0
+# Copper's resistance grows by so much per kelvin.
+_COPPER = 0.00393
 # Of the resistance: a smaller growth is less than what data sheets are right to, and is not said.
 _SAID = 0.01
 
@@ -59,7 +59,11 @@ def voltage_bound(actuator: Actuator) -> float:
 
 
 def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
-    """Resistance of a motor at room temperature as a share of the one at its measured temperature; one without any."""
+    """Resistance of a motor at the coldest of a recording as a share of the one at each time; one without temperature.
+
+    Nobody says at which temperature a resistance was stated: a data sheet's is that of a cold motor, one that was
+    fitted that of the motor as it ran. Only how it changes within a recording is certain.
+    """
     warm = table.columns.get(f"temp.{joint}")
     return 1.0 if warm is None else copper_share(warm)
 
@@ -67,8 +71,11 @@ def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
 def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
     """The same at temperatures [deg C]; one where none was measured."""
     # A register that nobody fills is zero throughout.
-    known = np.isfinite(warm) if np.any(warm) else np.zeros(len(warm), dtype=bool)
-    return np.where(known, 1.0 / (1.0 + _COPPER * (np.where(known, warm, _ROOM) - _ROOM)), 1.0)
+    known = np.isfinite(warm)
+    if not known.any() or not np.any(warm[known]):
+        return np.ones(len(warm))
+    cold = float(warm[known].min())
+    return 1.0 / (1.0 + _COPPER * (np.where(known, warm, cold) - cold))
 
 
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
@@ -113,9 +120,8 @@ def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
         return ()
     warm, grown = table.columns[f"temp.{joint}"], resistance / np.asarray(share)
     return (
-        f"{table.file}: the resistance of {joint} is taken as {grown.min():.3g} to {grown.max():.3g} ohm: copper at "
-        f"{warm.min():.3g} to {warm.max():.3g} °C of temp.{joint}, the stated {resistance:.3g} ohm being that at "
-        f"{_ROOM:.3g} °C. If it is not, state the one at that temperature, or leave the column out.",
+        f"{table.file}: the resistance of {joint} is taken to grow from the stated {resistance:.3g} to "
+        f"{grown.max():.3g} ohm, as copper's does from {warm.min():.3g} to {warm.max():.3g} °C (temp.{joint}).",
     )
 
 
