@@ -10,7 +10,6 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 
@@ -22,7 +21,8 @@ from benchmarks.blind.makes.real.context import entry_without_context
 from benchmarks.gapbench.scoring.figures import FIGURES, beyond
 from benchmarks.gapbench.scoring.judged import Judged, judged
 from benchmarks.gapbench.scoring.proportions import proportion
-from benchmarks.gapbench.scoring.reliability import calibration_error, reliability
+from benchmarks.gapbench.scoring.reliability import bins_as_json, calibration_error
+from benchmarks.gapbench.scoring.submission import in_true_floors
 from benchmarks.gapbench.scoring.tables import FLOORS, aims, beside, calibration, misses, others, singles, wrapped
 
 BASELINES = ("always_coulomb", "independent_bic", "mujoco_sysid")
@@ -67,8 +67,7 @@ def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[s
                 diagnosis = None
             if diagnosis and diagnosis["joints"]:
                 # A baseline states no noise floor: its residuals are judged by the true ones.
-                floors = zip(diagnosis["joints"], answer["noise_floor"], strict=True)
-                diagnosis = {**diagnosis, "joints": [{**j, "noise_floor": floor} for j, floor in floors]}
+                diagnosis = {**diagnosis, "joints": in_true_floors(answer, diagnosis["joints"])}
             cases.append(judged(answer, {**entry, "diagnosis": diagnosis, "seconds": seconds}))
     return out
 
@@ -97,10 +96,6 @@ def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | 
     return "\n".join(lines)
 
 
-def _plain(case: Judged) -> dict:
-    return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in asdict(case).items()}
-
-
 def as_json(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | None = None) -> dict:
     """The same figures for programs, and the outcome of every case."""
     groups = {f"gap >= {floor:g}": beyond(cases, floor) for floor in (*FLOORS, 0.0)}
@@ -114,12 +109,8 @@ def as_json(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] |
             name: {figure.name: figure.of(beyond(group, FLOORS[0])).as_json() for figure in FIGURES}
             for name, group in (baselines or {}).items()
         },
-        "reliability": [
-            {"low": b.low, "high": b.high, "stated": b.stated, **proportion(b.right).as_json()}
-            for b in reliability(cases)
-            if b.right
-        ],
-        "cases": [_plain(x) for x in cases],
+        "reliability": bins_as_json(cases),
+        "cases": [x.as_json() for x in cases],
     }
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..makes import MissingPackage
 from .robots import GRAVITY, Link, Pin, Table, Vector3
 
 L1, L2, L3, L5, L6 = 0.215, 0.170, 0.0325, -0.0368, 0.0527  # [m]
@@ -87,7 +88,12 @@ def joined(
 
 
 def _source(name: str) -> ET.Element:
-    files = metadata.distribution("example-robot-data")
+    try:
+        files = metadata.distribution("example-robot-data")
+    except metadata.PackageNotFoundError as error:
+        raise MissingPackage(
+            "Cases of the robots six and panda are left out: pip install 'gapbench[arms]' brings their files."
+        ) from error
     path = Path(str(files.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / ARMS[name]
     return ET.parse(path).getroot()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ MODULES = {
     "slow": ".slow",
 }
 NAMES = tuple(MODULES)
+EXTRAS = {"drake": ("pydrake",), "field": ("numba", "pyarrow")}  # packages that only one make needs
 
 
 # Of an effect: what the tolerance has to leave of it, as a share or in noise floors, whichever is less.
@@ -29,6 +31,10 @@ def enough_beyond(size: float, beyond: float) -> bool:
 
 class NoCase(Exception):
     """A seed and a kind that give no possible case."""
+
+
+class MissingPackage(Exception):
+    """A case that needs a package that is not installed; the sentence says which."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,16 @@ def make_of(module: str) -> Make:
     """The make that a module offers; a name with a leading dot is relative to this package."""
     found = importlib.import_module(module, __name__)
     return Make(found.case_id, found.resolved_kind, found.draw_case, found.write_case)
+
+
+def missing(name: str) -> str:
+    """One sentence if a make cannot run in this environment, else an empty text."""
+    if name == "drake" and importlib.import_module(".drake.engine", __name__).installed():
+        return ""  # it may lie in a folder of its own
+    lacks = [package for package in EXTRAS.get(name, ()) if importlib.util.find_spec(package) is None]
+    if not lacks:
+        return ""
+    return f"Cases of the make {name} are left out: pip install 'gapbench[{name}]' brings {' and '.join(lacks)}."
 
 
 def make_named(name: str) -> Make:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite, nan
 
 from .magnitudes import magnitudes
@@ -70,6 +70,10 @@ class Judged:
     errors: tuple[float, ...]
     covered: tuple[bool, ...]
     seconds: float
+
+    def as_json(self) -> dict:
+        """For programs: what is not finite becomes null."""
+        return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in asdict(self).items()}
 
 
 def loss(joints: Sequence[dict], which: str, floors: Sequence[float]) -> float:

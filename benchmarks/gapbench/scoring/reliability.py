@@ -8,6 +8,7 @@ from itertools import pairwise
 from statistics import fmean
 
 from .judged import Judged
+from .proportions import proportion
 
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
 
@@ -44,6 +45,15 @@ def reliability(cases: Sequence[Judged]) -> list[Bin]:
         mean = fmean(p for p, _ in mine) if mine else float("nan")
         out.append(Bin(low, high, mean, tuple(right for _, right in mine)))
     return out
+
+
+def bins_as_json(cases: Sequence[Judged]) -> list[dict]:
+    """Bins that hold an answer, for programs."""
+    return [
+        {"low": b.low, "high": b.high, "stated": b.stated, **proportion(b.right).as_json()}
+        for b in reliability(cases)
+        if b.right
+    ]
 
 
 def calibration_error(cases: Sequence[Judged]) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from benchmarks.gapbench.scoring.submission import in_true_floors
+
 Place = tuple[str, str]  # family of effects, joint or ``robot``
 FAMILIES: Mapping[str, Sequence[str]] = {
     "friction": (
@@ -78,12 +80,11 @@ def without_context(answer: Mapping, diagnosis: dict) -> dict:
     before = {(family, at) for family, at in context["places"]}
     new = [f for f in diagnosis["findings"] if not places(f["effect"], f["joint"]) & before]
     same = new and diagnosis["verdict"] == context["verdict"] == "unknown"
-    floors = zip(diagnosis["joints"], answer["noise_floor"], strict=True)
     return {
         **diagnosis,
         "findings": new,
         "verdict": "partly_explained" if same else diagnosis["verdict"],
-        "joints": [{**j, "noise_floor": floor} for j, floor in floors],
+        "joints": in_true_floors(answer, diagnosis["joints"]),
     }
 
 
