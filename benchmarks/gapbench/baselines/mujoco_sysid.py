@@ -18,7 +18,8 @@ import numpy as np
 from mujoco import rollout
 from scipy.special import stdtrit
 
-from .windows import Windows, read_windows, robot_spec, spread
+from .regression import read_motion
+from .windows import Windows, robot_spec, spread
 
 DEVIATIONS = 3.0
 ITERATIONS = 8
@@ -147,9 +148,7 @@ def mujoco_sysid(robot_file: Path, log_file: Path) -> dict:
     if not installed():
         why = "the toolbox is not installed: pip install mujoco[sysid]"
         return {"left_out": why, "verdict": "failed", "findings": [], "joints": []}
-    header = log_file.open().readline().strip().split(",")
-    joints = tuple(name.removeprefix("q.") for name in header if name.startswith("q."))
-    windows = read_windows(robot_file, log_file, joints)
+    windows = read_motion(robot_file, log_file)
     off = {}
     for name, (nominal, value, std) in _fitted(robot_spec(robot_file, windows.dt), windows).items():
         if np.isfinite(std) and abs(value - nominal) > DEVIATIONS * std:

@@ -68,6 +68,18 @@ class Task:
     rows: Callable[[np.ndarray], np.ndarray]
 
 
+def read_motion(robot_file: Path, log_file: Path) -> Windows:
+    """The recording.
+
+    Raises:
+        ValueError: If the files are none that these baselines read: a URDF and a CSV of positions and torques.
+    """
+    joints = driven_joints(log_file) if log_file.suffix == ".csv" else ()
+    if robot_file.suffix != ".urdf" or not joints:
+        raise ValueError(f"{robot_file.name} and {log_file.name} were given: these baselines read URDF and CSV")
+    return read_windows(robot_file, log_file, joints)
+
+
 def driven_joints(log_file: Path) -> tuple[str, ...]:
     """Joints of a log in CSV."""
     header = log_file.open().readline().strip().split(",")
@@ -112,6 +124,16 @@ def _tilted(model: mujoco.MjModel, axis: np.ndarray) -> mujoco.MjModel:
     return out
 
 
+def acting_torque(windows: Windows) -> np.ndarray:
+    """Torque that acts at each sample: the mean of the holds before and behind it, ``(N, nv)``."""
+    return 0.5 * (windows.tau + np.vstack([windows.tau[:1], windows.tau[:-1]]))
+
+
+def low_passed(windows: Windows, x: np.ndarray) -> np.ndarray:
+    """A signal of the recording without what is above `BAND`."""
+    return sosfiltfilt(butter(4, min(BAND * windows.dt * 2.0, 0.9), output="sos"), x, axis=0)
+
+
 def _used(windows: Windows) -> list[np.ndarray]:
     """Samples of each joint that are kept: thinned out, without both ends, and away from where it may stick."""
     step, edge, near = (max(round(x / windows.dt), 1) for x in (1.0 / RATE, EDGE, NEAR))
@@ -126,15 +148,9 @@ def _used(windows: Windows) -> list[np.ndarray]:
 
 
 def read_task(robot_file: Path, log_file: Path) -> Task:
-    """Reads a case and computes the columns of all candidates.
-
-    Raises:
-        ValueError: If the files are none that these baselines read: a URDF and a CSV of positions and torques.
-    """
-    joints = driven_joints(log_file) if log_file.suffix == ".csv" else ()
-    if robot_file.suffix != ".urdf" or not joints:
-        raise ValueError(f"{robot_file.name} and {log_file.name} were given: these baselines read URDF and CSV")
-    windows = read_windows(robot_file, log_file, joints)
+    """Reads a case and computes the columns of all candidates."""
+    windows = read_motion(robot_file, log_file)
+    joints = windows.joints
     given = robot_spec(robot_file, windows.dt).compile()
     rigid, n = _rigid(given), len(joints)
     rigid_torque = _inverse(rigid, windows, windows.q)
@@ -143,14 +159,12 @@ def read_task(robot_file: Path, log_file: Path) -> Task:
     shapes = {"armature": windows.a, "damping": windows.v, "frictionloss": sign}
     friction = {name: x * np.ravel(getattr(given, f"dof_{name}"))[dofs] for name, x in shapes.items()}
     model = rigid_torque + sum(friction.values())
-    # At a sample the mean of the holds before and behind it acts.
-    torque = 0.5 * (windows.tau + np.vstack([windows.tau[:1], windows.tau[:-1]]))
+    torque = acting_torque(windows)
     scale = np.sqrt(np.mean(torque**2, axis=0)) + 1e-12
-    low_pass = butter(4, min(BAND * windows.dt * 2.0, 0.9), output="sos")
     used = _used(windows)
 
     def rows(x: np.ndarray) -> np.ndarray:
-        filtered = sosfiltfilt(low_pass, x, axis=0) / scale
+        filtered = low_passed(windows, x) / scale
         return np.concatenate([filtered[samples, j] for j, samples in enumerate(used)])
 
     def at(j: int, x: np.ndarray) -> np.ndarray:
