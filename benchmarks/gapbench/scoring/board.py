@@ -45,7 +45,7 @@ def figures(cases: Cases) -> dict[str, Score]:
         "fits but wrong": proportion(
             x.wrong_but_fits for x in of_kind(cases, *GAPS) if isfinite(x.gap_closed) or x.kind == "outside"
         ),
-        "confident and wrong": proportion(confident_and_wrong(x) for x in cases),
+        "confident and wrong": proportion(confident_and_wrong(x) for x in cases if x.stated),
         "size within its 95 % interval": proportion(_intervals(cases)),
     }
 

@@ -86,7 +86,7 @@ def folder(tmp_path):
         ("no cause named", 0, 2),
         ("unknown outside", 1, 2),
         ("fits but wrong", 1, 3),  # of the two outside and of the single that states what is left
-        ("confident and wrong", 1, 6),  # the payload of the null
+        ("confident and wrong", 1, 4),  # the payload of the null; two cases state no probability
         ("size within its 95 % interval", 0, 1),
     ],
 )
