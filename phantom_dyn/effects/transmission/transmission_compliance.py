@@ -28,9 +28,9 @@ from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
-# Frequencies [Hz] at which the link swings on its spring that are tried; above the first one nothing but the size of
-# the effect depends on the stiffness in the band of a recording. Slow motions show soft springs by how far links hang.
-_SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0, 5.7, 3.6, 2.3])
+# Frequencies [Hz] at which the link swings on its spring that are tried; above the last one nothing but the size of
+# the effect depends on the stiffness in the band of a recording.
+_SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
 # A frequency may be off by half the way to the next one: so far may a coefficient be off its shape, in squares.
 _SPREAD = 2.5
 # Compliances that are tried about one that was found, as shares of it.
