@@ -9,7 +9,7 @@ from uuid import uuid4
 import numpy as np
 
 from identification.data.changes import Change
-from identification.data.checks.torque_lag import LagSentence
+from identification.data.checks.torques.torque_lag import LagSentence
 from identification.data.drives.arrivals import arrival_notes
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, wrong_with
@@ -20,7 +20,6 @@ from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judged
-from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.result import Diagnosis, Finding, Judgement
 from identification.next_experiment.proposal import Proposal
 from identification.notes import Code, Note, Said
@@ -37,6 +36,7 @@ from identification.scenarios.one_difference import beside_the_model_in_common, 
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import Reader, moved_by_controllers, torque_or_motion
 from identification.stages import Announcement, Progress, Stage
+from identification.words.user_words import with_user_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot

@@ -48,7 +48,7 @@ def draw_all(wanted: Sequence[Wanted], cases: Path, answers: Path, jobs: int) ->
     """Generates cases, ``jobs`` at a time, skipping those that are there.
 
     Returns:
-        Their ids in the order of ``wanted``. A seed that gives no case is told on the terminal and has None.
+        Their ids in the order of ``wanted``. A seed that gives no case is reported on the terminal and has None.
     """
     if jobs == 1 or len(wanted) == 1:
         return [draw_if_any(one, cases, answers) for one in wanted]

@@ -214,21 +214,12 @@ def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float |
 
 
 def _asks_for_more(
-    t: Array,
-    y: Array,
-    q_ref: Array,
-    q: Array,
-    use: Bool[Array, " N"],
-    clipped: Bool[Array, " N"],
-    delays: Float[Array, " d"],
+    t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], clipped: Bool[Array, " N"], delays: Array
 ) -> bool:
     """True if the loop asks for more than is put out where that is largest: at its peak no more is asked for."""
     if use.sum() < _FEWEST:
         return True
-    coarse = delays[::_PER_STEP]
-    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
-    gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
-    asked = gain * (np.interp(t - delay, t, q_ref) - q)
+    asked = _asked(t, y, q_ref, q, use, delays)
     return bool(np.median(asked[clipped] / y[clipped]) > 1.0 + _NEAR)
 
 
@@ -237,10 +228,7 @@ def _without_bad(
 ) -> Bool[Array, " N"]:
     """Rows without those that the loop says are at the limit, and without single readings far from the loop."""
     for _ in range(3):
-        coarse = delays[::_PER_STEP]
-        errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
-        gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
-        asked = gain * (np.interp(t - delay, t, q_ref) - q)
+        asked = _asked(t, y, q_ref, q, use, delays)
         within = use & (np.abs(asked) < (1.0 - 2 * _NEAR) * limit)
         use = within if within.sum() >= _FEWEST else use
         away = np.abs(y - asked - np.median((y - asked)[use]))
@@ -248,6 +236,16 @@ def _without_bad(
         if bad.sum() <= _MOST_BAD * use.sum():
             use = use & ~bad
     return use
+
+
+def _asked(
+    t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"]
+) -> Float[Array, " N"]:
+    """Output that a loop asks for with the gain that fits best, and with the best delay of whole samples."""
+    coarse = delays[::_PER_STEP]
+    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
+    gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
+    return gain * (np.interp(t - delay, t, q_ref) - q)
 
 
 def _sums(errors: Float[Array, "N d"], y: Float[Array, " N"], use: Bool[Array, " N"]) -> Float[Array, "s d 6"]:

@@ -12,12 +12,12 @@ from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.suspects import slow_clock, usual_clock
-from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
+from identification.data.drives.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.drives.duty_cycles import with_voltages
+from identification.data.drives.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.drives.loops_of_drives import computed_from_references, loops_of
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
-from identification.data.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import (
     ALONE,
@@ -28,7 +28,7 @@ from identification.data.readers.contract_columns import (
     column_of,
 )
 from identification.data.readers.read_table import Files
-from identification.data.recognised_layouts import table_of
+from identification.data.readers.recognised_layouts import table_of
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques

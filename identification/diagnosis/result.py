@@ -227,8 +227,7 @@ class FittedNumbers:
         timing: Part of a sample by which the recorded torque is late; it is a property of the recordings.
         softness: Joints whose dry friction turns over as softly as in the simulator of the robot's file, each with how
             much of that softness.
-        arrivals: Joints whose references arrive elsewhere in a frame than their voltages were read, each by how much of
-            a frame.
+        arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
     """
 
     moves: tuple[Adjusted, ...]

@@ -40,7 +40,7 @@ class Model:
         late: Samples by which the recorded torque acts later than it stands in the log.
         late_references: Time [s] by which the references of each joint's controller arrive late, ``(nv,)``; None: none.
         soft: Joints whose modelled friction turns over softly, each with how much of the softness.
-        arrivals: Joints whose references arrive elsewhere in a frame than their voltages were read, each by how much.
+        arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
     """
 
     robot: Robot

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.data.joint_torque import voltage_bound
+from identification.data.drives.joint_torque import voltage_bound
 from identification.data.recording import Recording
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Float

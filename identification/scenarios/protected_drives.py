@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop, drive_loop
-from identification.data.joint_torque import voltage_bound
+from identification.data.drives.joint_torque import voltage_bound
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.diagnosis.columns.operations import operate

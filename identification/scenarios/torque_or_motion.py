@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from identification.data.joint_torque import NoTorqueError
+from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.recording import Recording
 from identification.notes import Code, Note
 from identification.scenarios.gains import with_estimated_gains

@@ -11,7 +11,6 @@ from identification.data.refusal import fault_warnings, require_right
 from identification.data.signals import process_all
 from identification.diagnosis.columns.known_geometry import of_torques, with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.diagnosis.judge.user_words import user_words
 from identification.diagnosis.result import EffectAt
 from identification.export.corrected.found_effects import moved_by
 from identification.rollout.compare import HORIZONS
@@ -26,6 +25,7 @@ from identification.viewing.torque_curves import TorqueCurves, full_colour, rela
 from identification.words.diagnosis_words import effect_at, joints_words
 from identification.words.effect_words import is_between_joints, words_of
 from identification.words.note_words import sentences
+from identification.words.user_words import user_words
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 

@@ -40,7 +40,7 @@ def test_an_offset_of_the_encoder_changes_the_weight_by_its_slope():
     by = rod_ruler()
     effect = laws.encoder_offset(by.scene, 0, np.random.default_rng(0))
     more = change(by, by.scene.runs, effect.put(0.01))[:, 0]
-    offset = effect.told(0.01)["offset"]
+    offset = effect.parameters(0.01)["offset"]
     np.testing.assert_allclose(more, -MASS * G * FAR * np.cos(by.q[:, 0]) * offset, rtol=2e-2)
 
 

@@ -17,31 +17,31 @@ from rods import FAR, INERTIA, MASS, PACE, RATE, ROD, SECONDS, SWING, G, added, 
 
 
 def test_viscous_friction_asks_for_the_coefficient_times_the_speed():
-    torque, _, told, inside = added(laws.viscous, 0.3)
-    np.testing.assert_allclose(torque, told["coefficient"] * motion(inside)[1], atol=1e-3 * np.abs(torque).max())
+    torque, _, parameters, inside = added(laws.viscous, 0.3)
+    np.testing.assert_allclose(torque, parameters["coefficient"] * motion(inside)[1], atol=1e-3 * np.abs(torque).max())
 
 
 def test_coulomb_friction_asks_for_its_torque_along_the_motion():
-    torque, _, told, inside = added(laws.coulomb, 0.3)
+    torque, _, parameters, inside = added(laws.coulomb, 0.3)
     _, v, _ = motion(inside)
     moving = away_from_reversals(v)
-    np.testing.assert_allclose(torque[moving], told["torque"] * np.sign(v[moving]), rtol=1e-9)
+    np.testing.assert_allclose(torque[moving], parameters["torque"] * np.sign(v[moving]), rtol=1e-9)
 
 
 def test_friction_by_direction_has_a_level_and_a_slope_of_each_direction():
-    torque, _, told, inside = added(laws.by_direction, 0.3)
+    torque, _, parameters, inside = added(laws.by_direction, 0.3)
     _, v, _ = motion(inside)
     moving = away_from_reversals(v)
-    forth = told["torque_positive"] + told["coefficient_positive"] * v
-    back = -told["torque_negative"] + told["coefficient_negative"] * v
+    forth = parameters["torque_positive"] + parameters["coefficient_positive"] * v
+    back = -parameters["torque_negative"] + parameters["coefficient_negative"] * v
     np.testing.assert_allclose(torque[moving], np.where(v > 0, forth, back)[moving], rtol=2e-3)
 
 
 def test_stribeck_friction_falls_with_the_square_of_the_speed_in_an_exponential():
-    torque, _, told, inside = added(laws.stribeck, 0.3)
+    torque, _, parameters, inside = added(laws.stribeck, 0.3)
     _, v, _ = motion(inside)
     moving = away_from_reversals(v)
-    low, high, slide = (told[x] for x in ("coulomb_torque", "static_torque", "stribeck_velocity"))
+    low, high, slide = (parameters[x] for x in ("coulomb_torque", "static_torque", "stribeck_velocity"))
     wanted = (low + (high - low) * np.exp(-((v / slide) ** 2))) * np.sign(v)
     np.testing.assert_allclose(torque[moving], wanted[moving], rtol=2e-2)
 
@@ -67,36 +67,36 @@ def test_load_dependent_friction_is_a_share_of_what_the_link_needs():
 
 
 def test_an_offset_along_the_joint_is_taken_off_what_the_drive_gives():
-    torque, _, told, _ = added(laws.torque_offset, 0.2)
-    np.testing.assert_allclose(torque, -told["torque"], rtol=1e-9)
+    torque, _, parameters, _ = added(laws.torque_offset, 0.2)
+    np.testing.assert_allclose(torque, -parameters["torque"], rtol=1e-9)
 
 
 def test_cogging_along_the_joint_is_taken_off_what_the_drive_gives():
     scene = replace(rod_scene(), band=20.0)
-    torque, _, told, inside = added(laws.cogging, 0.1, scene)
+    torque, _, parameters, inside = added(laws.cogging, 0.1, scene)
     q, _, _ = motion(inside)
-    wanted = -told["amplitude"][0] * np.sin(told["order"][0] * q + told["phase"][0])
-    np.testing.assert_allclose(torque, wanted, atol=0.02 * told["amplitude"][0])
+    wanted = -parameters["amplitude"][0] * np.sin(parameters["order"][0] * q + parameters["phase"][0])
+    np.testing.assert_allclose(torque, wanted, atol=0.02 * parameters["amplitude"][0])
 
 
 def test_a_spring_pulls_in_proportion_to_the_way_from_its_rest():
-    torque, _, told, inside = added(laws.spring, 0.2)
-    wanted = told["stiffness"] * (motion(inside)[0] - told["rest_position"])
+    torque, _, parameters, inside = added(laws.spring, 0.2)
+    wanted = parameters["stiffness"] * (motion(inside)[0] - parameters["rest_position"])
     np.testing.assert_allclose(torque, wanted, atol=1e-3 * np.abs(torque).max())
 
 
 def test_a_rotor_asks_for_its_inertia_times_the_acceleration():
-    torque, _, told, inside = added(laws.rotor, 0.2)
-    np.testing.assert_allclose(torque, told["inertia"] * motion(inside)[2], atol=1e-3 * np.abs(torque).max())
+    torque, _, parameters, inside = added(laws.rotor, 0.2)
+    np.testing.assert_allclose(torque, parameters["inertia"] * motion(inside)[2], atol=1e-3 * np.abs(torque).max())
 
 
 def test_a_payload_asks_for_its_weight_and_its_inertia():
-    torque, _, told, inside = added(laws.payload, 0.5)
+    torque, _, parameters, inside = added(laws.payload, 0.5)
     q, _, a = motion(inside)
-    x, z = told["center_x"], told["center_z"]
+    x, z = parameters["center_x"], parameters["center_z"]
     # A point at (x, z) of a frame that turns about y, gravity along -z.
-    weight = -told["mass"] * G * (x * np.cos(q) + z * np.sin(q))
-    wanted = told["mass"] * (x**2 + z**2) * a + weight
+    weight = -parameters["mass"] * G * (x * np.cos(q) + z * np.sin(q))
+    wanted = parameters["mass"] * (x**2 + z**2) * a + weight
     np.testing.assert_allclose(torque, wanted, atol=5e-3 * np.abs(torque).max())
 
 
@@ -104,7 +104,7 @@ def test_a_tilt_about_the_hinge_is_an_angle_of_gravity():
     scene = rod_scene()
     effect = laws.tilt(scene, 0, np.random.default_rng(1))
     (run,) = effect.put(0.1)
-    pitch, inside = effect.told(0.1)["pitch"], slice(100, -100)
+    pitch, inside = effect.parameters(0.1)["pitch"], slice(100, -100)
     q, _, _ = motion(inside)
     wanted = MASS * G * FAR * (np.sin(q - pitch) - np.sin(q))
     # A rotation by a vector across gravity that is not the hinge shortens what acts across the hinge in second order.
@@ -115,7 +115,7 @@ def test_true_torque_is_the_ratio_times_the_recorded_one():
     scene = rod_scene()
     effect = laws.torque_constant(scene, 0, np.random.default_rng(0))
     (run,) = effect.put(0.2)
-    np.testing.assert_allclose(effect.told(0.2)["ratio"] * run.tau, scene.runs[0].tau)
+    np.testing.assert_allclose(effect.parameters(0.2)["ratio"] * run.tau, scene.runs[0].tau)
 
 
 def test_a_delayed_drive_gives_what_was_recorded_a_time_before():
@@ -141,14 +141,14 @@ def test_a_measured_current_already_has_the_delay_of_the_drive(law):
 
 
 def test_an_encoder_offset_is_added_to_the_reading_alone():
-    torque, q, told, _ = added(laws.encoder_offset, 0.05)
-    np.testing.assert_allclose(q, told["offset"])
+    torque, q, parameters, _ = added(laws.encoder_offset, 0.05)
+    np.testing.assert_allclose(q, parameters["offset"])
     np.testing.assert_array_equal(torque, 0.0)
 
 
 def test_an_eccentric_encoder_reads_a_wave_too_much():
-    _, q, told, inside = added(laws.eccentricity, 0.05)
-    wanted = told["amplitude"] * np.sin(told["order"] * motion(inside)[0] + told["phase"])
+    _, q, parameters, inside = added(laws.eccentricity, 0.05)
+    wanted = parameters["amplitude"] * np.sin(parameters["order"] * motion(inside)[0] + parameters["phase"])
     np.testing.assert_allclose(q, wanted, atol=1e-12)
 
 
@@ -156,7 +156,7 @@ def test_a_coarse_encoder_reads_whole_steps():
     scene = rod_scene()
     effect = laws.coarse(scene, 0, np.random.default_rng(0))
     (run,) = effect.put(1.0)
-    steps = run.q / effect.told(1.0)["step"]
+    steps = run.q / effect.parameters(1.0)["step"]
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
     assert len(np.unique(np.round(steps))) > 50
 
@@ -176,13 +176,13 @@ def test_a_coupling_acts_on_both_joints_in_the_ratio_of_their_speeds():
     scene = two_joints()
     effect = laws.coupling(scene, 0, np.random.default_rng(11))
     (run,) = effect.put(0.5)
-    told, inside = effect.told(0.5), slice(100, -100)
+    parameters, inside = effect.parameters(0.5), slice(100, -100)
     t = scene.runs[0].t
-    r = told["ratio"]
-    assert r == -0.5  # else the two joints could not be told apart
+    r = parameters["ratio"]
+    assert r == -0.5  # else the two joints could not be parameters apart
     w = SWING * PACE * np.cos(PACE * t) + r * 0.3 * 1.7 * PACE * np.cos(1.7 * PACE * t)
     dw = -SWING * PACE**2 * np.sin(PACE * t) - r * 0.3 * (1.7 * PACE) ** 2 * np.sin(1.7 * PACE * t)
-    wanted = told["coulomb_torque"] * np.sign(w) + told["coefficient"] * w + told["inertia"] * dw
+    wanted = parameters["coulomb_torque"] * np.sign(w) + parameters["coefficient"] * w + parameters["inertia"] * dw
     more, moving = run.tau - scene.runs[0].tau, away_from_reversals(w)[inside]
     np.testing.assert_allclose(more[inside, 0][moving], wanted[inside][moving], atol=1e-2 * np.abs(wanted).max())
     np.testing.assert_allclose(more[:, 1], r * more[:, 0], atol=1e-12)

@@ -34,7 +34,7 @@ def added(law, size, scene=None, seed=3):
     (run,) = effect.put(size)
     inside = slice(100, -100)
     old = scene.runs[0]
-    return (run.tau - old.tau)[inside, 0], (run.q - old.q)[inside, 0], effect.told(size), inside
+    return (run.tau - old.tau)[inside, 0], (run.q - old.q)[inside, 0], effect.parameters(size), inside
 
 
 def motion(inside):

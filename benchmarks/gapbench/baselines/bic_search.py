@@ -13,7 +13,7 @@ import numpy as np
 from .regression import Candidate, Task, answer_of, finding, read_task, solved
 
 MOST = 4  # causes
-LISTED = 0.05  # probability from which a rival is told
+LISTED = 0.05  # probability from which a rival is listed
 
 
 class _Score:

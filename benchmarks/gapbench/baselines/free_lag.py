@@ -17,7 +17,7 @@ FREE = ("coulomb_friction", "viscous_friction", "torque_offset")
 
 
 def _late(model: np.ndarray, dt: float, lag: float) -> np.ndarray:
-    """What a drive has to be told that acts so much later: the torque of the model, so much earlier."""
+    """Command of a drive that acts so much later: the torque of the model, so much earlier."""
     times = dt * np.arange(len(model))
     return np.column_stack([np.interp(times + lag, times, column) for column in model.T])
 

@@ -102,8 +102,8 @@ def robot_spec(robot_file: Path, dt: float) -> mujoco.MjSpec:
         if joint.name in passive:
             _tie(spec, joint.name, passive[joint.name], dt)
             continue
-        told = (config.get("joints") or {}).get(joint.name, {})
-        joint.armature = told.get("rotor_inertia", 0.0)
+        stated = (config.get("joints") or {}).get(joint.name, {})
+        joint.armature = stated.get("rotor_inertia", 0.0)
         motor = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.gainprm[0] = 1.0
         for name, kind in (("q", mujoco.mjtSensor.mjSENS_JOINTPOS), ("v", mujoco.mjtSensor.mjSENS_JOINTVEL)):

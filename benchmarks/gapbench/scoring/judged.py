@@ -38,7 +38,7 @@ class Judged:
         wrong_but_fits: Findings close more than `FITS` of the gap and the truth is not in the set; of a case from
             outside the catalogue: the verdict is ``explained``, or they close so much and it is not ``unknown``.
         gap_closed: Share of the gap closed; NaN where there is hardly any.
-        of_oracle: Share of what a fit closes that is told the cause, at most one; NaN where there is no such fit.
+        of_oracle: Share of what a fit closes that knows the cause, at most one; NaN where there is no such fit.
         stated: Stated probability of each listed answer, and whether it is right; twins of the truth are one answer.
         errors: Relative error of each parameter of a strictly right finding.
         covered: Whether each one's 95 % interval holds the truth.
@@ -156,7 +156,7 @@ def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
     Args:
         answer: Of the generator.
         entry: What the runner kept of the diagnosis.
-        oracle: Of the fit that is told the cause, in the same form; None where there is none.
+        oracle: Of the fit that knows the cause, in the same form; None where there is none.
     """
     diagnosis = entry["diagnosis"] or None
     findings = sorted(diagnosis["findings"], key=lambda f: -f["gap_closed"]) if diagnosis else []

@@ -12,7 +12,7 @@ Z95 = 1.959963984540054
 
 @dataclass(frozen=True)
 class Proportion:
-    """``hits`` of ``total``, with the 95 % score interval; an empty one is told as such."""
+    """``hits`` of ``total``, with the 95 % score interval; an empty one is said to be."""
 
     hits: int
     total: int

@@ -21,7 +21,7 @@ from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading, varies
 from identification.data.checks.suspects import Suspect
-from identification.data.checks.torque_scales import load_or_current, scale_suspects, torque_scales
+from identification.data.checks.torques.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Bool, Float

@@ -17,7 +17,6 @@ from identification.data.checks.against_model import (
 from identification.data.checks.beyond_range import beyond_range
 from identification.data.checks.certain_faults import certain_faults, load_or_current_words
 from identification.data.checks.drive_loops import check_computed, check_controllers
-from identification.data.checks.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.one_line import check_one_line
 from identification.data.checks.positions import (
     check_coarse_step,
@@ -32,12 +31,13 @@ from identification.data.checks.readings import of_voltages, reading_of
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.suspects import slow_clock
-from identification.data.checks.taken_friction import check_friction_taken
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
-from identification.data.checks.torque_lag import check_lag
-from identification.data.checks.weight_and_friction import check_weights
+from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
+from identification.data.checks.torques.taken_friction import check_friction_taken
+from identification.data.checks.torques.torque_lag import check_lag
+from identification.data.checks.torques.weight_and_friction import check_weights
+from identification.data.drives.joint_torque import external_torque
 from identification.data.floating.sensor_checks import check_base
-from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
 from phantom_dyn.model.robot import Robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop
-from identification.data.joint_torque import voltage_bound
+from identification.data.drives.joint_torque import voltage_bound
 from identification.data.recording import Recording
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 

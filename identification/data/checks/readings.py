@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
-from identification.data.joint_torque import per_speed
+from identification.data.drives.joint_torque import per_speed
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -1,1 +1,1 @@
-"""Drives with loops of their own: shares of a supply, loops that a log shows, references that arrive late."""
+"""Drives: torque of currents and voltages, shares of a supply, loops that a log shows, references that arrive late."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop
-from identification.data.joint_torque import copper_share, per_volt
+from identification.data.drives.joint_torque import copper_share, per_volt
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.notes import Code, Note

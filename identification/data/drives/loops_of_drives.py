@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from identification.data.drive_loop import DriveLoop, drive_loop
-from identification.data.joint_torque import per_volt, warm_share
+from identification.data.drives.joint_torque import per_volt, warm_share
 from identification.data.recording import Table
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot

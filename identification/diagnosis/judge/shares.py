@@ -57,7 +57,8 @@ def least_closed(
 ) -> dict[Term, float]:
     """Lower end of the interval of what each of some effects closes, by a bootstrap of blocks, over what it closes.
 
-    Of near twins the one that is left takes up what the other closes, so that they are not asked.
+    Minus one of what closes nothing. Of near twins the one that is left takes up what the other closes, so that they
+    are not asked.
 
     Args:
         left: What a set of them leaves in the judged band.
@@ -71,7 +72,7 @@ def least_closed(
             continue
         without = left(chosen - {term})
         closed, draws = (without.loss(floor, weights) - base.loss(floor, weights) for weights in (once, drawn))
-        out[term] = float(np.percentile(draws, 2.5) / closed[0]) if closed[0] > 0.0 else -np.inf
+        out[term] = float(np.percentile(draws, 2.5) / closed[0]) if closed[0] > 0.0 else -1.0
     return out
 
 

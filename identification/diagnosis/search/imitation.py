@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.checks.one_line import lines_of
-from identification.data.checks.weight_and_friction import computed_from_weight
+from identification.data.checks.torques.weight_and_friction import computed_from_weight
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered

@@ -12,11 +12,10 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
-from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in
+from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
-from identification.diagnosis.search.richer_laws import odds_of_richer
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned

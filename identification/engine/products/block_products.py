@@ -37,9 +37,9 @@ class Products:
     total: float
 
     def fitted(self, columns: list[int]) -> Float[Array, " k"]:
-        """Least squares coefficients of some columns."""
+        """Least squares coefficients of some columns; zero for one that is zero in all blocks."""
         part = self.gram[np.ix_(columns, columns)]
-        return np.linalg.solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
+        return solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
 
     def left(self, columns: list[int], coefficients: Float[Array, " k"]) -> float:
         """Sum of squares that given coefficients leave."""

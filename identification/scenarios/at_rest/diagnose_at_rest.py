@@ -11,7 +11,6 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.evidence import Evidence
-from identification.diagnosis.judge.user_words import user_words
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
@@ -29,6 +28,7 @@ from identification.scenarios.at_rest.claims import claims_at_rest
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
 from identification.scenarios.measured_poses import with_poses
+from identification.words.user_words import user_words
 from phantom_dyn import __version__
 from phantom_dyn.effects import catalogue
 from phantom_dyn.model.robot import Robot

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identification.data.joint_torque import external_torque
+from identification.data.drives.joint_torque import external_torque
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import gravity_torque

@@ -104,14 +104,14 @@ def test_a_size_that_is_within_its_interval_counts(folder):
     assert figures(cases)["size within its 95 % interval"].hits == 1
 
 
-def test_a_case_without_an_answer_is_wrong_and_told(folder):
+def test_a_case_without_an_answer_is_wrong_and_reported(folder):
     (folder / "tool" / "s1.json").unlink()
     cases, (sentence,) = judge_all(TRUTHS, folder / "tool")
     assert sentence == "s1.json is not there: the case counts as wrong; write an answer for every case."
     assert (figures(cases)["cause leading"].hits, figures(cases)["cause leading"].total) == (0, 2)
 
 
-def test_a_name_that_no_cause_has_is_told_with_the_nearest(folder):
+def test_a_name_that_no_cause_has_is_reported_with_the_nearest(folder):
     answer = {"verdict": "explained", "findings": [finding("coulomb_frictoin", "j1")]}
     (folder / "tool" / "s1.json").write_text(json.dumps(answer))
     _, (sentence,) = judge_all(TRUTHS, folder / "tool")

@@ -37,7 +37,7 @@ def torque_of(t):
 
 
 def write_case(folder, change=0.0, late=0.0):
-    """A pendulum whose drive gives ``change(v)`` beside what the model says, or acts so much later than it is told."""
+    """A pendulum whose drive gives ``change(v)`` beside what the model says, or acts so much later than asked."""
     rng, t = np.random.default_rng(7), np.arange(0, 8, 0.002)
     q, v, _ = motion(t)
     tau = torque_of(t + late) + (change(v) if callable(change) else change) + 0.01 * rng.standard_normal(len(t))
@@ -104,7 +104,7 @@ def test_a_file_that_no_baseline_reads_is_refused(tmp_path):
         read_motion(tmp_path / "robot.xml", tmp_path / "log.npz")
 
 
-def test_a_tool_that_is_not_installed_is_told_and_writes_nothing(sound, tmp_path, monkeypatch, capsys):
+def test_a_tool_that_is_not_installed_is_named_and_writes_nothing(sound, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda *_: None)
     assert "pip install 'gapbench[figaroh]'" in figaroh(*sound)["left_out"]
     drawn = tmp_path / "drawn"

@@ -95,11 +95,11 @@ def test_where_a_seed_gives_no_case_the_spare_one_is_drawn(quick_make, tmp_path,
     assert draw_listed([Listed("mujoco", "null", 7)], tmp_path) == (["c508null"], [])
 
 
-def test_a_seed_without_any_case_is_told(quick_make, tmp_path):
+def test_a_seed_without_any_case_is_reported(quick_make, tmp_path):
     assert draw_listed([Listed("mujoco", "null", 7)], tmp_path) == ([], [f"Seed {7 + 4 * NEXT_SEED} gives none."])
 
 
-def test_files_that_are_not_those_of_the_list_are_told(quick_make, tmp_path):
+def test_files_that_are_not_those_of_the_list_are_reported(quick_make, tmp_path):
     _, (sentence,) = draw_listed([Listed("mujoco", "null", 8, sha256="0" * 64)], tmp_path)
     assert sentence.startswith("The files of 1 cases are not those of the list, first c8null: say so beside a score")
 
@@ -144,7 +144,7 @@ def test_a_key_that_is_short_or_not_there_is_refused(tmp_path):
         read_key(tmp_path / "key")
 
 
-def test_a_folder_without_cases_is_told(tmp_path):
+def test_a_folder_without_cases_is_reported(tmp_path):
     with pytest.raises(SplitError, match=r"There are no answers in .*: draw the cases with 'gapbench draw public"):
         truths(tmp_path)
 

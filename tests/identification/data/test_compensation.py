@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.compensation import before_low_pass, put_back_sentences
+from identification.data.drives.compensation import before_low_pass, put_back_sentences
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process

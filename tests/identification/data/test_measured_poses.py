@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.data.checked_file import checked_file
-from identification.data.joint_torque import NoTorqueError
+from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.reading import read_recording
 from phantom_dyn.errors import LogError
 

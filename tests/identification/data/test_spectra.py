@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from identification.data.signals import (
+from identification.data.signals import _driven_edge
+from phantom_dyn.signals.band_edges import (
     _acceleration_spectrum,
-    _driven_edge,
     _edge_above_encoder_noise,
     _edge_above_floor,
     _sixth_octaves,

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.servo_cases import case
 from identification.data.drive_loop import DriveLoop
-from identification.data.joint_torque import per_speed, per_volt
+from identification.data.drives.joint_torque import per_speed, per_volt
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.columns.session import session_of

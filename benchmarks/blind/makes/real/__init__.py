@@ -6,7 +6,7 @@ corrected by that is what is given for part two, into whose columns an effect wa
 written here from their equations, on NumPy and Pinocchio, and share nothing with those of the project.
 
 **What is fair.** The corrected model is not perfect, and a robot changes: what a diagnosis of part two claims while
-nothing has been added is its *context*, told in every answer.
+nothing has been added is its *context*, listed in every answer.
 
 - A null is judged strictly: any claim on it counts as false. Some of these claims will be true of the robot, so that
   the share of false claims is an upper limit.

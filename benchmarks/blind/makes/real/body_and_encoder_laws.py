@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 def _of_links(
-    scene: Scene, name: str, joint: str | None, changed: Callable, told: Callable, start: float, most: float
+    scene: Scene, name: str, joint: str | None, changed: Callable, parameters: Callable, start: float, most: float
 ) -> Effect:
     """An effect of a robot with other links or gravity; ``changed(s)`` is its model."""
 
@@ -27,7 +27,7 @@ def _of_links(
 
         return needed(scene, scene.runs, law)
 
-    return Effect(name, joint, put, told, start, most)
+    return Effect(name, joint, put, parameters, start, most)
 
 
 def payload(scene: Scene, _j: int, rng: Rng) -> Effect | None:

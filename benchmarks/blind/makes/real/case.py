@@ -133,7 +133,7 @@ def _entry(one: Sized, share: float) -> dict:
     return {
         "effect": one.effect.name,
         "joint": one.effect.joint,
-        "parameters": plain(one.effect.told(one.size)),
+        "parameters": plain(one.effect.parameters(one.size)),
         "gap_in_floors": share,
     }
 

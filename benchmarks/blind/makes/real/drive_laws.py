@@ -23,11 +23,13 @@ def cogging(scene: Scene, j: int, rng: Rng) -> Effect | None:
         return None
     order, phase = int(rng.integers(least, min(most, 4 * least) + 1)), float(rng.uniform(-np.pi, np.pi))
 
-    def told(s: float) -> dict:
+    def parameters(s: float) -> dict:
         return {"order": [order], "amplitude": [s * scene.torque[j]], "phase": [phase]}
 
     # It acts on the joint, so the drive has to give the opposite.
-    return acting(scene, "cogging", j, told, lambda p, g: -p["amplitude"][0] * np.sin(order * g.q[:, j] + phase), 0.05)
+    return acting(
+        scene, "cogging", j, parameters, lambda p, g: -p["amplitude"][0] * np.sin(order * g.q[:, j] + phase), 0.05
+    )
 
 
 def torque_constant(scene: Scene, j: int, rng: Rng) -> Effect | None:

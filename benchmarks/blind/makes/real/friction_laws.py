@@ -34,7 +34,7 @@ def by_direction(scene: Scene, j: int, rng: Rng) -> Effect:
     side, more, faster = rng.choice((-1.0, 1.0)), rng.uniform(0.3, 0.8), rng.uniform(-0.8, 0.8)
     level, slope = scene.torque[j], 0.6 * scene.torque[j] / scene.speed[j]
 
-    def told(s: float) -> dict:
+    def parameters(s: float) -> dict:
         return {
             "torque_positive": s * level * (1 + side * more),
             "torque_negative": s * level * (1 - side * more),
@@ -48,13 +48,13 @@ def by_direction(scene: Scene, j: int, rng: Rng) -> Effect:
         back = p["torque_negative"] + p["coefficient_negative"] * np.maximum(-v, 0.0)
         return np.where(g.side[:, j] > 0.0, forth, -back)
 
-    return acting(scene, "direction_dependent_friction", j, told, law, 0.05)
+    return acting(scene, "direction_dependent_friction", j, parameters, law, 0.05)
 
 
 def stribeck(scene: Scene, j: int, rng: Rng) -> Effect:
     higher, slide = rng.uniform(1.6, 3.0), scene.speed[j] * rng.uniform(0.05, 0.15)
 
-    def told(s: float) -> dict:
+    def parameters(s: float) -> dict:
         level = s * scene.torque[j]
         return {"coulomb_torque": level, "static_torque": higher * level, "stribeck_velocity": slide}
 
@@ -62,7 +62,7 @@ def stribeck(scene: Scene, j: int, rng: Rng) -> Effect:
         more = (p["static_torque"] - p["coulomb_torque"]) * np.exp(-((g.v[:, j] / p["stribeck_velocity"]) ** 2))
         return (p["coulomb_torque"] + more) * g.side[:, j]
 
-    return acting(scene, "stribeck_friction", j, told, law, 0.05)
+    return acting(scene, "stribeck_friction", j, parameters, law, 0.05)
 
 
 def bristle(q: Array, torque: float, displacement: float) -> Array:
@@ -105,7 +105,7 @@ def coupling(scene: Scene, j: int, rng: Rng) -> Effect | None:
     unit, slope = min(scene.torque[i : i + 2]), rng.uniform(0.2, 0.8) / max(scene.speed[i : i + 2])
     inertia = rng.uniform(0.0, 0.3) / max(scene.push[i : i + 2])
 
-    def told(s: float) -> dict:
+    def parameters(s: float) -> dict:
         level = s * unit
         return {
             "ratio": ratio,
@@ -121,6 +121,6 @@ def coupling(scene: Scene, j: int, rng: Rng) -> Effect | None:
         return on_joint(g, i, opposing) + on_joint(g, i + 1, ratio * opposing)
 
     def put(s: float) -> Rows:
-        return needed(scene, scene.runs, lambda g: law(told(s), g))
+        return needed(scene, scene.runs, lambda g: law(parameters(s), g))
 
-    return Effect("joint_coupling", f"{scene.joints[i]}+{scene.joints[i + 1]}", put, told, 0.05)
+    return Effect("joint_coupling", f"{scene.joints[i]}+{scene.joints[i + 1]}", put, parameters, 0.05)

@@ -106,8 +106,8 @@ def left(wanted: Array, columns: Array, doubt: Array) -> float:
 def alike(by: Ruler, one: Sized) -> list[dict]:
     """Effect and joint of every rival that this recording cannot part from the true effect."""
     wanted, doubt = stacked(by, one.changed[:, :, None])[:, 0], stacked(by, by.doubt)
-    told = one.effect.told(one.size)
-    own = COUNTS.get(one.effect.name, sum(len(x) if isinstance(x, list) else 1 for x in told.values()))
+    numbers = one.effect.parameters(one.size)
+    own = COUNTS.get(one.effect.name, sum(len(x) if isinstance(x, list) else 1 for x in numbers.values()))
     sizes = each(by, one.changed)
     reached = {name for name, x in zip(by.scene.joints, sizes, strict=True) if x >= REACHED * sizes.max()}
     out = {}

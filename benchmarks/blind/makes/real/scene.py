@@ -13,7 +13,7 @@ from benchmarks.blind.makes.real.recordings import Run
 
 Array = np.ndarray
 Rng = np.random.Generator
-Told = Mapping[str, object]
+Parameters = Mapping[str, object]
 Rows = tuple[Run, ...]
 
 
@@ -81,14 +81,14 @@ class Effect:
         name: In the contract's words.
         joint: The joint, both joints of a coupling, None for the whole robot.
         put: The logs with the effect at a strength.
-        told: Its parameters at a strength.
+        parameters: Its parameters at a strength.
         start: Ordinary strength; ``most`` the largest that makes sense.
     """
 
     name: str
     joint: str | None
     put: Callable[[float], Rows]
-    told: Callable[[float], Told]
+    parameters: Callable[[float], Parameters]
     start: float
     most: float = np.inf
 
@@ -115,7 +115,7 @@ def acting(
     scene: Scene,
     name: str,
     j: int,
-    told: Callable[[float], dict],
+    parameters: Callable[[float], dict],
     law: Callable[[dict, Grid], Array],
     start: float,
     most: float = np.inf,
@@ -123,7 +123,7 @@ def acting(
     """An effect that adds ``law(parameters, run)`` to what one joint's drive has to give, shape ``(M,)``."""
 
     def put(s: float) -> Rows:
-        p = told(s)
+        p = parameters(s)
         return needed(scene, scene.runs, lambda grid: on_joint(grid, j, law(p, grid)))
 
-    return Effect(name, scene.joints[j], put, told, start, most)
+    return Effect(name, scene.joints[j], put, parameters, start, most)

@@ -235,7 +235,7 @@ def _entry(one: Sized, share: float) -> dict:
     return {
         "effect": one.effect.name,
         "joint": one.effect.joint,
-        "parameters": one.effect.told(one.size),
+        "parameters": one.effect.parameters(one.size),
         "gap_in_floors": share,
     }
 
@@ -250,7 +250,7 @@ def _drawn(
     out = {robot_file[0]: robot_file[1].encode(), f"log.{recorder.ending}": written(log, recorder.ending)}
     if setting.config:
         out["robot.yaml"] = setting.config.encode()
-    told = [] if cause else [_entry(one, share) for one, share in parts]
+    entries = [] if cause else [_entry(one, share) for one, share in parts]
     each = np.max([one.trace.each for one, _ in parts], axis=0) if parts else np.zeros(robot.true.n)
     shares = [share for _, share in parts]
     twins = [
@@ -263,9 +263,9 @@ def _drawn(
         "robot": f"user_{robot.kind.name}",
         "motion": setting.motion,
         "joints": list(robot.names),
-        "effects": told,
-        "truth": told,
-        "outside": {"name": cause.name, "joint": cause.joint, **cause.told(parts[0][0].size)} if cause else None,
+        "effects": entries,
+        "truth": entries,
+        "outside": {"name": cause.name, "joint": cause.joint, **cause.parameters(parts[0][0].size)} if cause else None,
         "alike": twins,
         "paired_gap": min(shares) if shares else 0.0,
         "paired_gap_per_joint": each.tolist(),

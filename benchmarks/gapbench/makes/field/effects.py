@@ -17,7 +17,7 @@ from .world import Scale, World, tilted, with_body, with_link
 
 Array = np.ndarray
 Rng = np.random.Generator
-Told = Mapping[str, object]
+Parameters = Mapping[str, object]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Effect:
         name: In the contract's words.
         joint: The joint, both joints of a coupling, None for the whole robot.
         put: The world with the effect at a strength.
-        told: Its parameters at a strength.
+        parameters: Its parameters at a strength.
         start: Ordinary strength.
         most: Largest strength that makes sense.
     """
@@ -36,7 +36,7 @@ class Effect:
     name: str
     joint: str | None
     put: Callable[[World, float], World]
-    told: Callable[[float], Told]
+    parameters: Callable[[float], Parameters]
     start: float
     most: float = np.inf
 
@@ -48,13 +48,13 @@ def _planted(
     name: str,
     robot: Robot,
     j: int,
-    given: Callable[[float], Told],
+    given: Callable[[float], Parameters],
     kept: Callable,
     *,
     start: float,
     most: float = np.inf,
 ) -> Effect:
-    """An effect that changes numbers of one joint: ``kept(plant, told)`` is the new plant."""
+    """An effect that changes numbers of one joint: ``kept(plant, parameters)`` is the new plant."""
     return Effect(
         name,
         robot.names[j],
@@ -85,7 +85,7 @@ def by_direction(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
     side = rng.choice((-1.0, 1.0))
     unit = scale.torque[j] / scale.speed[j]
 
-    def told(s):
+    def parameters(s):
         level, slope = s * scale.torque[j], 0.6 * s * unit
         return {
             "torque_positive": level * (1 + side * more),
@@ -98,13 +98,13 @@ def by_direction(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
         plant = add(plant, j, forth=p["torque_positive"], back=p["torque_negative"])
         return add(plant, j, damp_forth=p["coefficient_positive"], damp_back=p["coefficient_negative"])
 
-    return _planted("direction_dependent_friction", robot, j, told, law, start=0.1)
+    return _planted("direction_dependent_friction", robot, j, parameters, law, start=0.1)
 
 
 def stribeck(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
     higher, slide = rng.uniform(1.6, 3.0), scale.speed[j] * rng.uniform(0.04, 0.15)
 
-    def told(s):
+    def parameters(s):
         level = s * scale.torque[j]
         return {"coulomb_torque": level, "static_torque": higher * level, "stribeck_velocity": slide}
 
@@ -113,7 +113,7 @@ def stribeck(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
         plant = add(plant, j, forth=level, back=level, static=peak - level)
         return put(plant, j, slide=p["stribeck_velocity"])
 
-    return _planted("stribeck_friction", robot, j, told, law, start=0.1)
+    return _planted("stribeck_friction", robot, j, parameters, law, start=0.1)
 
 
 def presliding(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
@@ -166,7 +166,7 @@ def coupling(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
     unit, slope = min(scale.torque[i : i + 2]), rng.uniform(0.2, 0.8)
     inertia = rng.uniform(0.0, 0.3) * min(scale.inertia[i : i + 2])
 
-    def told(s):
+    def parameters(s):
         speed = max(scale.speed[i : i + 2])
         return {
             "ratio": ratio,
@@ -176,11 +176,11 @@ def coupling(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
         }
 
     def kept(world, s):
-        p = told(s)
+        p = parameters(s)
         row = [i, i + 1, p["ratio"], p["coulomb_torque"], p["coefficient"], p["inertia"]]
         return replace(world, plant=world.plant._replace(couple=np.array(row, dtype=float)))
 
-    return Effect("joint_coupling", f"{robot.names[i]}+{robot.names[i + 1]}", kept, told, 0.1)
+    return Effect("joint_coupling", f"{robot.names[i]}+{robot.names[i + 1]}", kept, parameters, 0.1)
 
 
 def cogging(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
@@ -190,18 +190,18 @@ def cogging(robot: Robot, scale: Scale, j: int, rng: Rng) -> Effect:
     phases = [float(x) for x in rng.uniform(-np.pi, np.pi, len(orders))]
     shares = [1.0, 0.5][: len(orders)]
 
-    def told(s):
+    def parameters(s):
         return {"order": orders, "amplitude": [s * scale.torque[j] * x for x in shares], "phase": phases}
 
     def kept(world, s):
-        p, filled = told(s), {}
+        p, filled = parameters(s), {}
         for field, name in (("orders", "order"), ("heights", "amplitude"), ("phases", "phase")):
             values = getattr(world.plant, field).copy()
             values[j] = [*p[name], *[0.0] * (ORDERS - len(orders))]
             filled[field] = values
         return replace(world, plant=world.plant._replace(**filled))
 
-    return Effect("cogging", robot.names[j], kept, told, 0.1)
+    return Effect("cogging", robot.names[j], kept, parameters, 0.1)
 
 
 def saturation(robot: Robot, scale: Scale, j: int, _: Rng) -> Effect:
@@ -263,21 +263,21 @@ def payload(robot: Robot, _scale: Scale, _j: int, rng: Rng) -> Effect:
     heavy, box = robot.given.mass[last], np.array(robot.kind.joints[last].size)
     center = robot.given.center[last] + box * rng.uniform(-0.4, 0.4, 3)
 
-    def told(s):
+    def parameters(s):
         return {"mass": s * heavy, **{f"center_{x}": float(c) for x, c in zip("xyz", center, strict=True)}}
 
     def kept(world, s):
         small = s * heavy * 0.4 * 0.03**2 * np.eye(3)  # a ball of 3 cm
         return replace(world, chain=with_body(world.chain, last, s * heavy, center, small))
 
-    return Effect("payload", None, kept, told, 0.4, 6.0)
+    return Effect("payload", None, kept, parameters, 0.4, 6.0)
 
 
 def inertias(robot: Robot, _scale: Scale, j: int, rng: Rng) -> Effect:
     side, box = rng.choice((-1.0, 1.0)), np.array(robot.kind.joints[j].size)
     way = 0.3 * box * rng.uniform(-1.0, 1.0, 3)
 
-    def told(s):
+    def parameters(s):
         return {
             "mass_ratio": 1.0 + side * s,
             "inertia_ratio": 1.0 + side * s,
@@ -288,18 +288,18 @@ def inertias(robot: Robot, _scale: Scale, j: int, rng: Rng) -> Effect:
         factor = 1.0 + side * s
         return replace(world, chain=with_link(world.chain, j, factor, s * way, factor))
 
-    return Effect("inertial_parameters", robot.names[j], kept, told, 0.4, 0.8 if side < 0 else 3.0)
+    return Effect("inertial_parameters", robot.names[j], kept, parameters, 0.4, 0.8 if side < 0 else 3.0)
 
 
 def tilt(_robot: Robot, _scale: Scale, _j: int, rng: Rng) -> Effect:
     angle = rng.uniform(-np.pi, np.pi)
     way = np.array([np.cos(angle), np.sin(angle), 0.0])
 
-    def told(s):
+    def parameters(s):
         return {name: float(s * x) for name, x in zip(("roll", "pitch", "yaw"), way, strict=True)}
 
     return Effect(
-        "base_tilt", None, lambda world, s: replace(world, chain=tilted(world.chain, s * way)), told, 0.04, 0.35
+        "base_tilt", None, lambda world, s: replace(world, chain=tilted(world.chain, s * way)), parameters, 0.04, 0.35
     )
 
 

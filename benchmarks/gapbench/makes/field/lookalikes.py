@@ -130,9 +130,9 @@ def alike(robot: Robot, effect: Effect, size: float, found: Trace) -> list[dict]
     step = max(1, len(found.change) // 400)
     change = stacked(found, [found.change[::step]], step)[:, 0]
     doubt = stacked(found, tolerance_columns(robot, found.base.thin(step)), step)
-    told = effect.told(size)
-    own = COUNTS.get(effect.name, sum(len(x) if isinstance(x, list) else 1 for x in told.values()))
-    time = float(told.get("delay", told.get("time_constant", 0.003)))  # type: ignore[arg-type]  # both are numbers
+    numbers = effect.parameters(size)
+    own = COUNTS.get(effect.name, sum(len(x) if isinstance(x, list) else 1 for x in numbers.values()))
+    time = float(numbers.get("delay", numbers.get("time_constant", 0.003)))  # type: ignore[arg-type]  # both are numbers
     reached = {name for name, x in zip(robot.names, found.each, strict=True) if x >= REACHED * found.each.max()}
     out = []
     for name, joint, columns in rivals(robot, found.base, step, time):

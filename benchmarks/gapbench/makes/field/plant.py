@@ -25,7 +25,7 @@ class Plant(NamedTuple):
         rotor: Rotor inertia on the joint's side.
         stiff: Stiffness between motor and link, 0 is rigid; ``gap``: full width of the play between them.
         limit: Largest torque of the drive.
-        ratio: True torque over told torque; ``offset`` is added.
+        ratio: True torque over logged torque; ``offset`` is added.
         delay: Of the drive [s]; ``lag``: its time constant [s].
         spring: Stiffness of a spring beside the joint; ``rest``: where it is free.
         orders: Cycles a revolution of a cogging torque, shape ``(n, 3)``, with ``heights`` and ``phases``.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.joint_torque import per_speed
+from identification.data.drives.joint_torque import per_speed
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters

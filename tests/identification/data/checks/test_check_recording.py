@@ -17,7 +17,7 @@ from identification.data.checks.check_recording import check_recording
 from identification.data.checks.positions import jumps, quantum
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping
-from identification.data.checks.torque_lag import lags_and_low_passes
+from identification.data.checks.torques.torque_lag import lags_and_low_passes
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from phantom_dyn.model.loading import load_robot

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from identification.data.checks.filtered_torques import check_filtered, filtered_joints, roll_off
+from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints, roll_off
 
 
 def low_passed(x: np.ndarray, edge: float = 0.1) -> np.ndarray:

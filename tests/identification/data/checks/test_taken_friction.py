@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.taken_friction import check_friction_taken, held_friction
+from identification.data.checks.torques.taken_friction import check_friction_taken, held_friction
 from identification.data.recording import Recording
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import own_friction

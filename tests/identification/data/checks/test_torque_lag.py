@@ -12,7 +12,7 @@ from scipy.signal import butter, lfilter, lfilter_zi
 import phantom_dyn as dyn
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.torque_lag import clear_samples, friction_columns, lags_and_low_passes
+from identification.data.checks.torques.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS
 

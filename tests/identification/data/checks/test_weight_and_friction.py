@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
-from identification.data.checks.weight_and_friction import computed_from_weight, lifted_less_lowered
+from identification.data.checks.torques.weight_and_friction import computed_from_weight, lifted_less_lowered
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.motion import Motion
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.data.joint_torque import external_torque
+from identification.data.drives.joint_torque import external_torque
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_notes, bursts_in, from_quiet

@@ -76,3 +76,12 @@ def test_what_may_move_is_fitted_beside_every_choice_with_its_prior(samples):
     theta = free.taken_out(products).fitted([1])
     np.testing.assert_allclose(theta, whole[:1], rtol=1e-6)
     np.testing.assert_allclose(free.beside(products, [1], theta), whole[1:], rtol=1e-6)
+
+
+def test_a_column_of_which_no_drawn_block_has_anything_has_no_coefficient(samples):
+    # By hand: beside it, the other column has the coefficient that it has alone.
+    x, y, blocks = samples
+    once = np.where(blocks == 3, x[:, 1], 0.0)
+    drawn = np.where(np.arange(8) == 3, 0.0, 1.0)
+    found = block_products(np.column_stack([x[:, 0], once]), y, np.ones(COUNT), blocks, 8).summed(drawn).fitted([0, 1])
+    np.testing.assert_allclose(found, [*_products(samples).summed(drawn).fitted([0]), 0.0], rtol=1e-12)

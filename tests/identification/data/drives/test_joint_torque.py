@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.data.checks.check_recording import check_recording
-from identification.data.joint_torque import external_torque
+from identification.data.drives.joint_torque import external_torque
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process

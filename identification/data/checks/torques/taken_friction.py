@@ -13,7 +13,7 @@ import numpy as np
 from identification.data.checks.against_model import model_torque
 from identification.data.checks.positions import still_joints
 from identification.data.checks.smoothed_copy import Smooth
-from identification.data.checks.torque_lag import jackknife_error
+from identification.data.checks.torques.torque_lag import jackknife_error
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor

@@ -1,0 +1,1 @@
+"""Checks of recorded torques: their filters, lag, scale, and what was taken off them."""
