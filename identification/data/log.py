@@ -74,6 +74,8 @@ class Log:
         switching: Standard deviation of the torque where a drive drops its voltage between two readings [N m or N],
             ``(N, nv)``, with the sign of the change; None with ``arrival``.
         base_noise: White noise of gyroscope and accelerometer [rad/s, m/s^2]; None for a base that is bolted down.
+        noise_covariance: Of white torque readings of unit variance, at no, one and two steps, once they were brought to
+            a uniform rate, see `identification.data.signals.interpolated_noise`.
     """
 
     file: str
@@ -92,6 +94,7 @@ class Log:
     base_noise: tuple[float, float] | None = None
     arrival: Float[Array, "N nv"] | None = None
     switching: Float[Array, "N nv"] | None = None
+    noise_covariance: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))
@@ -110,6 +113,12 @@ class Log:
                 row = self.joint_names.index(joint)
                 out[:, row] = part * self.arrival[:, row]
         return out
+
+    def noise_gain(self, hz: Float[Array, " k"]) -> Float[Array, " k"]:
+        """Power of white torque readings at some frequencies [Hz] over that at zero: an uneven log loses the fast."""
+        none, one, two = self.noise_covariance
+        turn = 2.0 * np.pi * np.asarray(hz) / self.band.rate_hz
+        return (none + 2.0 * one * np.cos(turn) + 2.0 * two * np.cos(2.0 * turn)) / (none + 2.0 * one + 2.0 * two)
 
     @cached_property
     def valid_in_band(self) -> Bool[Array, " n"]:

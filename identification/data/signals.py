@@ -87,6 +87,29 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
     return t, q, tau, _valid(recording, t, _GAP_STEPS * step)
 
 
+def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple[float, float, float]:
+    """Autocovariance at no, one and two steps of readings with noise of unit variance, once lines are drawn between.
+
+    Neighbours on the grid share readings, so that noise which was white has less at high frequencies. The sum over all
+    steps is that at frequency zero.
+
+    Args:
+        t: Times of the readings [s].
+        grid: Times that the lines are read at [s].
+    """
+    if grid is t:
+        return 1.0, 0.0, 0.0
+    first = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
+    late = np.clip((grid - t[first]) / (t[first + 1] - t[first]), 0.0, 1.0)
+    early = 1.0 - late
+    out = [float(np.mean(early**2 + late**2))]
+    for step in (1, 2):
+        apart = first[step:] - first[:-step]
+        same = early[:-step] * early[step:] + late[:-step] * late[step:]
+        out.append(float(np.mean(np.where(apart == 0, same, np.where(apart == 1, late[:-step] * early[step:], 0.0)))))
+    return out[0], out[1], out[2]
+
+
 def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[Array, " N"]:
     """Which instants lie in no excluded stretch, and in none of more than ``longest`` seconds without a sample."""
     gaps = np.flatnonzero(np.diff(recording.t) > longest)
@@ -227,8 +250,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     between = between_readings(recording, robot, t, held_references)
     tau = tau if between is None else tau + between.torque
     left_open = (None, None) if between is None else (between.arrival, between.doubt)
-    noise = noise_of_base(recording)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, noise, *left_open)
+    noise, shared = noise_of_base(recording), interpolated_noise(recording.t, t)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, noise, *left_open, shared)
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:

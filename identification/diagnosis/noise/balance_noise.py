@@ -118,8 +118,10 @@ def balance_parts(
             use = travels[:, j]
             values = float(2.0 * (b - a) * use.sum() / rate)
             if values >= _FEWEST:
-                power, own = (float(np.median(x[use, j] ** 2)) / _MEDIAN / (b - a) for x in (whole, encoders))
-                parts.append(Part(float(np.sqrt(a * b)), power, own, values))
+                centre = float(np.sqrt(a * b))
+                kept = _MEDIAN * (b - a) * float(log.noise_gain(np.array(centre)))
+                power, own = (float(np.median(x[use, j] ** 2)) / kept for x in (whole, encoders))
+                parts.append(Part(centre, power, own, values))
     return out
 
 

@@ -37,7 +37,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
     What the torque shares with the readings of the joint's position is left out: a controller answers the noise and
     the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band above, into
     which steps of friction and of references reach least: a recorder that smooths leaves less and less there, and then
-    nothing follows for lower frequencies.
+    nothing follows for lower frequencies. What lines between uneven samples take off is known, and put back.
 
     Args:
         logs: Recordings at the full rate.
@@ -72,6 +72,7 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
         segments = max(2 * len(tau) // length - 1, 2)
         # By chance two series share one part in as many as there are segments.
         power = np.maximum(power - np.abs(both) ** 2 / np.maximum(own, 1e-300), 0.0) * segments / (segments - 1)
+    power = power / log.noise_gain(f)
     if held:
         power = power / _alignment(f / rate) ** 2
     edges = low * (high / low) ** (np.arange(_BANDS + 1) / _BANDS)

@@ -10,6 +10,7 @@ import pytest
 from identification.data.signals import (
     align_held_torque,
     differentiate,
+    interpolated_noise,
     process,
     uniform,
     within_limits,
@@ -190,6 +191,16 @@ def test_a_torque_between_samples_lies_on_the_line_that_joins_them():
     tau = np.zeros(len(T))
     tau[500] = 1.0
     assert uniform(recording(times, T, tau))[2][500, 0] == pytest.approx(1.0 / 1.4)
+
+
+def test_half_way_between_samples_noise_is_a_mean_of_two_which_neighbours_share():
+    # Closed form: (a + b) / 2 has half the variance, shares a quarter with the next one, and nothing beyond it.
+    times = np.arange(100.0)
+    np.testing.assert_allclose(interpolated_noise(times, times[:-1] + 0.5), (0.5, 0.25, 0.0), atol=1e-12)
+
+
+def test_noise_of_even_samples_stays_white():
+    assert interpolated_noise(T, T) == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("jump", "refused"), [(3990, False), (4005, True)])

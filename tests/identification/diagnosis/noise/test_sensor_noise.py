@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import csd, lfilter, welch
 
 from identification.data.log import Band, Log
-from identification.data.signals import align_held_torque, low_pass
+from identification.data.signals import align_held_torque, interpolated_noise, low_pass
 from identification.diagnosis.noise.sensor_noise import _above, _alignment, torque_noise
 from phantom_dyn.motion import Motion
 
@@ -34,6 +35,14 @@ def test_white_noise_has_the_density_of_its_variance_over_half_the_rate(white, h
     found = torque_noise((log_of(tau),), 0, held=held)
     assert found.value == pytest.approx(SIGMA**2 / (RATE / 2), rel=0.05)
     assert found.low <= found.value <= found.high < 1.3 * found.low
+
+
+def test_uneven_samples_show_the_same_density(white, rng):
+    # Known truth: noise of readings at uneven times, with lines drawn between them.
+    times = (np.arange(len(white)) + rng.uniform(-0.4, 0.4, len(white))) / RATE
+    grid = np.arange(1.0, len(white) - 1.0) / RATE
+    log = replace(log_of(np.interp(grid, times, white)), noise_covariance=interpolated_noise(times, grid))
+    assert torque_noise((log,), 0, held=False).value == pytest.approx(SIGMA**2 / (RATE / 2), rel=0.05)
 
 
 def test_noise_that_a_recorder_has_smoothed_says_nothing(white):
