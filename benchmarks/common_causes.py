@@ -33,16 +33,36 @@ Array = np.ndarray
 # Arms, and joints of their hands that are held.
 ARMS = {"example:ur5": "", "example:ur10": "", "example:panda": "panda_finger_joint1, panda_finger_joint2"}
 SECONDS = 30.0
-CERTAIN, SIDES = 0.9, 1.96
+CERTAIN, LEADING, SIDES = 0.9, 0.5, 1.96
 FRICTION = ("coulomb_friction", "viscous_friction", "load_dependent_friction", "direction_dependent_friction")
 
 
 @dataclass
 class Truth:
-    """What was put in: sizes by effect, joints and parameter, and names that are right for it."""
+    """What was put in.
+
+    Attributes:
+        sizes: By effect, joints and parameter.
+        names: That are right for it.
+        gain: Recorded torque over true torque, of all drives. Along one line it is the twin of all inertias and
+            frictions together, so that sizes are those of the recorded torque where no torque constant is found.
+        under_load: Mean friction under load of each joint [N m], which a constant holds where no law of it is found.
+    """
 
     sizes: dict[tuple[str, str | None, str], float] = field(default_factory=dict)
     names: set[tuple[str, str | None]] = field(default_factory=set)
+    gain: float = 1.0
+    under_load: dict[str, float] = field(default_factory=dict)
+
+    def size(self, effect: str, joint: str | None, parameter: str, named: set[tuple[str, str | None]]) -> float | None:
+        """True value of a number that a finding states beside others; None if it is not known."""
+        size = self.sizes.get((effect, joint, parameter))
+        if size is None or parameter in ("ratio", "center_x", "center_y", "center_z"):
+            return size
+        if effect == "coulomb_friction" and ("load_dependent_friction", joint) not in named:
+            size += self.under_load.get(joint or "", 0.0)
+        scaled = any(name == "torque_constant" and joint in (where or "").split("+") for name, where in named)
+        return size if scaled else self.gain * size
 
 
 def _arm(name: str) -> Robot:
@@ -123,7 +143,10 @@ class Case:
         q, v, a = self.motion(line=True)
         model = self.true if self.null else self._loaded(self.true)
         gain = 1.0 if self.null else float(self.rng.choice([0.85, 1.0, 1.15]))
-        tau = gain * self.with_friction(self.torque(model, q, v, a), v, 0.0 if self.null else 0.1)
+        ratio, rigid = 0.0 if self.null else 0.1, self.torque(model, q, v, a)
+        tau = gain * self.with_friction(rigid, v, ratio)
+        self.truth.gain = gain
+        self.truth.under_load = dict(zip(self.robot.joint_names, ratio * np.abs(rigid).mean(axis=0), strict=True))
         if gain != 1.0:
             joints = "+".join(self.robot.joint_names)
             self.truth.names |= {("torque_constant", joint) for joint in (joints, *self.robot.joint_names)}
@@ -170,7 +193,8 @@ class Score:
         found: Cases in which the cause leads.
         wrong: Findings that are certain and no name for what was put in.
         certain: Findings that are certain.
-        inside, stated: Intervals of 95 % that hold the truth, and all that were stated of numbers that are known.
+        inside, stated: Intervals of 95 % that hold the truth, and all of findings that are likelier than their rivals,
+            of numbers that are known.
     """
 
     cases: int = 0
@@ -194,12 +218,14 @@ class Score:
                 self.wrong += 1
                 said.append(f"wrong: {one.effect} {one.joint} {one.probability:.2f}")
             for name, value in one.parameters.items():
-                size = truth.sizes.get((one.effect, one.joint, name))
-                if size is None or isinstance(value.value, list) or isinstance(value.std, list) or not value.shown:
+                size = truth.size(one.effect, one.joint, name, named)
+                if one.probability < LEADING or size is None or not value.shown:
+                    continue
+                if isinstance(value.value, list) or isinstance(value.std, list):
                     continue
                 holds = abs(value.value - size) <= SIDES * value.std
                 self.stated += 1
-                self.inside += holds
+                self.inside += int(holds)
                 if not holds:
                     said.append(f"{one.effect} {one.joint} {name} {value.value:.4g} +- {value.std:.2g} for {size:.4g}")
         return said

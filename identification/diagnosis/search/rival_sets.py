@@ -46,12 +46,14 @@ class Standing:
         instead: The whole set with the rival in the finding's place that has to lead, None if the finding does: the
             likeliest of those whose sizes are plausible, or of all if none is.
         gates: What the gates of rivals say of it.
+        elsewhere: Whole sets with a rival in the finding's place, each with its share of wins.
     """
 
     probability: float
     rivals: tuple[Rival, ...]
     instead: frozenset[Term] | None = None
     gates: tuple[GateResult, ...] = ()
+    elsewhere: tuple[tuple[frozenset[Term], float], ...] = ()
 
 
 def with_wide_tolerances(search: Search) -> Search:
@@ -144,8 +146,11 @@ def stand(
         Rival(tuple(EffectAt(*place) for place in effects), share / total)
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
-    leader, gates = _leader(search, chosen, term, own / total, {at: p / total for at, p in kept.items()}, places)
-    return Standing(own / total, rivals, leader, gates)
+    likely = {at: share / total for at, share in kept.items()}
+    there = _likeliest(search, chosen, term, likely, places)
+    leader, gates = _leader(search, chosen, term, own / total, likely, there)
+    elsewhere = tuple((key, likely[at]) for at, key in there.items() if key not in same)
+    return Standing(own / total, rivals, leader, gates, elsewhere)
 
 
 def _options(
@@ -215,15 +220,14 @@ def _places(
     return () if whole == {one.place for one in chosen} else places
 
 
-def _leader(
+def _likeliest(
     search: Search,
     chosen: Chosen,
     term: Term,
-    own: float,
     kept: dict[tuple[Place, ...], float],
     places: dict[Chosen, tuple[Place, ...]],
-) -> tuple[Chosen | None, tuple[GateResult, ...]]:
-    """The set with a rival in a finding's place that has to lead, None if the finding leads; and what decided it."""
+) -> dict[tuple[Place, ...], Chosen]:
+    """The best whole set of each rival in a finding's place."""
     there: dict[tuple[Place, ...], Chosen] = {}
     for key in sorted(places, key=search.score):
         # A law that ends on a special case would lead under the name of another, so that case itself leads.
@@ -231,6 +235,18 @@ def _leader(
         if places[key] in kept and places[key] not in there:
             leading = key if known else _with_places(search, chosen, term, places[key])
             there |= {} if leading is None else {places[key]: leading}
+    return there
+
+
+def _leader(
+    search: Search,
+    chosen: Chosen,
+    term: Term,
+    own: float,
+    kept: dict[tuple[Place, ...], float],
+    there: dict[tuple[Place, ...], Chosen],
+) -> tuple[Chosen | None, tuple[GateResult, ...]]:
+    """The set with a rival in a finding's place that has to lead, None if the finding leads; and what decided it."""
     if not there:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
     is_sound = {(): _sound(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}

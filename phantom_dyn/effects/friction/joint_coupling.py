@@ -29,6 +29,8 @@ Array = np.ndarray
 _ALL_PAIRS = 4
 # Travel below which a joint counts as at rest [rad or m].
 _AT_REST = 1e-4
+# Correlation of two speeds from which on they are proportional: planners that start joints together come to 0.9.
+_ALONG = 0.97
 
 
 class JointCoupling(Effect):
@@ -130,11 +132,16 @@ class JointCoupling(Effect):
         return "coulomb_torque", np.array([1.0, 0.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Both joints have to move: with one at rest it is not known how the other one's speed counts."""
-        for row in _pair(robot, joint):
+        """Both joints have to move, in phase and out of phase: else a coupling is friction of the single joints."""
+        rows = _pair(robot, joint)
+        for row in rows:
             low, high = np.percentile(operation.q[:, row], [1, 99])
             if high - low < _AT_REST:
                 return f"{robot.joint_names[row]} does not move: a coupling looks like friction of the other joint"
+        one, two = (operation.v[:, row] for row in rows)
+        if abs(float(one @ two)) > _ALONG * float(np.linalg.norm(one) * np.linalg.norm(two)):
+            names = " and ".join(robot.joint_names[row] for row in rows)
+            return f"{names} move along one line: a coupling looks like friction of each"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

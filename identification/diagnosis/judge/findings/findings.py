@@ -16,10 +16,10 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
 from identification.diagnosis.judge.findings.one_sided import one_sided
-from identification.diagnosis.judge.findings.other_tolerances import with_other_tolerances
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
+from identification.diagnosis.judge.findings.wider_deviations import with_other_causes, with_other_tolerances
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding
@@ -85,7 +85,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
         within: What the best moves within the tolerances leave.
     """
     plain, chosen = shown.plain, shown.chosen
-    fitted = with_other_tolerances(shown.joint_fit, plain, chosen)
+    fitted = with_other_causes(with_other_tolerances(shown.joint_fit, plain, chosen), shown)
     robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))

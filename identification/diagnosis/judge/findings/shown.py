@@ -283,4 +283,5 @@ def evened(standing: Standing) -> Standing:
         *(replace(rival, probability=even) for rival in standing.rivals[:above]),
         *standing.rivals[above:],
     )
-    return Standing(even, rivals, gates=(likelier_than_rivals(even, even, leads=True),))
+    gates = (likelier_than_rivals(even, even, leads=True),)
+    return replace(standing, probability=even, rivals=rivals, instead=None, gates=gates)

@@ -112,6 +112,14 @@ def test_a_joint_at_rest_hides_the_coupling(arm, smooth):
     assert EFFECT.untestable(arm, replace(still), "turn+slide") is None
 
 
+def test_joints_on_one_line_hide_the_coupling(arm, smooth):
+    # By hand: of proportional speeds, sum and difference have the signs and sizes of each alone.
+    v = smooth.v.copy()
+    v[:, 1] = -0.4 * v[:, 0]
+    why = EFFECT.untestable(arm, Operation.of(arm, Motion(smooth.t, smooth.q, v, smooth.a)), "turn+tilt")
+    assert why == "turn and tilt move along one line: a coupling looks like friction of each"
+
+
 def test_friction_and_inertia_are_not_negative(arm):
     assert EFFECT.coefficient_bounds(arm, "turn+tilt", (1.0,)) == ((0.0, np.inf),) * 3
 
