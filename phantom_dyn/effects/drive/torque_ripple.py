@@ -107,7 +107,7 @@ class TorqueRipple(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Some wave has to turn ten times, and three of them slowly enough for the judged band."""
+        """Some wave has to turn five times, and three of them slowly enough for the judged band."""
         return unseen_waves(operation, joint, "ripple")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -22,7 +22,7 @@ from phantom_dyn.signals.windows import moving_median
 
 Array = np.ndarray
 
-_TURNS = 10  # periods on the whole way of a joint, forth and back
+_TURNS = 5  # periods on the whole way of a joint, forth and back
 _SLOW_TURNS = 3  # of these where the joint is so slow that the wave lies in the judged band
 _TRIED = 60  # orders between the lowest and the highest, to find the slowest that turns often enough
 _SECONDS = 0.01  # the residual is averaged over this long
@@ -59,9 +59,10 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
 
 
 def comes_back(operation: Operation, row: int, order: float) -> bool:
-    """True if a wave turns ten times, some of them where a joint is slow enough for it to lie in the judged band.
+    """True if a wave turns five times, some of them where a joint is slow enough for it to lie in the judged band.
 
-    What turns less often cannot be separated from what happens a few times.
+    What turns less often cannot be separated from what happens a few times; that it comes back in enough of the
+    recording is for the gates to say.
     """
     way = np.abs(np.diff(operation.q[:, row]))
     slow = order * np.abs(operation.v[1:, row]) <= 2 * np.pi * operation.band_hz

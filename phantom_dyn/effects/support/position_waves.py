@@ -83,7 +83,7 @@ def sum_of_waves(q, orders, amplitudes, phases):
 def unseen_waves(operation: Operation, joint: str | None, name: str) -> str | None:
     """Why a recording shows no wave of a joint, in words; None where it may.
 
-    Some wave has to turn ten times, and three of them slowly enough for the judged band.
+    Some wave has to turn five times, and three of them slowly enough for the judged band.
 
     Args:
         operation: The recording.
@@ -96,7 +96,7 @@ def unseen_waves(operation: Operation, joint: str | None, name: str) -> str | No
         return f"{joint} travels less than one period of any {name} that its sampling rate can show"
     if slowest_order(operation, row) is None:
         return (
-            f"no {name} of {joint} turns ten times, three of them where the joint is slow enough for it to lie in the "
+            f"no {name} of {joint} turns five times, three of them where the joint is slow enough for it to lie in the "
             "judged band"
         )
     return None

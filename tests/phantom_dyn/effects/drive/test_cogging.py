@@ -133,11 +133,11 @@ def test_orders_end_where_the_slowest_eighth_of_the_time_is_above_the_judged_ban
     assert high == pytest.approx(2 * np.pi * 0.5 / np.percentile(np.abs(wide.v[:, 1]), 12.5))
 
 
-def test_a_wave_that_turns_less_than_ten_times_on_the_whole_way_is_not_tried(arm, wide):
-    # Closed form: 9.9 periods on the way, and 10.1.
+def test_a_wave_that_turns_less_than_five_times_on_the_whole_way_is_not_tried(arm, wide):
+    # Closed form: 4.9 periods on the way, and 5.1.
     once = 2 * np.pi / np.abs(np.diff(wide.q[:, 1])).sum()
-    assert not comes_back(wide, 1, 9.9 * once)
-    assert comes_back(wide, 1, 10.1 * once)
+    assert not comes_back(wide, 1, 4.9 * once)
+    assert comes_back(wide, 1, 5.1 * once)
 
 
 def test_a_joint_at_rest_cannot_show_it(arm, wide):
