@@ -15,7 +15,7 @@ from phantom_dyn.random_streams import random_stream
 Array = np.ndarray
 Player = TypeVar("Player", bound=Hashable)
 
-_EXACT = 12  # players: beyond, orders and sets are sampled
+_EXACT = 7  # players: beyond, orders and sets are sampled, as each more doubles the sets
 _ORDERS = 4  # pairs of an order and its reverse
 _KNOWN = 0.005  # of the worth of all: standard error of a value at which no more is drawn
 _KNOWN_BY_ORDERS = 0.0025  # the same of one that keeps the mean over the orders beside others that do not
@@ -25,7 +25,7 @@ _MOST = 100  # pairs of sets a player
 def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Player]], float]) -> dict[Player, float]:
     """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
 
-    Exact to twelve players. Beyond, the mean over four random orders and their reverses, where that is known to half a
+    Exact to seven players. Beyond, the mean over four random orders and their reverses, where that is known to half a
     percent: what acts on different joints hardly depends on the order. Elsewhere values that scatter over these orders
     come from a regression on random sets, as many as it takes to know them to half a percent, up to a hundred pairs of
     sets a player.
