@@ -159,11 +159,11 @@ def _by_controllers(
     Where gains are estimated and friction speaks for higher ones, both readings are diagnosed.
 
     Args:
-        robot: This and the others as of `diagnose`.
+        robot: The model whose error is sought.
         recordings: With references, or with voltages that give a torque.
-        held_out: .
-        known: .
-        progress: .
+        held_out: How many of the recordings, the last ones, no fit sees.
+        known: Effects of an earlier diagnosis, which are part of the model.
+        progress: Is told each stage.
 
     Raises:
         LogError: If a recording cannot be used, or the motion tells no gain.

@@ -35,13 +35,13 @@ def place(
     """Write the poses of all joints at one configuration.
 
     Args:
-        parents: This and the next six as of `Kinematics`.
-        kinds: .
-        first_q: .
-        first_v: .
-        rotations: .
-        translations: .
-        axes: .
+        parents: Parent of each joint, ``(n,)``; see `Kinematics` for all that describes the tree.
+        kinds: Type of each joint.
+        first_q: First entry of each joint in ``q``.
+        first_v: First entry of each joint in ``v``.
+        rotations: Rotations of the joints in their parents, ``(3 n, 3, 3)``.
+        translations: Origin of each joint frame in its parent's [m], ``(n, 3)``.
+        axes: Axis of each joint in its own frame, ``(n, 3)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         i: Which of them.
         R: Receives rotations, ``(n, 3, 3)``; the root's must be there.
@@ -102,11 +102,11 @@ def move(
     """Write the motion of all joint frames at one sample.
 
     Args:
-        parents: This and the next as of `Kinematics`.
-        first_v: .
-        o: This and the next two as `place` writes them.
-        lin: .
-        ang: .
+        parents: Parent of each joint, ``(n,)``.
+        first_v: First entry of each joint in ``v``.
+        o: Origins that `place` has written [m], ``(n, 3)``.
+        lin: Velocities of the joints' origins that `place` has written, ``(nv, 3)``.
+        ang: Angular velocities that `place` has written, ``(nv, 3)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
         i: Which sample.

@@ -123,11 +123,11 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
     """Write what all rows of a body share at one sample, see `write_row`; what is always zero is not written.
 
     Args:
-        R: Rotations of all joints, with the next four as `place` and `move` write them.
+        R: Rotations of all joints that `place` has written, ``(n, 3, 3)``.
         i: Which body.
-        acc: .
-        w: .
-        dw: .
+        acc: Accelerations of the origins that `move` has written [m/s2], ``(n, 3)``.
+        w: Angular velocities that `move` has written [rad/s], ``(n, 3)``.
+        dw: Their derivatives, ``(n, 3)``.
         b: Receives the terms, ``(6, 10)``: torque per parameter and per velocity of the origin in the axes of the root,
             then per angular velocity in the axes of the body.
     """
@@ -156,12 +156,12 @@ def write_row(
     The products stand side by side, as a processor multiplies several at once.
 
     Args:
-        lx: Velocity of the body's origin in the axes of the root, with the next two.
-        ly: .
-        lz: .
-        sx: Angular velocity in the axes of the body, with the next two.
-        sy: .
-        sz: .
+        lx: Velocity of the body's origin along x of the root.
+        ly: Along y of the root.
+        lz: Along z of the root.
+        sx: Angular velocity of the body about its own x.
+        sy: About its own y.
+        sz: About its own z.
         b: As `body_terms` writes it.
         line: Receives it for each of the ten parameters.
         start: Where in it.

@@ -48,11 +48,11 @@ def regressor(
 
     Args:
         model: Gives gravity.
-        arrays: See above.
-        q: See above.
-        v: See above.
-        a: See above.
-        root: See above.
+        arrays: The tree of joints as arrays.
+        q: Pinocchio's configurations, ``(N, nq)``.
+        v: Velocities of the tree, ``(N, nt)``.
+        a: Accelerations of the tree, ``(N, nt)``.
+        root: Motion of the base, ``(N, 9)``, see `torque_loop`; None where it is fixed.
         slope: ``G`` of a closed chain, ``(N, nt, nv)``: the rows become those of its active joints.
         columns: Which columns to make, ascending; by default all ten of each joint.
         out: Receives them in its first columns, C-contiguous, ``(N, nv, c)`` with ``c`` at least their number. It must

@@ -93,8 +93,8 @@ def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Arr
     exists.
 
     Args:
-        numbers: This and the next as `joint_rows` gives them.
-        places: .
+        numbers: Numbers of each joint, ``(n, 43)``, see `joint_rows`.
+        places: Parent, kind and place of each joint, ``(n, 3)``, see `joint_rows`.
         moving: As `at_root` gives it; overwritten but for the root.
         q: Positions, in the order of the rows.
         v: Velocities.
@@ -137,9 +137,9 @@ def chained_mass_and_bias(
     :math:`G^T (M_t d + b_t)`.
 
     Args:
-        numbers: As of `mass_and_bias`, with the next two.
-        places: .
-        moving: .
+        numbers: Numbers of each joint, ``(n, 43)``, see `joint_rows`.
+        places: Parent, kind and place of each joint, ``(n, 3)``, see `joint_rows`.
+        moving: As `at_root` gives it; overwritten but for the root.
         chain: How the tree follows the active joints.
         q: Positions of the active joints first.
         v: Their velocities.

@@ -54,7 +54,7 @@ class Parameter:
     Attributes:
         name: The contract's.
         unit: SI; ``1`` if it has none.
-        lower: Least value of which the law makes sense; zero is none at all.
+        lower: Smallest value that the law allows; at zero the effect is absent.
         upper: Largest one.
         default: Value of a device for which none is given; None if one has to be given.
         above_zero: True if no device has zero, though a search may come to it.

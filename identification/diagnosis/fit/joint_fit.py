@@ -184,7 +184,8 @@ def _by_law(
 ) -> Float[Array, " p"]:
     """Shift of all parameters when one term follows another law, by quasi-Newton steps with its own Jacobian.
 
-    It is within a factor of two of a shape that another law means the same by it.
+    Each shape parameter stays within a factor of two of its value under the term's own law: both laws give it the same
+    meaning.
     """
     at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
     own = tuple(law_of(layout, place, x))

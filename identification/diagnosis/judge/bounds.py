@@ -221,7 +221,10 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
 
 
 def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
-    """The same to be visible: the squared residual of a joint grows by a share of what is noise there."""
+    """Size in standard deviations at which an effect is visible with 95 % power.
+
+    It is visible where its absence makes the squared residual of a joint grow by a given share of the noise there.
+    """
     energy, samples = [0.0], [0.0]
     for row in (plain.problem.grams.rows[j] for j in _rows(plain.problem, term)):
         at = np.flatnonzero(np.isin(row.index, term.columns))

@@ -119,8 +119,8 @@ class Search:
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
 
-        A hair is added for parameters that add no rank, so that of exact twins the one that says less is named. A
-        size that nothing has, at the end of what is possible, is no explanation at all.
+        Parameters that add no rank cost a negligible amount, so that of two sets with exactly the same columns the one
+        with fewer parameters is chosen. A set whose fit needs an impossible size scores infinity.
         """
         if chosen not in self._scores:
             self._scores[chosen] = self._score(chosen)

@@ -174,14 +174,14 @@ def _cross(
     """Fill in one flight after the other, and the impacts between them.
 
     Args:
-        t: This and the next as of `play`.
-        pull: .
+        t: Time [s].
+        pull: Acceleration with which a free link falls behind its motor.
         width: Of each sample [s].
         half: Of the gap.
-        lead: This and the others as of `Play`, zero before.
-        rate: .
-        loose: .
-        impact: .
+        lead: Receives how far the motor is ahead of the link [rad or m]; zero before.
+        rate: Receives its velocity; zero before.
+        loose: Receives one where the link is free; zero before.
+        impact: Receives gains of the link's velocity at impacts [per s]; zero before.
     """
     side, k = (1.0 if pull[0] >= 0 else -1.0), 0
     while True:

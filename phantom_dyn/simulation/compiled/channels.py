@@ -53,11 +53,11 @@ def given_by_drive(
     """Torque behind command law ``i`` when ``asked`` comes to it for ``h`` seconds; its state moves on.
 
     Args:
-        codes: This and the next two as of `Laws`.
-        numbers: .
-        state: .
-        rings: This and the next as of `Lines`.
-        ends: .
+        codes: Code of each law, see `Laws`.
+        numbers: Parameters of the laws, see `Laws`.
+        state: State of the laws, see `Laws`; changed.
+        rings: Delayed values, see `Lines`; changed.
+        ends: Ends of each ring, see `Lines`; changed.
         i: Which law.
         h: Length of the step [s].
         asked: Torque before the law.

@@ -28,8 +28,8 @@ class Shown:
         plain: The search with plain fits in the judged band.
         chosen: The effects, structures without a name among them.
         joint_fit: Fit of all their numbers at once.
-        standings: Of each named one, compared beside all that the search has found. Effects that are too small to be
-            shown are included, so that no rival wins by explaining those.
+        standings: How each named effect compares with its rivals. Both are fitted beside all effects that the search
+            found, those too small to be shown included, so that no rival wins by explaining those.
         beside: All that the search has found, with what took its place.
     """
 
