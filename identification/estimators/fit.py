@@ -106,11 +106,6 @@ class Fit:
         """True if the rigid body's parameters were unknowns, too."""
         return self.first_effect > 0
 
-    @property
-    def not_separable(self) -> tuple[str, ...]:
-        """Coefficients of effects that regroup into others or move no torque: neither estimated nor absent."""
-        return tuple(self.base.names[k] for k in self.base.dependent if k >= self.first_effect)
-
     def std(self) -> Float[Array, " r"]:
         """Standard deviations, shape ``(r,)``."""
         return np.sqrt(np.diag(self.cov))

@@ -1,11 +1,8 @@
-"""Stiffness of a transmission from a resonance in a recording.
+"""Frequency response of a joint, from drive torque to motor position, in which a compliant transmission resonates.
 
-Drive torque and motor position of one joint give an empirical transfer function, to which motor and link
-inertia, transmission stiffness and damping of a two-mass model are fitted. Its stiffness is that of the effect
-``transmission_compliance``, seen directly instead of through the model of the links. Wanted: a rich torque (noise, a
-chirp) up to well above the resonance while the other joints hold still, and an encoder on the motor. Dry friction and
-cogging lower the coherence; a joint that moves far changes its inertia with its posture, which a linear model cannot
-follow.
+Wanted: a rich torque (noise, a chirp) up to well above the resonance while the other joints hold still, and an encoder
+on the motor. Dry friction and cogging lower the coherence; a joint that moves far changes its inertia with its posture,
+which a linear model cannot follow.
 """
 
 from __future__ import annotations
@@ -19,7 +16,7 @@ from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 
 if TYPE_CHECKING:
-    from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit
+    pass
 
 # A torque "at an instant" is known to a per cent up to this share of the rate.
 _HIGHEST = 0.2
@@ -28,13 +25,12 @@ _SEGMENTS = 12
 _LONGEST = 8.0
 
 
-def joint_response(log: Log, joint: str, *, segment: float | None = None) -> FrequencyResponse:
+def joint_response(log: Log, joint: str) -> FrequencyResponse:
     """Empirical transfer function of one joint, torque to position, up to a fifth of the sampling rate.
 
     Args:
         log: A recording in which this joint is driven by noise or a chirp.
         joint: Its name.
-        segment: Length of the averaged segments [s]; a twelfth of the longest valid stretch, at most 8 s, by default.
 
     Raises:
         RobotError: If the recording has no such joint.
@@ -53,23 +49,9 @@ def joint_response(log: Log, joint: str, *, segment: float | None = None) -> Fre
     t = log.motion.t
     period = float((t[-1] - t[0]) / (len(t) - 1))
     position = (log.motion.q if log.raw_q is None else log.raw_q)[stretch, column]
-    length = min(count * period / _SEGMENTS, _LONGEST) if segment is None else segment
+    length = min(count * period / _SEGMENTS, _LONGEST)
     response = estimate_frequency_response(torque, position, period=period, segment=length)
     return response.between(0.0, 2 * np.pi * _HIGHEST / period)
-
-
-def transmission_resonance(log: Log, joint: str, *, segment: float | None = None) -> TwoMassFit:
-    """Motor and link inertia, stiffness and dampings of one joint's transmission, with their covariance.
-
-    `TwoMassFit.values` are those of `phantom_dyn.haptics.experiments.frequency_identification.NAMES`; the fifth is
-    the stiffness. Arguments and errors are those of `joint_response`.
-
-    Raises:
-        EstimationError: If the recording shows no vibration, or no two-mass model fits it.
-    """
-    from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
-
-    return fit_two_mass_of_instants(joint_response(log, joint, segment=segment))
 
 
 def _longest_valid(log: Log) -> slice:

@@ -168,17 +168,6 @@ def projection_error(
     return given - true
 
 
-def link_projection_error(length: float, phi: Float[Array, " N"], beta: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Size of the error of one projected link [m]: ``length |cos phi| (1 - cos beta)``, shape ``(N,)``.
-
-    Args:
-        length: Of the link [m].
-        phi: Its sagittal angle from the horizontal [rad], shape ``(N,)``.
-        beta: Coronal angle [rad], shape ``(N,)``.
-    """
-    return length * np.abs(np.cos(phi)) * (1.0 - np.cos(beta))
-
-
 def turned_on_support(points: Points, psi: Float[Array, " N"]) -> Points:
     """Points after the hip of the supporting leg has turned (4), (5): 3 to 6 go about the vertical through point 2.
 

@@ -194,15 +194,6 @@ def passive_jacobian() -> Float[Array, "3 3"]:
     return np.array([[0.0, -1.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, -1.0]])
 
 
-def motor_torque(tree_torque: Float[Array, "N 6"]) -> Float[Array, "N 3"]:
-    r"""Torque of the motors from the torques of the open tree [N m], (12).
-
-    Args:
-        tree_torque: Of q1, q2, q5, q3, q6, q4 in this order.
-    """
-    return tree_torque[:, :3] + tree_torque[:, 3:] @ passive_jacobian()
-
-
 def tip_position(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Float[Array, "N 3"]:
     """Tip in frame 0 [m].
 

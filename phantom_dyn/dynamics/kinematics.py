@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import pinocchio as pin
 
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Float
@@ -91,24 +89,3 @@ def wrench_torque(
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
     return np.einsum("nij,ni->nj", frame_jacobian(robot, q, frame, "hybrid"), wrench)
-
-
-def frame_drift(robot: Robot, motion: Motion, frame: str) -> Float[Array, "N 3"]:
-    r"""Acceleration :math:`\dot J v` [m/s2] of a frame's origin in the root frame while no active joint accelerates.
-
-    Args:
-        robot: A plain robot or a closed chain.
-        motion: N samples; its accelerations do not count.
-        frame: Its name.
-
-    Raises:
-        RobotError: If the robot has no such frame.
-        ChainError: If a loop of a closed chain cannot be closed at a sample.
-    """
-    index, data = frame_index(robot, frame), robot.model.createData()
-    tree = tree_motion(robot, replace(motion, a=np.zeros_like(motion.v)))
-    out = np.empty((len(motion.q), 3))
-    for k, sample in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
-        pin.forwardKinematics(robot.model, data, *sample)
-        out[k] = pin.getFrameClassicalAcceleration(robot.model, data, index, pin.LOCAL_WORLD_ALIGNED).linear
-    return out

@@ -1,4 +1,4 @@
-r"""Quantities that a hand feels at the tip: mass, friction, stiffness, weight, and the force that these leave out.
+r"""Quantities that a hand feels at the tip: mass, friction, stiffness and weight.
 
 With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
 :math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
@@ -21,12 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
-from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian
 from phantom_dyn.errors import ParameterError, known_names
 from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projected_friction
-from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -121,34 +117,6 @@ def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str
         for name in rest:
             out[name][good] = values[name]
     return out, singular
-
-
-def disturbance_force(robot: Robot, motion: Motion, frame: str) -> Float[Array, "N 3"]:
-    r"""Force at the tip beyond :math:`M_{op}\ddot X` that moves the links: weight and what speed adds.
-
-    :math:`F_d = J^{-T} (Q(q) + C(q, v) v - A J^{-1} \dot J v)`. The source prints :math:`A \ddot q` for the last term
-    of its equation (20), which would take the inertia away altogether.
-
-    Args:
-        robot: With three active joints.
-        motion: N samples; its accelerations do not count.
-        frame: The tip.
-
-    Returns:
-        Force [N] in the root frame, shape ``(N, 3)``.
-
-    Raises:
-        RobotError: If the robot has no such frame.
-        ParameterError: If the robot has another number of active joints.
-        ChainError: If a loop of a closed chain cannot be closed at a sample.
-    """
-    if robot.nv != 3:
-        raise ParameterError(f"{robot.name} has {robot.nv} active joints, wanted 3: the force is not determined.")
-    J = frame_jacobian(robot, motion.q, frame, "hybrid")[:, :3]
-    a = -np.linalg.solve(J, frame_drift(robot, motion, frame)[..., None])[..., 0]
-    moved = Motion(motion.t, motion.q, motion.v, a)
-    torque = inverse_dynamics(robot, moved) - modelled_friction(robot, moved)
-    return np.linalg.solve(np.swapaxes(J, 1, 2), torque[..., None])[..., 0]
 
 
 def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> dict[str, Array]:

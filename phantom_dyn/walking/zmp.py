@@ -201,20 +201,6 @@ def zmp_from_contact_wrench(
     return zmp_of_wrench(*contact_wrench(model, q, v, a), ground=ground)
 
 
-def inverted_pendulum_zmp(
-    com: Float[Array, "N 2"], com_acceleration: Float[Array, "N 2"], height: float, *, g: float = 9.81
-) -> Float[Array, "N 2"]:
-    r"""Zero moment point [m] of a point mass at constant height, :math:`x - (z/g) \ddot x`, shape ``(N, 2)``.
-
-    Args:
-        com: Horizontal position of the centre of mass [m], shape ``(N, 2)``.
-        com_acceleration: Its acceleration [m/s^2], shape ``(N, 2)``.
-        height: Of the centre of mass above the ground [m].
-        g: Gravity [m/s^2].
-    """
-    return com - height / g * com_acceleration
-
-
 def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Array, Array, Array]:
     """Mass, centre of mass, its acceleration and the body's rate of spin about it, in world axes."""
     inertia = model.inertias[joint]

@@ -71,28 +71,6 @@ def full_parameters(
     return _full(fit, solve_program(program).pi)
 
 
-def nearest_full_parameters(robot: Robot, fit: Fit, *, regions: Sequence[Region | None] = ()) -> FullParameters:
-    """Possible parameters that give exactly the base parameters of a fit, nearest to the robot's.
-
-    Args:
-        robot: The robot that was fitted; its inertias are the reference.
-        fit: Of `torque_regressor` equations.
-        regions: Where the mass of each body is, one per body; none by default.
-
-    Raises:
-        ParameterError: If the fit has no rigid body, or not one region per body is given.
-        EstimationError: If no possible bodies have these base parameters: use `full_parameters`.
-    """
-    program = _program(robot, fit, regions, np.eye(fit.rank), None)
-    nearest = nearest_unconstrained(program)
-    if not is_possible(program, nearest):
-        sizes = np.linalg.norm(program.factor * program.scale, axis=1)
-        nearest = solve_program(
-            replace(program, factor=program.factor / sizes[:, None], target=program.target / sizes, exact=True)
-        ).pi
-    return _full(fit, nearest)
-
-
 def covariance_root(fit: Fit) -> Float[Array, "r r"]:
     """``B`` with ``B^T B`` the inverse of the covariance of base parameters: equations in units of one deviation each.
 
@@ -100,10 +78,7 @@ def covariance_root(fit: Fit) -> Float[Array, "r r"]:
         ParameterError: If the fit has no covariance.
     """
     if not np.isfinite(fit.cov).all():
-        raise ParameterError(
-            "The fit has no covariance, as it has no more equations than unknowns: record more, or ask for the nearest "
-            "full parameters."
-        )
+        raise ParameterError("The fit has no covariance, as it has no more equations than unknowns: record more.")
     # A recording without noise leaves rounding errors as deviations, or none at all.
     size = np.abs(fit.theta).max(initial=0.0)
     deviation = np.maximum(fit.std(), 1e-12 * (size if size > 0 else 1.0))

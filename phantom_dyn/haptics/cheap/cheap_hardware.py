@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.array_types import Bool, Float
-from phantom_dyn.devices.phantom import PHANTOM_1_5, PhantomParameters, hybrid_jacobian
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_cycle import (
@@ -39,9 +38,6 @@ from phantom_dyn.haptics.cheap.cheap_cycle import (
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 
 Array = np.ndarray
-
-_SINGULAR = 1e8
-"""Condition number of a Jacobian, of metres by radians, beyond which a force is rounding."""
 
 
 @dataclass(frozen=True)
@@ -140,44 +136,6 @@ def rendered_axes(
             f"{np.shape(force)}: give one or more axes, and for each sample as many positions and forces."
         )
     return np.column_stack([rendered(axis, t, q[:, k], force[:, k]).force for k, axis in enumerate(axes)])
-
-
-def phantom_tip_force(
-    axes: tuple[CheapAxis, CheapAxis, CheapAxis],
-    t: Float[Array, " N"],
-    q: Float[Array, "N 3"],
-    tip_force: Float[Array, "N 3"],
-    parameters: PhantomParameters = PHANTOM_1_5,
-) -> Float[Array, "N 3"]:
-    r"""Force [N] on the hand at the tip of a PHANToM whose three motors are cheap.
-
-    The force at the tip is brought to the motors, :math:`\tau = J^T F`, degraded there, and brought back.
-
-    Args:
-        axes: Of theta1, theta2, theta3; in rad and N m.
-        t: Sample times [s].
-        q: Absolute joint angles of seed 003 [rad].
-        tip_force: That the virtual environment asks for, in the axes of the zero configuration.
-        parameters: Of the device.
-
-    Raises:
-        ParameterError: If a column has another shape, the times are refused, or the device is singular in a sample.
-    """
-    if np.shape(q) != (len(t), 3) or np.shape(tip_force) != (len(t), 3):
-        raise ParameterError(
-            f"Joint angles and tip forces of the shapes {np.shape(q)} and {np.shape(tip_force)} were given for "
-            f"{len(t)} times: give three of each for every time."
-        )
-    J = hybrid_jacobian(q, parameters)[:, :3]
-    singular = np.flatnonzero(np.linalg.cond(J) > _SINGULAR)
-    if len(singular):
-        raise ParameterError(
-            f"The PHANToM is singular at sample {singular[0]}, where a force at its tip does not determine those of "
-            "its motors: give a motion that keeps away from there."
-        )
-    tau = np.einsum("nij,ni->nj", J, tip_force)
-    given = rendered_axes(axes, t, q, tau)
-    return np.linalg.solve(np.swapaxes(J, 1, 2), given[:, :, None])[:, :, 0]
 
 
 def _require_rate(axis: CheapAxis, longest: float) -> None:

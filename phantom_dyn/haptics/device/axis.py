@@ -147,13 +147,6 @@ class TwoMassAxis:
             ground_stiffness=self.ground_stiffness + hand.stiffness,
         )
 
-    def at_radius(self, radius: float) -> TwoMassAxis:
-        """A rotating axis as it is felt at this distance [m]: everything over the square of it."""
-        if not (math.isfinite(radius) and radius > 0):
-            raise ParameterError(f"The radius is {radius:g} m: give a positive length.")
-        fields = (self.motor_mass, self.body_mass, self.motor_damping, self.body_damping, self.cable_stiffness)
-        return TwoMassAxis(*(x / radius**2 for x in (*fields, self.cable_damping, self.ground_stiffness)))
-
     @property
     def rigid(self) -> RigidAxis:
         """The device with a cable that does not give: both masses, both dampers."""

@@ -25,7 +25,6 @@ import numpy as np
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.cheap.cheap_axis import CoggingTorque
 from phantom_dyn.haptics.device.drives import Winding
 from phantom_dyn.haptics.number_checks import require_numbers, require_positive, require_whole
 
@@ -101,27 +100,6 @@ class SteadyTorque:
         return float(np.ptp(self.torque)) / abs(self.mean)
 
 
-def torque_at_voltage(
-    motor: BrushMotor, angle: Float[Array, " N"], speed: Float[Array, " N"], voltage: float
-) -> Float[Array, " N"]:
-    """Torque [N m] of a slow motor under a held voltage, the current following at once, shape ``(N,)``.
-
-    Args:
-        motor: With brushes.
-        angle: Of the rotor [rad], shape ``(N,)``.
-        speed: Of the rotor [rad/s], shape ``(N,)``.
-        voltage: [V].
-    """
-    require_numbers(voltage=voltage)
-    return motor.torque_constant * (voltage - motor.torque_constant * speed) / motor.resistance(angle)
-
-
-def torque_at_current(motor: BrushMotor, angle: Float[Array, " N"], current: float) -> Float[Array, " N"]:
-    """Torque [N m] under a held current: the resistance does not enter, shape ``(N,)``."""
-    require_numbers(current=current)
-    return np.full(np.shape(angle), motor.torque_constant * current)
-
-
 def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyTorque:
     """Torque under a held voltage at a constant speed, the winding's inductance included.
 
@@ -163,27 +141,3 @@ def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyT
         ]
         mean = sum(charges) / sum(spans)
     return SteadyTorque(turn * motor.period, motor.torque_constant * current, motor.torque_constant * mean)
-
-
-def commutation_waves(motor: BrushMotor, torque: float, *, ratio: float = 1.0, waves: int = 5) -> CoggingTorque:
-    r"""Fourier series of the torque that a slow motor under a held voltage adds to its mean, for `CheapAxis`.
-
-    Wave k has :math:`2 n k N` cycles per revolution of the joint and the amplitude
-    :math:`\frac{2}{\pi k} \sin(\pi k w) \frac{1}{n + w}` of the mean torque, w the share in which a brush joins.
-
-    Args:
-        motor: With brushes.
-        torque: Mean torque at the joint [N m].
-        ratio: Turns of the rotor per turn of the joint, N.
-        waves: How many.
-
-    Raises:
-        ParameterError: If the ratio is not above 0, or the number of waves no whole number above 0.
-    """
-    require_numbers(torque=torque)
-    require_positive(ratio_of_the_transmission=ratio)
-    require_whole(1, number_of_waves=waves)
-    k = np.arange(1, waves + 1)
-    amplitude = torque * 2 / (np.pi * k) * np.sin(np.pi * k * motor.joined) / (motor.bars + motor.joined)
-    order = 2 * motor.bars * ratio * k
-    return CoggingTorque(tuple(order.tolist()), tuple(amplitude.tolist()), (0.5 * math.pi,) * waves)

@@ -82,15 +82,6 @@ class Warming:
     linear: Float[Array, " n"]
 
 
-def heat_ratio(duty: float) -> float:
-    """Heat under pulses over heat of a linear drive, current without inductance: 1 / duty cycle.
-
-    Raises:
-        ParameterError: If the duty cycle is not in (0, 1].
-    """
-    return 1.0 / _checked_duty(duty)
-
-
 def duty_of_heat_ratio(ratio: float) -> float:
     """Duty cycle at which pulses heat `ratio` times as much as a linear drive.
 

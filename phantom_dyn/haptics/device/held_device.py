@@ -16,7 +16,6 @@ References:
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,6 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
 from phantom_dyn.haptics.number_checks import require_positive
-from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 Device = RigidAxis | TwoMassAxis
@@ -139,21 +137,3 @@ def felt_impedance(
     motor = device.motor_mass * s**2 + device.motor_damping * s + cable
     both = np.polyval(device.transfer_function.denominator, s)
     return both / (motor + cable * helped)
-
-
-def worst_vibration_gain(device: TwoMassAxis, hand: Operator, *, cutoff: float = math.inf) -> float:
-    r"""Force gain from which the vibration can grow, however the phase of the loop is turned there.
-
-    One over the height of the resonant peak of the loop without hold and delay: below it no delay and no filter of gain
-    one makes the vibration unstable (small gain). Like (33) for the low frequencies, a bound that needs no phase.
-
-    Args:
-        device: Of two masses.
-        hand: That holds it.
-        cutoff: Of the sensor's low pass [rad/s].
-    """
-    loop = HeldDevice(device, hand, min(cutoff, 1e6 * device.free_frequency)).transfer_function
-    held = device.held_by(hand)
-    resonance = math.sqrt(held.cable_stiffness * (1.0 / held.motor_mass + 1.0 / held.body_mass))
-    frequency = read_only(resonance * np.geomspace(0.5, 2.0, 20001))
-    return 1.0 / float(np.abs(loop.response(frequency)).max())

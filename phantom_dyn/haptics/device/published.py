@@ -76,7 +76,7 @@ LHIFAM_HEAVIER_MOTOR = replace(LHIFAM_NEW_CABLE, motor_mass=0.3769, body_mass=LH
 
 
 def phantom_1_0(cable_damping: float, body_damping: float = 0.0) -> TwoMassAxis:
-    """First axis of the PHANToM 1.0 about its joint; `TwoMassAxis.at_radius` gives it at the handle.
+    """First axis of the PHANToM 1.0, about its joint.
 
     Args:
         cable_damping: Lost in the copy at hand [N m s/rad]; 0.001 to 0.008 are looked at in the tests.

@@ -1,4 +1,4 @@
-"""Lag, granularity and frequency response of velocity estimators, each measured on a motion that is known."""
+"""Lag and granularity of velocity estimators, each measured on a motion that is known."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_positive, require_whole, sample_count
+from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer, observe_velocity
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder, record_sinusoidal
@@ -44,23 +44,6 @@ class EstimatorFigures:
     velocity: Float[Array, " N"]
     estimate: Float[Array, " N"]
     steady_estimate: Float[Array, " N"]
-
-
-@dataclass(frozen=True)
-class EstimatorResponse:
-    """Fundamental of the estimate over the true velocity, for motions along a sine.
-
-    Attributes:
-        frequency: Frequencies [rad/s], shape ``(n,)``.
-        response: Complex ratio, shape ``(n,)``.
-    """
-
-    frequency: Float[Array, " n"]
-    response: Complex[Array, " n"]
-
-    def lag(self) -> Float[Array, " n"]:
-        """Phase lag as a time [s], shape ``(n,)``; the phase is unwrapped from the lowest frequency on."""
-        return -np.unwrap(np.angle(self.response)) / self.frequency
 
 
 def estimator_figures(
@@ -117,57 +100,6 @@ def estimator_figures(
         estimate=accelerated,
         steady_estimate=steady,
     )
-
-
-def estimator_response(
-    estimator: Estimator | AccelerationObserver,
-    encoder: Encoder | SinusoidalEncoder,
-    frequency: Float[Array, " n"],
-    *,
-    speed: float,
-    period: float = 1e-3,
-    cycles: int = 8,
-    accelerometer: Accelerometer | None = None,
-    rng: np.random.Generator | None = None,
-) -> EstimatorResponse:
-    """Response of an estimator to sines of one peak speed: what it does to the phase of a velocity loop.
-
-    Args:
-        estimator: Any estimator of `velocity_estimators`, or the observer of position and acceleration.
-        encoder: The sensor.
-        frequency: Frequencies below half the sampling frequency [rad/s], shape ``(n,)``.
-        speed: Peak speed of the motion [m/s or rad/s].
-        period: Sampling period [s].
-        cycles: Cycles that are evaluated, after 0.6 s of settling.
-        accelerometer: Beside the encoder; needed by the observer, and by nothing else.
-        rng: Draws the noise of the accelerometer.
-
-    Raises:
-        ParameterError: If a frequency is not between 0 and half the sampling frequency, the peak speed or period not
-            above 0, cycles no whole number above 0, or the observer has no accelerometer.
-    """
-    require_positive(peak_speed=speed, period=period)
-    require_whole(1, cycles=cycles)
-    highest = math.pi / period
-    if not ((frequency > 0) & (frequency < highest)).all():
-        raise ParameterError(
-            f"A frequency outside 0 to {highest:g} rad/s, half the sampling frequency, was given: give ones between."
-        )
-    sensors = _Sensors(encoder, accelerometer, rng)
-    ratio = np.empty(frequency.size, dtype=complex)
-    for index, omega in enumerate(frequency):
-        length = cycles * 2 * math.pi / omega
-        samples = round((_SETTLING + length) / period)
-        fine = np.arange(samples * _POINTS + 1) * (period / _POINTS)
-        t = fine[::_POINTS]
-        swing = speed / omega * np.sin(omega * fine)
-        estimate = sensors.estimate(estimator, swing, -speed * omega * np.sin(omega * t), period)
-        part = t >= t[-1] - length
-        # Least squares, not a sum: the cycles need not be a whole number of samples.
-        base = np.column_stack([np.cos(omega * t[part]), np.sin(omega * t[part]), np.ones(part.sum())])
-        cosine, sine, _ = np.linalg.lstsq(base, estimate[part], rcond=None)[0]
-        ratio[index] = complex(cosine, -sine) / speed
-    return EstimatorResponse(frequency, ratio)
 
 
 @dataclass(frozen=True)

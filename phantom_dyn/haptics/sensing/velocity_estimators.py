@@ -117,14 +117,6 @@ class PeriodMeasurement:
         if self.overflow not in ("bounded", "wraps"):
             raise ParameterError(f"The overflow is {self.overflow!r}: give 'bounded' or 'wraps'.")
 
-    def longest_period(self) -> float:
-        """Longest time between edges that the counter holds [s]."""
-        return (2**self.bits - 1) / self.clock
-
-    def lowest_speed(self, step: float) -> float:
-        """Speed below which the counter overflows [m/s or rad/s], for a motion `step` per count."""
-        return step / self.longest_period()
-
 
 Estimator = AveragedDifference | AdaptiveWindow | KalmanVelocity | PeriodMeasurement
 

@@ -194,25 +194,6 @@ def critical_stiffness(
     return CriticalStiffness(lowest.gain, lowest.frequency, all_of_them, below, above)
 
 
-def critical_virtual_damping(
-    axis: Axis, *, period: float, delay: float = 0.0, stiffness: float = 0.0
-) -> tuple[Crossing, ...]:
-    """Virtual dampings at which a wall of this stiffness is at the edge of stability, each with its frequency.
-
-    `Crossing.gain` is the damping B [N s/m or N m s/rad], negative ones included, lowest first: a wall that is stable
-    between two of them for one damping is so for all.
-
-    Raises:
-        ParameterError: If the period is not positive, the delay negative, or the stiffness not finite.
-    """
-    require_numbers(stiffness=stiffness)
-    sampled = discretise(axis, period=period, delay=delay)
-    grid = search_grid(axis, period, delay, 0.0)
-    found = crossings(grid, period, sampled.loop, (1.0 / period, -1.0 / period), (float(stiffness), 0.0))
-    edges = sorted((float(gain), float(w)) for w, gain in found if np.isfinite(gain))
-    return tuple(Crossing(w, gain) for gain, w in edges)
-
-
 def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
     r"""Critical stiffness by the linear condition (10), :math:`(b + B)/(T/2 + t_d)`.
 

@@ -40,8 +40,6 @@ from phantom_dyn.haptics.stability.virtual_wall import velocity_filter
 
 _POINTS = 2000
 """Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end."""
-_HALVINGS = 60
-"""Of the interval that holds the greatest stiffness: to its last bits."""
 
 
 def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
@@ -71,32 +69,6 @@ def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virt
     cross = alpha * -period * np.conj(rest / back + period * (1.0 - back) / back**2)
     apart = np.maximum((np.abs(alpha) * square) ** 2 - cross.imag**2, 0.0)
     return float(np.max(0.5 * (cross.real + np.sqrt(apart))))
-
-
-def passive_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
-    """Greatest stiffness [N/m or N m/rad] with which a wall on a device of this damping is passive; 0 if none is.
-
-    Args:
-        damping: b, the device's own damping to ground [N s/m or N m s/rad].
-        period: Sampling period T [s].
-        delay: Of the loop beside the hold [s].
-        virtual_damping: B of the wall.
-
-    Raises:
-        ParameterError: If damping or delay is negative, the period not positive, or a number not finite.
-    """
-    require_not_negative(damping=damping)
-    require_numbers(virtual_damping=virtual_damping)
-    if virtual_damping == 0:
-        return damping / passive_damping(1.0, period=period, delay=delay)
-    if passive_damping(0.0, period=period, delay=delay, virtual_damping=virtual_damping) > damping:
-        return 0.0
-    low, high = 0.0, damping / passive_damping(1.0, period=period, delay=delay) + 4 * abs(virtual_damping) / period
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        needed = passive_damping(middle, period=period, delay=delay, virtual_damping=virtual_damping)
-        low, high = (middle, high) if needed <= damping else (low, middle)
-    return low
 
 
 def critical_loop_gain(master: Axis, slave: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:

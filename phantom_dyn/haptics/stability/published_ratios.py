@@ -28,7 +28,6 @@ from typing import cast
 
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import RigidAxis
-from phantom_dyn.haptics.number_checks import require_positive
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
 from phantom_dyn.haptics.sensing.velocity_estimators import IMPROVED, STOCK
 from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
@@ -166,18 +165,6 @@ def explained_loop_gain() -> Explained:
 def explained_improvements() -> tuple[Explained, Explained, Explained]:
     """Wall, damping and loop gain, in the order of `phantom_improvements`."""
     return explained_wall(), explained_damping(), explained_loop_gain()
-
-
-def wall_lag_of_both(lag: float) -> float:
-    r"""How much later [s] a wall must be than a teleoperation for one amplifier to give both ratios.
-
-    From :math:`(T/2 + d + \delta)/(T/2 + d) = 1.35`: :math:`d = \delta/0.35 - T/2`.
-
-    Args:
-        lag: Of the stock amplifier, :math:`\delta` [s].
-    """
-    require_positive(lag_of_the_amplifier=lag)
-    return lag / (PUBLISHED_WALL[1] / PUBLISHED_WALL[0] - 1.0) - 0.5 * _PERIOD
 
 
 def _solved(beyond: Callable[[float], float], low: float, high: float) -> float:

@@ -109,24 +109,6 @@ def test_both_legs_lean_alike_so_that_the_feet_stay_apart_by_the_pelvis():
     assert points[0, 2, 1] > 0  # to the left
 
 
-@pytest.mark.parametrize(("beta", "pitch", "percent"), [(5.0, 10.0, 0.07), (10.0, 10.0, 0.26), (10.0, 20.0, 0.52)])
-def test_the_relative_error_of_one_projected_link(beta, pitch, percent):
-    error = biped.link_projection_error(1.0, np.radians([90.0 - pitch]), np.radians([beta]))
-    assert 100 * error[0] == pytest.approx(percent, abs=0.005)
-
-
-def test_the_error_of_a_chain_is_along_x_and_adds_up_from_its_links(rng):
-    theta, beta = some_posture(rng)
-    error = biped.projection_error(LENGTHS, theta, beta)
-    np.testing.assert_allclose(error[..., 1:], 0, atol=1e-15)
-    phi = np.cumsum(theta, axis=1)
-    first, second = (
-        biped.link_projection_error(length, phi[:, i], beta) * np.sign(np.cos(phi[:, i]))
-        for i, length in enumerate((LENGTHS.shank_support, LENGTHS.thigh_support))
-    )
-    np.testing.assert_allclose(error[:, 2, 0], -(first + second), atol=1e-15)
-
-
 def test_a_projected_link_is_too_short():
     # The length of a link at 10 degrees lean and 10 degrees from upright.
     phi, beta = np.radians(80.0), np.array([np.radians(10.0)])
@@ -137,12 +119,6 @@ def test_a_projected_link_is_too_short():
     exact = np.sqrt(np.sin(phi) ** 2 + np.cos(phi) ** 2 * np.cos(beta[0]) ** 2)
     assert length == pytest.approx(exact)
     assert length < 1
-
-
-def test_the_error_falls_with_the_square_of_the_lean():
-    phi, beta = np.full(2, 1.2), np.array([0.02, 0.01])
-    error = biped.link_projection_error(0.1, phi, beta)
-    assert error[0] / error[1] == pytest.approx(4.0, rel=1e-3)
 
 
 def test_right_support_is_the_mirror_of_left_support(rng):

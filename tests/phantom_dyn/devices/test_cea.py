@@ -107,13 +107,6 @@ def test_passive_angles_are_those_of_the_loops_of_the_robot_file(robot, rng):
     np.testing.assert_allclose(tree_motion(robot, motion).q[:, [2, 3, 5]], cea.passive_positions(motion.q)[:, :3])
 
 
-def test_the_projection_of_torque_is_the_printed_one():
-    # Published: (12), rows q1, q2, q5, columns q3, q6, q4.
-    printed = [[0, 0, 0], [-1, 1, 0], [1, -1, -1]]
-    np.testing.assert_array_equal(cea.passive_jacobian().T, printed)
-    np.testing.assert_array_equal(cea.motor_torque(np.eye(6)), np.vstack([np.eye(3), np.transpose(printed)]))
-
-
 @pytest.mark.parametrize("length", [0.0, -0.1, np.nan])
 def test_a_length_that_is_not_positive_is_refused(length):
     with pytest.raises(ParameterError, match=r"The link length d4 is .* m: give a positive length"):

@@ -7,10 +7,9 @@ import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.devices import phantom
-from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian, frame_pose, wrench_torque
+from phantom_dyn.dynamics.kinematics import frame_jacobian, frame_pose, wrench_torque
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.maps.inverse import inverse_kinematics
-from phantom_dyn.motion import Motion
 from places import ROBOTS
 
 
@@ -50,15 +49,6 @@ def test_the_parallel_link_ends_on_the_forearm(robot, q):
     forearm, elbow = frame_pose(robot, q, "forearm")
     link, pin = frame_pose(robot, q, "parallel_link")
     np.testing.assert_allclose(elbow + forearm @ [0, -0.0325, 0], pin + link @ [0, 0, 0.215], rtol=0, atol=1e-14)
-
-
-def test_the_drift_is_the_acceleration_at_constant_joint_speed(robot, q, rng):
-    # Second differences of the closed form.
-    v, step = rng.normal(size=q.shape), 1e-4
-    ahead, here, behind = (phantom.tip_position(q + s * step * v) for s in (1, 0, -1))
-    motion = Motion(np.arange(float(len(q))), q, v, 7 * v)
-    drift = frame_drift(robot, motion, "tip")
-    np.testing.assert_allclose(drift, (ahead - 2 * here + behind) / step**2, rtol=0, atol=1e-6)
 
 
 def test_inverse_kinematics_finds_the_closed_form_of_the_phantom(robot, q):

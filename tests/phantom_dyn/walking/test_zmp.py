@@ -58,17 +58,6 @@ def test_at_rest_it_is_the_projection_of_the_centre_of_mass(humanoid, rng, way):
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_point_mass_at_constant_height_is_the_linear_inverted_pendulum(point_mass, rng, way):
-    q = np.zeros((4, 7))
-    q[:, :2], q[:, 2], q[:, 6] = rng.normal(size=(4, 2)), 0.8, 1.0
-    a = np.zeros((4, 6))
-    a[:, :2] = rng.normal(size=(4, 2))
-    pendulum = zmp.inverted_pendulum_zmp(q[:, :2], a[:, :2], 0.6, g=9.81)
-    np.testing.assert_allclose(pendulum, q[:, :2] - 0.6 / 9.81 * a[:, :2], atol=1e-15)
-    np.testing.assert_allclose(way(point_mass, q, np.zeros((4, 6)), a, ground=0.2), pendulum, atol=1e-12)
-
-
-@pytest.mark.parametrize("way", WAYS)
 def test_a_body_that_starts_to_roll_moves_it_along_plus_y(way):
     # Closed form: a body that only spins about x with I alpha has y = + I alpha / (m g); Huang's printed sign is minus.
     model = pin.Model()

@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.consistent.full_parameters import full_parameters, nearest_full_parameters, selection
+from identification.estimators.consistent.full_parameters import full_parameters, selection
 from identification.estimators.weighted_least_squares import fit_ols, ols
 from identification.regression.regressor import gap_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.errors import EstimationError, ParameterError
+from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 
 
@@ -22,29 +22,14 @@ def fitted(arm, swing, make_log, rubbing, friction, rng):
     )
 
 
-@pytest.mark.parametrize("method", [full_parameters, nearest_full_parameters])
-def test_those_of_the_robot_come_back_without_noise(arm, fitted, method):
-    full = method(arm, fitted(0.0))
+def test_those_of_the_robot_come_back_without_noise(arm, fitted):
+    full = full_parameters(arm, fitted(0.0))
     np.testing.assert_allclose(full.pi, np.r_[standard_parameters(arm), [0.4, 0.6] * 3], atol=1e-6)
 
 
-@pytest.mark.parametrize("method", [full_parameters, nearest_full_parameters])
-def test_possible_base_parameters_are_kept(arm, fitted, method):
+def test_possible_base_parameters_are_kept(arm, fitted):
     fit = fitted(0.02)
-    np.testing.assert_allclose(method(arm, fit).theta, fit.theta, atol=1e-8)
-
-
-def test_impossible_base_parameters_move_by_few_deviations_to_possible_bodies(arm, fitted, all_possible):
-    fit = fitted(5.0)
-    full = full_parameters(arm, fit)
-    assert all_possible(full.pi[: fit.first_effect])
-    assert 0 < np.abs(full.moved).max() < 5
-
-
-def test_impossible_base_parameters_have_no_exact_full_ones(arm, fitted):
-    # With fifty times the noise some base parameter is that of no body.
-    with pytest.raises(EstimationError, match="No physically possible bodies satisfy these equations"):
-        nearest_full_parameters(arm, fitted(50.0))
+    np.testing.assert_allclose(full_parameters(arm, fit).theta, fit.theta, atol=1e-8)
 
 
 def test_a_changed_ur10_predicts_the_torque_of_any_motion(make_log, rng):
@@ -52,10 +37,16 @@ def test_a_changed_ur10_predicts_the_torque_of_any_motion(make_log, rng):
     given = load_robot("example:ur10")
     truth = with_parameters(given, 0.2 * standard_parameters(given))
     motion, other = (Motion(np.arange(100) * 0.01, *rng.normal(size=(3, 100, 6))) for _ in range(2))
-    fit = fit_ols(given, make_log(given, motion, inverse_dynamics(truth, motion)))
-    full = nearest_full_parameters(given, fit)
+    full = full_parameters(given, fit_ols(given, make_log(given, motion, inverse_dynamics(truth, motion))))
     again = with_parameters(given, full.pi - standard_parameters(given))
     np.testing.assert_allclose(inverse_dynamics(again, other), inverse_dynamics(truth, other), atol=1e-5)
+
+
+def test_impossible_base_parameters_move_by_few_deviations_to_possible_bodies(arm, fitted, all_possible):
+    fit = fitted(5.0)
+    full = full_parameters(arm, fit)
+    assert all_possible(full.pi[: fit.first_effect])
+    assert 0 < np.abs(full.moved).max() < 5
 
 
 def test_selection_is_what_base_parameters_are_made_with(fitted, rng):

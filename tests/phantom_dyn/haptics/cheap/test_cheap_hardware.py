@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.devices.phantom import inverse_kinematics
 from phantom_dyn.effects.friction.presliding_friction import stick_step
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import (
@@ -13,11 +12,10 @@ from phantom_dyn.haptics.cheap.cheap_axis import (
     CoggingTorque,
     StickingFriction,
     VirtualMass,
-    cheap_rotation,
     cheap_translation,
 )
 from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
-from phantom_dyn.haptics.cheap.cheap_hardware import felt, phantom_tip_force, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
 
 RATES = [500, 1000, 2000]
 FRICTION = StickingFriction(torque=2.0, displacement=100e-6, stick_velocity=5e-3)
@@ -218,31 +216,6 @@ def test_each_axis_has_a_model_of_its_own(rng):
     given = rendered_axes(axes, t, q, force)
     for k, axis in enumerate(axes):
         np.testing.assert_array_equal(given[:, k], rendered(axis, t, q[:, k], force[:, k]).force)
-
-
-def test_a_phantom_with_good_motors_passes_the_force_at_its_tip(rng):
-    t = uneven(rng, 200)
-    q = inverse_kinematics(0.03 * np.sin(np.outer(t, [3.0, 4.0, 5.0])))
-    force = rng.standard_normal((200, 3))
-    given = phantom_tip_force((CheapAxis(), CheapAxis(), CheapAxis()), t, q, force)
-    np.testing.assert_allclose(given, force, atol=1e-12)
-
-
-def test_a_limited_motor_of_a_phantom_limits_the_force_along_its_own_direction():
-    # Published geometry: at zero angles motor 1 moves the tip along x with a lever of 0.215 m.
-    t, q = np.arange(50) / 1000.0, np.zeros((50, 3))
-    axes = (CheapAxis(limit=0.215), CheapAxis(), CheapAxis())
-    given = phantom_tip_force(axes, t, q, np.tile([4.0, 1.0, 2.0], (50, 1)))
-    np.testing.assert_allclose(given, np.tile([1.0, 1.0, 2.0], (50, 1)), atol=1e-12)
-
-
-def test_a_cheap_phantom_cogs_at_its_tip():
-    t = np.arange(4000) / 1000.0
-    q = np.stack([0.3 * np.sin(t), 0.2 * np.sin(2 * t), 0.2 * np.cos(t)], axis=1)
-    axis = cheap_rotation(slip=0.01, order=20.0, limit=0.5)
-    still = phantom_tip_force((CheapAxis(), CheapAxis(), CheapAxis(cogging=axis.cogging)), t, q, np.zeros((4000, 3)))
-    # 0.04 N m over the forearm of 0.170 m.
-    assert np.linalg.norm(still, axis=1).max() >= 0.04 / 0.170 * 0.99
 
 
 @pytest.mark.parametrize(

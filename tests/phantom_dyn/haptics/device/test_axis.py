@@ -74,18 +74,6 @@ def test_a_resonance_that_two_masses_cannot_have_is_refused():
         masses_from_resonance(1.0, 100.0, 10.0)
 
 
-def test_at_a_radius_an_inertia_is_a_mass():
-    felt = AXIS.at_radius(0.5)
-    assert felt.body_mass == 20.0
-    assert felt.cable_stiffness == 3.2e5
-    assert felt.free_frequency == pytest.approx(AXIS.free_frequency, rel=1e-12)
-
-
-def test_a_radius_of_zero_is_refused():
-    with pytest.raises(ParameterError, match="radius is 0 m: give a positive length"):
-        AXIS.at_radius(0.0)
-
-
 def test_the_hand_loads_the_body():
     held = AXIS.held_by(Operator(2.0, 3.0, 10.0))
     assert (held.body_mass, held.body_damping, held.ground_stiffness) == (7.0, 6.4, 10.0)

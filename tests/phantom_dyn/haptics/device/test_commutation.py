@@ -11,10 +11,7 @@ from scipy.integrate import solve_ivp
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.commutation import (
     BrushMotor,
-    commutation_waves,
     steady_torque,
-    torque_at_current,
-    torque_at_voltage,
 )
 from phantom_dyn.haptics.device.drives import Winding
 
@@ -57,24 +54,6 @@ def test_a_brush_switches_two_n_times_a_revolution():
     assert falls == 22
 
 
-def test_under_a_held_voltage_the_torque_is_higher_by_one_in_n_where_a_brush_joins():
-    angle = np.linspace(0.0, 2 * math.pi, 10_001)
-    torque = torque_at_voltage(SLOW, angle, 0 * angle, 4.0)
-    assert torque.min() == pytest.approx(0.02 * 4.0 / 2.0, rel=1e-12)
-    assert torque.max() / torque.min() == pytest.approx(12 / 11, rel=1e-12)
-    assert np.mean(torque > torque.min()) == pytest.approx(0.3, abs=2e-3)
-
-
-def test_under_a_held_current_there_is_no_cogging():
-    assert np.ptp(torque_at_current(SLOW, np.linspace(0, 6, 100), 2.0)) == 0.0
-    assert torque_at_current(SLOW, np.zeros(1), 2.0)[0] == pytest.approx(0.04, rel=1e-12)
-
-
-def test_back_emf_takes_its_share_of_the_voltage():
-    torque = torque_at_voltage(SLOW, np.array([math.pi / 22]), np.array([100.0]), 4.0)
-    assert torque[0] == pytest.approx(0.02 * (4.0 - 2.0) / 2.0, rel=1e-12)
-
-
 @pytest.mark.parametrize("speed", [20.0, 300.0])
 def test_steady_torque_with_inductance_is_what_the_differential_equation_ends_at(speed):
     """Oracle: the equation of the current, integrated over forty switchings."""
@@ -103,18 +82,6 @@ def test_inductance_smooths_the_torque_of_a_fast_motor_and_not_of_a_slow_one():
 def test_the_mean_is_that_of_the_curve(motor):
     found = steady_torque(motor, speed=100.0, voltage=12.0)
     assert found.mean == pytest.approx(np.trapezoid(found.torque, found.angle) / motor.period, rel=1e-3)
-
-
-def test_the_waves_add_up_to_the_torque_less_its_mean():
-    waves = commutation_waves(SLOW, 0.5, ratio=11.6, waves=2000)
-    joint = np.array([0.0, 0.01, 0.5 * SLOW.period / 11.6])
-    torque = torque_at_voltage(SLOW, 11.6 * joint, 0 * joint, 4.0)
-    mean = 0.02 * 4.0 / 2.0 * (1 + 0.3 / 11)
-    series = sum(
-        a * np.sin(order * joint + phase)
-        for order, a, phase in zip(waves.order, waves.amplitude, waves.phase, strict=True)
-    )
-    np.testing.assert_allclose(series / 0.5, torque / mean - 1, atol=1e-3)
 
 
 def test_an_even_commutator_is_refused():

@@ -12,14 +12,9 @@ from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_PULSES,
     Winding,
     duty_of_heat_ratio,
-    heat_ratio,
     switched_current,
     warming,
 )
-
-
-def test_a_quarter_of_full_force_heats_four_times_as_much():
-    assert heat_ratio(0.25) == 4.0
 
 
 def test_published_rises_imply_a_duty_cycle_of_42_percent():
@@ -60,12 +55,6 @@ def test_switched_current_solves_the_equation_of_the_winding():
 def test_warming_ends_at_heat_times_resistance():
     result = warming(heat_pulses=4.0, heat_linear=1.0, resistance=10.0, time_constant=100.0, t=np.array([0.0, 1e4]))
     np.testing.assert_allclose([result.pulses, result.linear], [[0, 40], [0, 10]], rtol=1e-12)
-
-
-@pytest.mark.parametrize("duty", [0.0, 1.1, float("nan")])
-def test_a_duty_cycle_outside_its_range_is_refused(duty):
-    with pytest.raises(ParameterError, match="give a share above 0 and at most 1"):
-        heat_ratio(duty)
 
 
 def test_less_heat_than_a_linear_drive_is_refused():

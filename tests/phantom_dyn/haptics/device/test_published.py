@@ -18,7 +18,6 @@ from phantom_dyn.haptics.device.published import (
     PHANTOM_1_5_Y,
     PHANTOM_1_5_Z,
     PHANTOM_INERTIA,
-    PHANTOM_RADIUS,
     low_frequency_inertia,
     phantom_1_0,
     two_mass_of_fit,
@@ -82,12 +81,6 @@ def test_phantom_masses_follow_from_the_resonance():
 
 def test_phantom_anti_resonance():
     assert phantom_1_0(0.002).blocked_frequency / HZ == pytest.approx(22.4, abs=0.05)
-
-
-def test_phantom_at_its_handle():
-    felt = phantom_1_0(0.002).at_radius(PHANTOM_RADIUS)
-    assert felt.cable_stiffness == pytest.approx(1259, abs=0.5)
-    assert felt.motor_damping == pytest.approx(0.590, abs=5e-4)
 
 
 def test_rounded_lhifam_splits_as_in_the_derivation():

@@ -15,7 +15,7 @@ from phantom_dyn.haptics.sensing.accelerometer import (
     observer_gains,
 )
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
-from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures, estimator_response
+from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import IMPROVED, KalmanVelocity, kalman_gains
 
 T = 1e-3
@@ -40,18 +40,6 @@ def test_a_bias_of_the_accelerometer_is_found_and_leaves_the_velocity_as_it_is(r
 def test_it_is_less_noisy_than_the_kalman_filter_of_the_position_alone(rng):
     with_it = estimator_figures(AccelerationObserver(), Encoder(), **MOTION, accelerometer=Accelerometer(), rng=rng)
     assert with_it.noise < 0.5 * estimator_figures(KalmanVelocity(), Encoder(), **MOTION).noise
-
-
-def test_it_passes_a_swing_of_twenty_hertz_in_size_and_phase(rng):
-    found = estimator_response(
-        AccelerationObserver(),
-        Encoder(),
-        2 * math.pi * np.array([1.0, 20.0]),
-        speed=0.1,
-        accelerometer=Accelerometer(),
-        rng=rng,
-    )
-    np.testing.assert_allclose(found.response, 1.0, atol=5e-3)
 
 
 def test_its_gains_without_a_bias_that_walks_are_those_of_the_kalman_filter():

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder
-from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures, estimator_figures, estimator_response
+from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures, estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
@@ -76,25 +75,6 @@ def test_kalman_with_more_acceleration_lags_less_and_is_coarser():
     assert agile.granularity > calm.granularity
 
 
-def test_response_of_an_average_is_the_dirichlet_kernel():
-    frequency = 2 * np.pi * np.array([2.0, 5.0, 7.0])
-    measured = estimator_response(STOCK, Encoder(1e-6), frequency, speed=0.1)
-    half = frequency * 0.5e-3
-    np.testing.assert_allclose(np.abs(measured.response), np.sin(100 * half) / (100 * half), rtol=1e-3)
-    np.testing.assert_allclose(measured.lag(), 0.05, rtol=1e-3)
-
-
-def test_the_stock_average_is_deaf_where_its_lag_is_half_a_turn():
-    """The 180 degrees that the paper computes at 10 Hz meet a zero of the average: 100 samples are one cycle."""
-    measured = estimator_response(STOCK, Encoder(1e-6), np.array([20 * np.pi]), speed=0.1)
-    assert abs(measured.response[0]) < 1e-3
-
-
 def test_no_acceleration_is_refused():
     with pytest.raises(ParameterError, match="an acceleration that is not 0"):
         estimator_figures(STOCK, Encoder(), speed=0.1, acceleration=0.0)
-
-
-def test_a_frequency_past_half_the_sampling_is_refused():
-    with pytest.raises(ParameterError, match=r"outside 0 to 3141\.59 rad/s"):
-        estimator_response(STOCK, Encoder(), np.array([4000.0]), speed=0.1)

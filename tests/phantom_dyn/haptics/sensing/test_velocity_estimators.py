@@ -41,11 +41,6 @@ def test_average_of_a_hundred_is_the_mean_of_a_hundred_differences(rng):
     assert estimate_velocity(STOCK, record)[-1] == pytest.approx(differences[-100:].mean(), rel=1e-12)
 
 
-def test_the_counter_of_16_bits_at_10_megahertz_overflows_below_4_58_mm_per_second():
-    assert IMPROVED.longest_period() == pytest.approx(6.554e-3, abs=1e-6)
-    assert IMPROVED.lowest_speed(PHANTOM_STEP) == pytest.approx(4.58e-3, abs=5e-6)
-
-
 def test_a_step_at_100_mm_per_second_lasts_3000_ticks():
     record = steady(0.1)
     ticks = np.diff(np.floor(record.edge_time * IMPROVED.clock))

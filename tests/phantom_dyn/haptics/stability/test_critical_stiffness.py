@@ -24,7 +24,6 @@ from phantom_dyn.haptics.device.published import (
 )
 from phantom_dyn.haptics.stability.critical_stiffness import (
     critical_stiffness,
-    critical_virtual_damping,
     linear_ratio,
     linear_stiffness,
     loop_bode,
@@ -220,21 +219,6 @@ def test_a_hand_stabilises_the_wall():
     held = critical_stiffness(LHIFAM_NEW_CABLE.held_by(YOKOKOHJI_YOSHIKAWA), period=T, delay=4e-3)
     assert held.verified
     assert held.stiffness > 1.5 * critical_stiffness(LHIFAM_NEW_CABLE, period=T, delay=4e-3).stiffness
-
-
-def test_critical_virtual_damping_of_a_free_rigid_mass_is_two_masses_per_period():
-    # Closed form: z^2 - (1 - c) z + c with c = B T / (2 m).
-    (edge, *_) = critical_virtual_damping(RigidAxis(2.0, 0.0), period=T)
-    assert edge.gain == pytest.approx(2 * 2.0 / T, rel=1e-9)
-
-
-def test_virtual_damping_between_its_edges_is_stable_and_beyond_is_not():
-    sampled = discretise(LHIFAM_NEW_CABLE, period=T, delay=1e-3)
-    edges = critical_virtual_damping(LHIFAM_NEW_CABLE, period=T, delay=1e-3, stiffness=5000.0)
-    low, high = (edge.gain for edge in edges if edge.gain > 0)
-    assert sampled.spectral_radius(5000.0, 0.5 * (low + high)) < 1
-    assert sampled.spectral_radius(5000.0, 1.01 * high) > 1
-    assert sampled.spectral_radius(5000.0, 0.99 * low) > 1
 
 
 def test_too_much_virtual_damping_leaves_no_stable_wall():

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.haptics.device.axis import RigidAxis
-from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, linear_stiffness
-from phantom_dyn.haptics.stability.passivity import passive_damping, passive_stiffness
+from phantom_dyn.haptics.stability.passivity import passive_damping
 
 T = 1e-3
 
@@ -44,21 +42,3 @@ def test_it_is_the_worst_motion_over_many_aliases(delay, virtual_damping):
     found = passive_damping(K, period=T, delay=delay, virtual_damping=virtual_damping)
     assert worst <= found * (1 + 1e-6)
     assert found == pytest.approx(worst, rel=0.02)
-
-
-@pytest.mark.parametrize("virtual_damping", [0.0, 1.0])
-def test_passive_stiffness_turns_the_condition_round(virtual_damping):
-    found = passive_stiffness(3.5, period=T, virtual_damping=virtual_damping)
-    assert found == pytest.approx(2 * (3.5 - virtual_damping) / T, rel=1e-6)
-
-
-def test_virtual_damping_above_the_device_s_own_is_never_passive():
-    assert passive_stiffness(3.5, period=T, virtual_damping=4.0) == 0.0
-
-
-def test_a_passive_wall_is_stable_and_far_from_the_edge_with_virtual_damping():
-    exact = critical_stiffness(RigidAxis(5.4, 3.5), period=T, virtual_damping=3.0).stiffness
-    passive = passive_stiffness(3.5, period=T, virtual_damping=3.0)
-    assert passive == pytest.approx(1000.0, rel=1e-6)
-    assert linear_stiffness(3.5, period=T, virtual_damping=3.0) == pytest.approx(13000)
-    assert exact > 12 * passive

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from phantom_dyn.errors import EstimationError, ParameterError
+from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
 from phantom_dyn.haptics.sensing.velocity_estimators import IMPROVED, STOCK
-from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
 from phantom_dyn.haptics.stability.passivity import critical_loop_gain
 from phantom_dyn.haptics.stability.phantom_improvements import operational_masses
 from phantom_dyn.haptics.stability.published_ratios import (
@@ -18,7 +17,6 @@ from phantom_dyn.haptics.stability.published_ratios import (
     explained_damping,
     explained_loop_gain,
     explained_wall,
-    wall_lag_of_both,
 )
 from phantom_dyn.haptics.stability.virtual_wall import critical_damping_gain
 
@@ -86,19 +84,6 @@ def test_a_quarter_of_a_millisecond_costs_two_devices_a_third_whatever_their_dam
     assert prompt / late == pytest.approx(1.5, rel=1e-3)
 
 
-def test_a_wall_that_is_later_by_0_214_ms_has_its_ratio_from_the_amplifier_of_the_loop_gain():
-    extra = wall_lag_of_both(0.25e-3)
-    assert extra == pytest.approx(0.2143e-3, abs=1e-7)
-    axis = RigidAxis(operational_masses()[1], 1.9)
-    late, prompt = (critical_stiffness(axis, period=1e-3, delay=lag).stiffness for lag in (extra + 0.25e-3, extra))
-    assert prompt / late == pytest.approx(1.35, rel=2e-3)
-
-
 def test_an_assumption_that_explains_nothing_is_refused():
     with pytest.raises(EstimationError, match="the assumption does not explain it"):
         _solved(lambda x: x + 1.0, 0.0, 1.0)
-
-
-def test_a_lag_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="lag of the amplifier is 0"):
-        wall_lag_of_both(0.0)
