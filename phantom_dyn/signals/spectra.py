@@ -53,19 +53,6 @@ def cross_density(
     return np.fft.rfftfreq(length, 1 / rate_hz), _density(x, y, rate_hz, length, "hann", False)
 
 
-def fast_length(least: int) -> int:
-    """Length of at least so many samples that are transformed fast: a product of twos, threes and fives."""
-    best = 1 << max(least - 1, 0).bit_length()
-    five = 1
-    while five < best:
-        three = five
-        while three < best:
-            best = min(best, three << (-(-least // three) - 1).bit_length())
-            three *= 3
-        five *= 5
-    return best
-
-
 def _density(x: Array, y: Array, rate_hz: float, length: int, window: Window, linear: bool) -> Array:
     shape = _window(window, length)
     total, segments = np.zeros(length // 2 + 1, dtype=complex), 0

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from identification.data.bounded_fit import bounded_fit
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.exchanged_columns import exchanged_columns
@@ -413,7 +413,7 @@ def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
         if vary[j]:
             scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
             factor = np.asarray(np.linalg.qr(scaled, mode="r"))
-            x = bounded_fit(factor[:, :-1], factor[:, -1], low, np.full(4, np.inf))
+            x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
             out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
     return out
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from identification.data.bounded_fit import bounded_fit
 from identification.data.checks.readings import Reading, varies
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
@@ -176,5 +176,15 @@ def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Arra
     # The factors of a triangular decomposition carry all that the fit needs, in as many rows as there are columns.
     factor = np.asarray(np.linalg.qr(padded, mode="r"))
     out = np.zeros(len(size))
-    out[used] = bounded_fit(factor[:, :-1], factor[:, -1], low[used] * scale, high[used] * scale) / scale
+    out[used] = (
+        lsq_linear(
+            factor[:, :-1],
+            factor[:, -1],
+            (low[used] * scale, high[used] * scale),
+            method="bvls",
+            tol=1e-14,
+            max_iter=10 * np.count_nonzero(used) + 10,
+        ).x
+        / scale
+    )
     return out

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.floating.base_columns import carriers
 from identification.data.floating.filtered_base import filtered_base
@@ -21,7 +22,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import quintic_derivatives
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -79,7 +79,9 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
     contacts = {}
     for frame, length in _legs(robot).items():
         largest = rest[:, carriers(robot, frame)].max(axis=1)
-        touches = highest(_stands(largest, weight * length), 2 * max(1, round(_MARGIN * rate)) + 1)
+        touches = ndimage.maximum_filter1d(
+            _stands(largest, weight * length), 2 * max(1, round(_MARGIN * rate)) + 1, axis=0
+        )
         contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)
     shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
     said = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.floating.base_columns import carriers
 from identification.data.log import Log
@@ -12,7 +13,6 @@ from identification.data.recording import Recording
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -49,7 +49,7 @@ def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> B
 
 def _about(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
     """True within so many samples of a true one."""
-    return highest(true, 2 * max(1, round(reach)) + 1)
+    return ndimage.maximum_filter1d(true, 2 * max(1, round(reach)) + 1, axis=0)
 
 
 def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: float) -> float | None:

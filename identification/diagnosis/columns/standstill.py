@@ -12,6 +12,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
@@ -20,7 +21,6 @@ from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.signals.windows import highest, lowest
 
 Array = np.ndarray
 
@@ -150,9 +150,11 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         if seconds > rules.STANDING_LONGEST:
             continue
         width = max(3, 2 * round(0.5 * seconds * rate) + 1)
-        travel = highest(readings[:, j], width) - lowest(readings[:, j], width)
+        travel = ndimage.maximum_filter1d(readings[:, j], width) - ndimage.minimum_filter1d(
+            readings[:, j], width, axis=0
+        )
         # All samples of a window in which it stands.
-        out[:, j] = highest(travel <= most, width)
+        out[:, j] = ndimage.maximum_filter1d(travel <= most, width)
     return out
 
 
@@ -194,7 +196,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
     v = log.motion.v
     slow = np.abs(v) < rules.CREEPING_SPEED * np.percentile(np.abs(v), 99, axis=0)
     reach = 2 * max(1, round(rules.CREEPING_TIME * log.band.rate_hz)) + 1
-    creeps = slow | highest(_crossing(v), reach)
+    creeps = np.logical_or(slow, ndimage.maximum_filter1d(_crossing(v), reach, axis=0))
     return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
 
 
@@ -216,7 +218,7 @@ def open_friction(
 def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Largest friction torque near each sample: at a reversal a law lets it jump."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
-    return highest(np.abs(friction), reach)
+    return ndimage.maximum_filter1d(np.abs(friction), reach, axis=0)
 
 
 def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
@@ -233,4 +235,4 @@ def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
 def near_reversals(log: Log) -> Bool[Array, "n nv"]:
     """True for in-band samples near a reversal: as far as the filter smears its step, at least 50 ms."""
     reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
-    return highest(_crossing(log.motion.v), 2 * reach + 1)[log.samples]
+    return ndimage.maximum_filter1d(_crossing(log.motion.v), 2 * reach + 1, axis=0)[log.samples]

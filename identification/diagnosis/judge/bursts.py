@@ -6,6 +6,7 @@ A push, a contact, a cable that catches. Each is an event: nothing in the state 
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
@@ -20,7 +21,6 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -68,7 +68,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         # Behind the ends of what was recorded a filter sees the mirror image of the motion.
         reach = int(rate / session.cutoff_hz) + 1
         outside = np.pad(~log.valid_in_band, reach, constant_values=True)
-        inside = ~highest(outside, 2 * reach + 1)[reach:-reach]
+        inside = np.logical_not(ndimage.maximum_filter1d(outside, 2 * reach + 1, axis=0))[reach:-reach]
         usable = columns.usable[k] & inside[:, None]
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
         # Derivatives and filters are no better than this.

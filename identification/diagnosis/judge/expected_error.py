@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from identification.diagnosis import decision_rules as rules
 from phantom_dyn.array_types import Bool, Float, Int
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -51,7 +51,7 @@ def moving_torque(torque: Float[Array, " n"], rate_hz: float, cutoff_hz: float) 
     """
     change = np.gradient(torque) * rate_hz / (np.pi * cutoff_hz)
     reach = 2 * int(np.ceil(rate_hz / cutoff_hz)) + 1
-    return highest((torque - np.median(torque)) ** 2 + change**2, reach)
+    return ndimage.maximum_filter1d((torque - np.median(torque)) ** 2 + change**2, reach, axis=0)
 
 
 def expected_error(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.log import Log
 from identification.data.signals import differentiate
@@ -22,7 +23,6 @@ from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -162,6 +162,6 @@ def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
     slow = standing_still(log) | (speed < _TRAVELS * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
     slow = slow if log.touched is None else slow | log.touched
     reach = max(1, round(seconds * log.band.rate_hz))
-    out = ~highest(slow, 2 * reach + 1)
+    out = np.logical_not(ndimage.maximum_filter1d(slow, 2 * reach + 1, axis=0))
     out[:reach], out[len(out) - reach :] = False, False
     return out

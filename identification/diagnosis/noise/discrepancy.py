@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -77,7 +77,7 @@ def slow_samples(session: Session, log: int) -> Bool[Array, "N nv"]:
     motion, rate = session.logs[log].motion, session.logs[log].band.rate_hz
     speed = np.abs(motion.v)
     slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)
-    return highest(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1)
+    return ndimage.maximum_filter1d(slow, 2 * max(1, round(rules.CREEPING_TIME * rate)) + 1, axis=0)
 
 
 def _slow_friction(session: Session, log: int) -> Float[Array, "N nv"]:

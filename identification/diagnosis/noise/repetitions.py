@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
+from scipy.fft import next_fast_len
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
@@ -12,8 +14,6 @@ from identification.diagnosis.columns.own_effects import ALIKE
 from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Bool, Float
-from phantom_dyn.signals.spectra import fast_length
-from phantom_dyn.signals.windows import moving_mean
 
 Array = np.ndarray
 
@@ -127,7 +127,7 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
     apart = np.maximum(
         ((v[mine] - _between(w, theirs))[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2
     )
-    agree = moving_mean(apart.max(axis=1), max(1, round(_WINDOW * rates[0]))) < _LOOSELY**2
+    agree = ndimage.uniform_filter1d(apart.max(axis=1), max(1, round(_WINDOW * rates[0])), mode="nearest") < _LOOSELY**2
     return mine, theirs, agree, best[0]
 
 
@@ -202,7 +202,7 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
 
 def _correlation(w: Float[Array, " m"], v: Float[Array, " n"]) -> Float[Array, " m+n-1"]:
     """Sums of products of ``w`` with ``v`` that comes later by -(n - 1) to m - 1 samples."""
-    length = fast_length(len(w) + len(v) - 1)
+    length = int(next_fast_len(len(w) + len(v) - 1, real=True))  # type: ignore[arg-type]
     circular = np.fft.irfft(np.fft.rfft(w, length) * np.fft.rfft(v[::-1], length), length)
     return circular[: len(w) + len(v) - 1]
 
@@ -223,7 +223,7 @@ def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     moves = usual > _STANDS * usual.max()
     way = np.maximum(np.ptp(q, axis=0), 1e-12)
     apart = np.maximum(((v[a] - w[b])[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2)
-    return moving_mean(apart.max(axis=1), window) < rules.REPEATED**2
+    return ndimage.uniform_filter1d(apart.max(axis=1), window, mode="nearest") < rules.REPEATED**2
 
 
 def _spread(parts: list[Float[Array, " n"]]) -> Repeated | None:

@@ -9,6 +9,7 @@ the limit: its noise beyond the limit would explain itself. URDF: ``<limit effor
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
@@ -25,7 +26,6 @@ from phantom_dyn.effects.support.rows import (
     torque_unit,
 )
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.signals.windows import lowest
 
 Array = np.ndarray
 
@@ -233,7 +233,7 @@ def followed(operation: Operation, row: int) -> float:
     command = _command(operation, row)
     needed = moving_average(operation.expected[:, row], operation.dt, _SECONDS) * np.sign(command)
     samples = max(int(_LEAST_SECONDS / operation.dt), 1) if operation.dt > 0 else 1
-    return max(float(lowest(np.minimum(np.abs(command), needed), samples).max()), 0.0)
+    return max(float(ndimage.minimum_filter1d(np.minimum(np.abs(command), needed), samples).max()), 0.0)
 
 
 def _excess(operation: Operation, row: int, limit: float) -> Array:

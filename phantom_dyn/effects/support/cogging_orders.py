@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy import ndimage
+from scipy.fft import next_fast_len
+from scipy.optimize import minimize_scalar
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.bounded_minimum import bounded_minimum
 from phantom_dyn.effects.support.rows import moving_average
-from phantom_dyn.signals.spectra import fast_length
-from phantom_dyn.signals.windows import moving_median
 
 Array = np.ndarray
 
@@ -192,7 +192,13 @@ class _Residual:
         reach = 0.5 * self.resolution
         plain = self._basis(known)
         left = self.torque - plain @ (plain.T @ self.torque)
-        order = bounded_minimum(lambda n: self._misfit_beside(plain, left, n), peak - reach, peak + reach, 1e-4 * reach)
+        found = minimize_scalar(
+            lambda n: self._misfit_beside(plain, left, n),
+            bounds=(peak - reach, peak + reach),
+            method="bounded",
+            options={"xatol": 1e-4 * reach},
+        )
+        order = float(found.x)
         whole = float(round(order))
         if not whole_numbers or whole < 1 or abs(whole - order) > self.resolution:
             return order
@@ -222,7 +228,7 @@ def _periodogram(
     """
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
-    length = fast_length(max(_LINES * (int(bins.max()) + 1), 4 * _BINS))
+    length = int(next_fast_len(max(_LINES * (int(bins.max()) + 1), 4 * _BINS), real=True))  # type: ignore[arg-type]
     weight = np.ones(len(q)) if weight is None else weight
     square = weight**2
     centred = weight * residual - square * (float(weight @ residual) / float(square.sum()))
@@ -260,4 +266,4 @@ def _background_power(
     power: Float[Array, " n"], edges: Literal["nearest", "reflect"] = "nearest"
 ) -> Float[Array, " n"]:
     """Median power of the neighbours of each order."""
-    return moving_median(power, 2 * (_BACKGROUND * _LINES // 2) + 1, edges)
+    return ndimage.median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode=edges)

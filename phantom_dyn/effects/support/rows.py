@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import joint_velocity
@@ -11,7 +12,6 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
-from phantom_dyn.signals.windows import moving_mean
 
 Array = np.ndarray
 
@@ -166,7 +166,7 @@ def hidden_behind_drive(robot: Robot, what: str) -> str | None:
 def moving_average(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
     """Centred moving average over about ``seconds``: an odd number of samples, one if ``dt`` is longer than that."""
     half = int(0.5 * seconds / dt) if dt > 0 else 0
-    return moving_mean(x, min(2 * half + 1, len(x)))
+    return ndimage.uniform_filter1d(x, min(2 * half + 1, len(x)), mode="nearest")
 
 
 def turning_points(operation: Operation, row: int) -> Int[Array, " n"]:

@@ -1,4 +1,4 @@
-"""How the process of a command ends: with all that it has to say and do, and without taking its objects apart."""
+"""How the process of a command ends: with all that it has to say and do."""
 
 from __future__ import annotations
 
@@ -24,12 +24,6 @@ def test_the_exit_code_of_the_process_is_the_commands():
 
 def test_what_libraries_leave_to_do_at_the_end_is_done():
     assert run("code = started()", "atexit.register(print, 'closed')", "sys.exit(code)").stdout.endswith("closed\n")
-
-
-def test_objects_are_not_taken_apart():
-    kept = ("class Kept:", "    def __del__(self): print('taken apart')", "kept = Kept()")
-    assert "taken apart" in run(*kept).stdout
-    assert "taken apart" not in run(*kept, "sys.exit(started())").stdout
 
 
 def test_an_error_of_ours_ends_with_its_traceback_and_code_1():

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
@@ -20,7 +21,6 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import Cubic, quintic_derivatives
-from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -212,8 +212,8 @@ def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, s
     """
     slow = np.abs(v) <= _CREEPING * np.percentile(np.abs(v), 99)
     slow[1:] |= np.sign(v[1:]) != np.sign(v[:-1])
-    creeps = highest(slow, 2 * int(np.ceil(_CREEPING_TIME / step)) + 1)
-    return ~highest(creeps | ~inside, 2 * half + 1)
+    creeps = ndimage.maximum_filter1d(slow, 2 * int(np.ceil(_CREEPING_TIME / step)) + 1, axis=0)
+    return np.logical_not(ndimage.maximum_filter1d(creeps | ~inside, 2 * half + 1, axis=0))
 
 
 def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:
