@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.soft_friction import softness
+from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Float

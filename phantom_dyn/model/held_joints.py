@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.model.mjcf import drawn_configuration
+from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
 from phantom_dyn.model.robot_config import LinearLoop, RobotConfig
 from phantom_dyn.model.robot_xml import RobotXml
 

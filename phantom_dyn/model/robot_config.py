@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Meta
 
 from phantom_dyn.errors import RobotError, known_names, shortened
-from phantom_dyn.model.settings_file import describe, read_settings
+from phantom_dyn.model.files.settings_file import describe, read_settings
 
 # The ends are far beyond any robot in SI units, and leave room for squares and quotients in a float.
 NonNegative = Annotated[float, Meta(ge=0, le=1e12, description="a number of 0 or more, at most 1e12")]

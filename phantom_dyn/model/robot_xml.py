@@ -14,7 +14,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import RobotError, known_names, printable, shortened
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 
 Array = np.ndarray
 Element = ElementTree.Element

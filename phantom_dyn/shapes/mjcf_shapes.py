@@ -10,8 +10,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.model.mjcf_compiler import mjcf_with_shapes
-from phantom_dyn.model.mjcf_tree import pose_of, tree_of_mjcf
+from phantom_dyn.model.from_mjcf.mjcf_compiler import mjcf_with_shapes
+from phantom_dyn.model.from_mjcf.mjcf_tree import pose_of, tree_of_mjcf
 
 if TYPE_CHECKING:
     import mujoco

@@ -31,7 +31,7 @@ from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITI
 from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
-from phantom_dyn.model.settings_file import describe, read_settings
+from phantom_dyn.model.files.settings_file import describe, read_settings
 
 Array = np.ndarray
 

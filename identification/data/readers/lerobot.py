@@ -20,7 +20,7 @@ from identification.data.readers.array_files import open_parquet, parquet_column
 from identification.data.recording import RawTable
 from identification.files import EPISODE, LEROBOT_INFO, is_lerobot
 from phantom_dyn.errors import LogError, UsageError, listed, shortened
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 
 Array = np.ndarray
 

@@ -17,7 +17,7 @@ from identification.data.readers.bags.unitree_orders import MOTOR_ORDERS
 from identification.data.readers.column_map import ColumnMap, Source, matching, read_column_map, source_of
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
-from phantom_dyn.model.settings_file import read_settings
+from phantom_dyn.model.files.settings_file import read_settings
 
 _FOLDER = Path(__file__).parent / "presets"
 PRESETS = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))

@@ -22,7 +22,7 @@ from identification.data.readers.side_by_side import side_by_side
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError, shortened
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 
 Files = str | Path | Sequence[str | Path]
 """A file, or several of one recording."""

@@ -9,7 +9,7 @@ from identification.data.readers.delimited import read_delimited
 from identification.data.readers.references import Reference, with_references
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 
 _CONTROL, _JOINTS = "control.csv", "joint_list.txt"
 _LARGEST = 1_000_000

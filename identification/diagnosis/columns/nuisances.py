@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.soft_friction import soft_joints, softness
+from identification.diagnosis.columns.motion.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect

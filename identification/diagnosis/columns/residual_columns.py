@@ -16,11 +16,11 @@ from identification.data.log import Band, Log
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
-from identification.diagnosis.columns.one_sine import held, moving, two_numbers_beside_more
+from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.columns.session import Series, Session
-from identification.diagnosis.columns.standstill import (
+from identification.diagnosis.columns.motion.standstill import (
     encoder_stands,
     reversal_doubt,
     standing_doubt,

@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from identification.data.log import Log
 from identification.data.signals import differentiate
-from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.noise.reading_noise import ReadingNoise
 from identification.diagnosis.noise.sensor_noise import Density
 from phantom_dyn.array_types import Bool, Float

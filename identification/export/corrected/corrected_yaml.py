@@ -20,7 +20,7 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, UsageError, known_names, shortened
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.model.settings_file import (
+from phantom_dyn.model.files.settings_file import (
     LARGEST,
     describe,
     list_at,
@@ -29,7 +29,7 @@ from phantom_dyn.model.settings_file import (
     number_at,
     text_at,
 )
-from phantom_dyn.model.strict_yaml import settings_text
+from phantom_dyn.model.files.strict_yaml import settings_text
 
 SCHEMA = "phantom-dyn-model/1"
 ROBOT_KEYS = ("source", "sha256")

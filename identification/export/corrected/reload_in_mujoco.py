@@ -29,7 +29,7 @@ from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import RobotError
-from phantom_dyn.model.mjcf_compiler import unheard_warnings
+from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.columns.soft_friction import softness
+from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, FittedNumbers

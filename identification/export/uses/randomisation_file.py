@@ -29,7 +29,7 @@ from identification.export.uses.randomisation import (
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError
-from phantom_dyn.model.strict_yaml import settings_text
+from phantom_dyn.model.files.strict_yaml import settings_text
 
 Array = np.ndarray
 

@@ -32,7 +32,7 @@ from identification.reporting.stored.diagnosis_schema import require_document
 from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
 from identification.words.effect_words import shown_as
 from phantom_dyn.errors import LogError, shortened
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 
 FILE = INDEX
 OLDER = ("gap-diagnosis/2",)

@@ -19,7 +19,7 @@ from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.trial import tried
 from phantom_dyn.errors import EffectError
-from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.files.plain_file import require_plain_file
 from phantom_dyn.model.robot import Robot
 
 if TYPE_CHECKING:

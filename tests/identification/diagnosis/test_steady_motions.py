@@ -10,7 +10,7 @@ import pytest
 import phantom_dyn as dyn
 from identification.data.recording import Recording
 from identification.data.signals import process
-from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.judge.moved_by_noise import _loud_until
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot

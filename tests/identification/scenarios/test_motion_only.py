@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.columns.standstill import usable_samples
+from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.result import EffectAt, Judgement, Value
 from identification.engine.claims import Claim
 from identification.pipeline import diagnose

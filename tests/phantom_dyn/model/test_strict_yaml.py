@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.model.settings_file import load_mapping, number_at
-from phantom_dyn.model.strict_yaml import load_yaml, settings_text
+from phantom_dyn.model.files.settings_file import load_mapping, number_at
+from phantom_dyn.model.files.strict_yaml import load_yaml, settings_text
 
 LAUGHS = "".join(f"l{k}: &l{k} [{', '.join([f'*l{k - 1}'] * 9) if k else ', '.join(['lol'] * 9)}]\n" for k in range(9))
 MERGES = "a: &a {k: 1}\n" + "".join(

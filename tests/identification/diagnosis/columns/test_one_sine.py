@@ -10,7 +10,7 @@ import pytest
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process
-from identification.diagnosis.columns.one_sine import in_one_sine, moving, two_numbers_beside_more
+from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving, two_numbers_beside_more
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
 

@@ -11,7 +11,7 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.diagnosis.columns.operations import friction_with
-from identification.diagnosis.columns.standstill import (
+from identification.diagnosis.columns.motion.standstill import (
     creeping_doubt,
     encoder_stands,
     near_reversals,

@@ -7,7 +7,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process
-from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.columns.motion.standstill import standing_still
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.columns.standstill import reversal_doubt
+from identification.diagnosis.columns.motion.standstill import reversal_doubt
 from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
 from identification.pipeline import diagnose
 from phantom_dyn.effects.operation import Operation

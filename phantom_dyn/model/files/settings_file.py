@@ -11,8 +11,8 @@ import yaml
 from yaml.reader import ReaderError
 
 from phantom_dyn.errors import ParameterError, PhantomDynError, known_names, shortened
-from phantom_dyn.model.plain_file import require_plain_file
-from phantom_dyn.model.strict_yaml import load_yaml
+from phantom_dyn.model.files.plain_file import require_plain_file
+from phantom_dyn.model.files.strict_yaml import load_yaml
 
 LARGEST = 1e12
 """Of a number in SI units: far beyond any robot, and its square far from the end of the floats."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.data.checks.one_line import is_one_sine
 from identification.data.log import Log
-from identification.diagnosis.columns.standstill import standing_still
+from identification.diagnosis.columns.motion.standstill import standing_still
 from phantom_dyn.array_types import Bool
 
 Array = np.ndarray

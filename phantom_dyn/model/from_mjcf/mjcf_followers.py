@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phantom_dyn.errors import RobotError
-from phantom_dyn.model.mjcf_drives import tendon_joints
+from phantom_dyn.model.from_mjcf.mjcf_drives import tendon_joints
 from phantom_dyn.model.robot_xml import Follower
 
 if TYPE_CHECKING:

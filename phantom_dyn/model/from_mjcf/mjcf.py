@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.errors import RobotError, known_names, shortened
-from phantom_dyn.model.mjcf_drives import driven_joints, drives_of
-from phantom_dyn.model.mjcf_followers import followers_of, play_of
+from phantom_dyn.model.from_mjcf.mjcf_drives import driven_joints, drives_of
+from phantom_dyn.model.from_mjcf.mjcf_followers import followers_of, play_of
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
 from phantom_dyn.model.robot_xml import (
     Body,

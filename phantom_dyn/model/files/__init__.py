@@ -1,0 +1,1 @@
+"""Files of robots and settings, read strictly: plain files, YAML without surprises, checked settings."""

@@ -1,0 +1,1 @@
+"""A robot read from MJCF: its tree, drives, followers and loops."""
