@@ -31,8 +31,8 @@ from identification.data.log import Log
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.data.signals import process
-from identification.diagnosis.columns.session import Session, session_of
 from identification.diagnosis.columns.motion.standstill import usable_samples
+from identification.diagnosis.columns.session import Session, session_of
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.loading import load_robot

@@ -13,8 +13,7 @@ from identification.data.checks.check_recording import checked
 from identification.data.recording import Recording
 from identification.excitation.excite import Excitation
 from identification.export.log_and_map_files import write_log
-from identification.identify.identification import Identification as Found
-from identification.identify.identification import Parameter
+from identification.identify.identification import IdentifiedModel, Parameter
 from identification.identify.identification_files import write_outputs
 from identification.identify.identification_words import headline, summary
 from phantom_dyn.arguments import FILE, FOLDER, NUMBER, SEED, takes
@@ -40,7 +39,7 @@ class Identification:
         robot: The model that was given.
     """
 
-    result: Found
+    result: IdentifiedModel
     robot: Robot
 
     @property

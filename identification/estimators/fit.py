@@ -20,7 +20,7 @@ from identification.estimators.linear.scatter import (
     white_scatter,
 )
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
+from identification.regression.regressor import Regressor, RegressorTerm, gap_regressor, known_torque, torque_regressor
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -84,7 +84,7 @@ class Fit:
     relative_error: Float[Array, " nv"]
     cond: float
     base: BaseParameters
-    effects: tuple[Term, ...]
+    effects: tuple[RegressorTerm, ...]
     first_effect: int
     samples: int
     status: Status

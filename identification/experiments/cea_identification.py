@@ -52,7 +52,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Identification:
+class CeaIdentification:
     """Result of one simulated identification.
 
     Attributes:
@@ -129,7 +129,7 @@ def equations(log: Log, conditions: Conditions) -> tuple[Float[Array, "n 3 16"],
     return log.band(columns)[log.valid_in_band], log.band(log.tau)[log.valid_in_band]
 
 
-def identify(train: Log, test: Log, conditions: Conditions) -> Identification:
+def identify(train: Log, test: Log, conditions: Conditions) -> CeaIdentification:
     """The 16 parameters from one log, and the error of the torque that they give on another.
 
     Args:
@@ -142,12 +142,12 @@ def identify(train: Log, test: Log, conditions: Conditions) -> Identification:
     memory = 1 / (train.band.step * np.sum(train.band.kernel**2))
     fit = fit_linear(W.reshape(-1, len(NAMES)), y.reshape(-1), NAMES, UNITS, memory=max(1.0, memory))
     W, y = equations(test, conditions)
-    return Identification(fit, 100 * np.sqrt(np.mean((y - W @ fit.theta) ** 2, axis=0) / np.mean(y**2, axis=0)))
+    return CeaIdentification(fit, 100 * np.sqrt(np.mean((y - W @ fit.theta) ** 2, axis=0) / np.mean(y**2, axis=0)))
 
 
 def simulate_identification(
     rng: np.random.Generator, conditions: Conditions = Conditions(), *, truth: Float[Array, " 16"] = VALUES
-) -> Identification:
+) -> CeaIdentification:
     """Identification of a device with known parameters: two exciting motions, one to fit and one to test.
 
     Args:

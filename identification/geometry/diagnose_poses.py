@@ -24,7 +24,7 @@ from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
 from identification.geometry.result import (
-    Fitted,
+    FittedPose,
     FrameGap,
     GeometryResult,
     Lateness,
@@ -212,14 +212,14 @@ def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Arr
     )
 
 
-def _fitted(explained: ExplainedPoses) -> tuple[Fitted, ...]:
+def _fitted(explained: ExplainedPoses) -> tuple[FittedPose, ...]:
     problem, estimate = explained.problem, explained.estimate
     files = {} if problem.in_root else {one.recording: one.file for one in problem.sets}
-    out = [Fitted("base", file, None, _numbers(estimate.base[k])) for k, file in files.items()]
+    out = [FittedPose("base", file, None, _numbers(estimate.base[k])) for k, file in files.items()]
     for one, tool in zip(problem.sets, estimate.tool, strict=True):
         if one.frame not in problem.on_frame:
             pose = _numbers(tool)
-            out.append(Fitted("tool", one.file, one.frame, pose if one.turn is not None else pose[:3]))
+            out.append(FittedPose("tool", one.file, one.frame, pose if one.turn is not None else pose[:3]))
     return tuple(out)
 
 

@@ -18,7 +18,7 @@ import pinocchio as pin
 from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops, is_carried, move_frame
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, placed, subspace
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
@@ -87,7 +87,7 @@ class Equations:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PoseProblem:
     """Measured poses and all that may be wrong with the geometry.
 
     Attributes:
@@ -104,11 +104,11 @@ class Problem:
     robot: Robot
     sets: tuple[Measured, ...]
     paths: Mapping[int, Path]
-    terms: tuple[Term, ...]
+    terms: tuple[PoseTerm, ...]
     in_root: bool = False
     on_frame: tuple[str, ...] = ()
     loops: Loops | None = None
-    taken_up: tuple[Term, ...] = ()
+    taken_up: tuple[PoseTerm, ...] = ()
 
     @property
     def model(self) -> pin.Model:
@@ -121,7 +121,7 @@ class Problem:
         return 1 + max(one.recording for one in self.sets)
 
 
-def nuisances_of(problem: Problem) -> tuple[Nuisance, ...]:
+def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
     """The pose of the base and the delay of each recording, the pose of each target: only what its poses can show."""
     own = sorted({one.recording for one in problem.sets})
     out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
@@ -131,7 +131,7 @@ def nuisances_of(problem: Problem) -> tuple[Nuisance, ...]:
     return (*out, *(Nuisance(DELAY, number, 0) for number in own if number in problem.paths))
 
 
-def changed_model(model: pin.Model, terms: Sequence[Term], values: Float[Array, " p"]) -> pin.Model:
+def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Array, " p"]) -> pin.Model:
     """The model with its joints and pins where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
 
     Args:
@@ -154,7 +154,7 @@ def changed_model(model: pin.Model, terms: Sequence[Term], values: Float[Array, 
 
 
 def true_positions(
-    q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[Term], values: Float[Array, " p"]
+    q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[PoseTerm], values: Float[Array, " p"]
 ) -> Float[Array, "n nv"]:
     """Positions of the links: readings less zeros, less deflections under load."""
     out = q.copy()
@@ -164,7 +164,7 @@ def true_positions(
     return out
 
 
-def equations(problem: Problem, estimate: Estimate) -> Equations:
+def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
     """What an estimate leaves of the poses, and the slopes of the prediction there.
 
     Args:
@@ -186,7 +186,7 @@ def equations(problem: Problem, estimate: Estimate) -> Equations:
 
 
 def _of_set(
-    problem: Problem, model: pin.Model, kinds: tuple[Nuisance, ...], number: int, estimate: Estimate, first: int
+    problem: PoseProblem, model: pin.Model, kinds: tuple[Nuisance, ...], number: int, estimate: Estimate, first: int
 ) -> Equations:
     one = problem.sets[number]
     delay = estimate.delay[one.recording]
@@ -236,7 +236,9 @@ def _of_set(
     )
 
 
-def tree_positions(problem: Problem, model: pin.Model, one: Measured, q: Float[Array, "n nv"]) -> Float[Array, "n nt"]:
+def tree_positions(
+    problem: PoseProblem, model: pin.Model, one: Measured, q: Float[Array, "n nv"]
+) -> Float[Array, "n nt"]:
     """Positions of all joints of the tree; of an open chain those that are given.
 
     Args:
@@ -265,7 +267,7 @@ def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
     return out
 
 
-def _told(problem: Problem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
+def _told(problem: PoseProblem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
     """The numbers of a ``base_pose`` or of the ``tool_pose`` of a frame."""
     out = np.zeros(6)
     for term, value in zip(problem.terms, estimate.values, strict=True):
@@ -301,7 +303,7 @@ def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[
     return out
 
 
-def _column(model: pin.Model, term: Term, regressor: Array, motions: Array, load: Array) -> Float[Array, "n 6"]:
+def _column(model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, load: Array) -> Float[Array, "n 6"]:
     """Twist of the target per unit of a term."""
     if term.effect == LINK:
         return regressor[:, :, 6 * (_joint_index(model, term.row) - 1) + term.part]

@@ -8,9 +8,9 @@ import numpy as np
 
 from identification.engine.chance import squares_by_chance
 from identification.engine.search.few_columns import SetFits, few_columns, set_fits, until_settled
-from identification.geometry.equations import Equations, Estimate, Problem
+from identification.geometry.equations import Equations, Estimate, PoseProblem
 from identification.geometry.fit import fitted, start_of
-from identification.geometry.terms import Term, bounds_of
+from identification.geometry.terms import PoseTerm, bounds_of
 from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, whitened
 from phantom_dyn.array_types import Bool, Int
 
@@ -39,7 +39,7 @@ class ExplainedPoses:
         kept: False for rows of poses that stray, ``(m,)``.
     """
 
-    problem: Problem
+    problem: PoseProblem
     estimate: Estimate
     found: Equations
     noise: Noise
@@ -60,7 +60,7 @@ class _At:
     noise: Noise
 
 
-def explained_poses(problem: Problem) -> ExplainedPoses:
+def explained_poses(problem: PoseProblem) -> ExplainedPoses:
     """The few terms that explain poses, with what it rests on.
 
     Args:
@@ -100,11 +100,11 @@ def explained_poses(problem: Problem) -> ExplainedPoses:
     return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 
 
-def _name(term: Term) -> str:
+def _name(term: PoseTerm) -> str:
     return f"{term.joint}.{term.effect}.{term.parameter}"
 
 
-def _blocks(problem: Problem, found: Equations) -> Int[Array, " m"]:
+def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
     """Block of each row: stretches of a recording from its beginning to its end, frames of a recording alike."""
     of_pose = np.concatenate(
         [BLOCKS * one.recording + np.arange(len(one.t)) * BLOCKS // len(one.t) for one in problem.sets]

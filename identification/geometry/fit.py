@@ -15,7 +15,7 @@ from identification.geometry.equations import (
     Equations,
     Estimate,
     Nuisance,
-    Problem,
+    PoseProblem,
     equations,
     tree_positions,
 )
@@ -32,7 +32,7 @@ RANK = 1e-7
 """Share of its size that a column has to add to those before it: less is rounding of robot files and of sums."""
 
 
-def start_of(problem: Problem) -> Estimate:
+def start_of(problem: PoseProblem) -> Estimate:
     """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term.
 
     Poses that are told are units.
@@ -49,7 +49,7 @@ def start_of(problem: Problem) -> Estimate:
     return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
 
 
-def frame_poses(problem: Problem, one: Measured) -> Float[Array, "n 4 4"]:
+def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
     """Poses of a frame in the root by the given model.
 
     Args:
@@ -87,7 +87,7 @@ def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measu
 
 
 def fitted(
-    problem: Problem,
+    problem: PoseProblem,
     estimate: Estimate,
     chosen: Sequence[int],
     weights: Float[Array, " s"],

@@ -17,7 +17,7 @@ from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
-from identification.geometry.terms import ELASTIC, ZERO, Term
+from identification.geometry.terms import ELASTIC, ZERO, PoseTerm
 from phantom_dyn.array_types import Float
 from phantom_dyn.random_streams import random_stream
 
@@ -140,7 +140,7 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
     return (float(share[0]) / total if total > 0 else 1.0), rivals
 
 
-def _places(terms: Sequence[Term]) -> tuple[Place, ...]:
+def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
     places: dict[tuple[str, str | None], list[str]] = {}
     for term in terms:
         places.setdefault(term.place, []).append(term.parameter)
@@ -179,7 +179,7 @@ def bounds_of(
     return tuple(bounds), tuple(unseen)
 
 
-def _unseen(term: Term, why: str) -> Unseen:
+def _unseen(term: PoseTerm, why: str) -> Unseen:
     return Unseen(term.effect, term.joint, term.parameter, why)
 
 
@@ -206,11 +206,11 @@ def _why(explained: ExplainedPoses, k: int) -> str:
     return "it is the same as other poses of the robot and of the target and a delay together"
 
 
-def _bears(explained: ExplainedPoses, term: Term) -> bool:
+def _bears(explained: ExplainedPoses, term: PoseTerm) -> bool:
     """False if all load of a joint is rounding beside that of the others."""
     loads = np.concatenate([np.abs(one.load) for one in explained.problem.sets])
     return bool(loads[:, term.row].max() > _ROUNDING * max(float(loads.max()), 1e-300))
 
 
-def _moves(explained: ExplainedPoses, term: Term) -> bool:
+def _moves(explained: ExplainedPoses, term: PoseTerm) -> bool:
     return any(np.ptp(one.q[:, term.row]) > 0 for one in explained.problem.sets)

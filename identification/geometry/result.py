@@ -113,7 +113,7 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedPose:
     """A pose of which nothing is known, always fitted: ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
 
     ``what`` is ``base`` (the robot's root in the axes of what measured) or ``tool`` (the target on its frame).
@@ -181,7 +181,7 @@ class GeometryResult:
     minor: tuple[PoseFinding, ...]
     bounds: tuple[PoseBound, ...]
     not_testable: tuple[Unseen, ...]
-    fitted: tuple[Fitted, ...]
+    fitted: tuple[FittedPose, ...]
     delays: tuple[Lateness, ...]
     rank: int
     structured: bool

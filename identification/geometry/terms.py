@@ -30,7 +30,7 @@ _ALONG = 1.0 - 1e-9  # cosine above which a joint moves along one of its own axe
 
 
 @dataclass(frozen=True)
-class Term:
+class PoseTerm:
     """One number that the geometry of a robot may lack.
 
     Attributes:
@@ -62,23 +62,23 @@ class Term:
         return self.effect, self.joint
 
 
-def bounds_of(terms: Sequence[Term]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+def bounds_of(terms: Sequence[PoseTerm]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Least and largest plausible value of each term; no joint gives way against its load."""
     largest = np.array([term.largest for term in terms])
     return np.where([term.effect == ELASTIC for term in terms], 0.0, -largest), largest
 
 
-def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[Term, ...]:
+def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[PoseTerm, ...]:
     """The numbers of a ``base_pose`` or ``tool_pose``: three where orientations were not measured."""
     return tuple(_pose_term(effect, of, -1, part) for part in range(parts))
 
 
-def _pose_term(effect: str, joint: str | None, row: int, part: int) -> Term:
+def _pose_term(effect: str, joint: str | None, row: int, part: int) -> PoseTerm:
     linear = part < 3
-    return Term(effect, joint, row, PARTS[part], "m" if linear else "rad", part, 0.1 if linear else 0.5)
+    return PoseTerm(effect, joint, row, PARTS[part], "m" if linear else "rad", part, 0.1 if linear else 0.5)
 
 
-def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) -> tuple[Term, ...]:
+def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) -> tuple[PoseTerm, ...]:
     """All terms of the joints that carry one of the frames, or that loops carry it by, from the root on.
 
     The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. A
@@ -103,18 +103,18 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
         place = active.get(row)
         if place is not None:
             unit = robot.position_units[place]
-            out.append(Term(ZERO, joint, place, "offset", unit, largest=0.1 if robot.prismatic[place] else 0.5))
+            out.append(PoseTerm(ZERO, joint, place, "offset", unit, largest=0.1 if robot.prismatic[place] else 0.5))
         free = place is not None or (loops is not None and row in loops.chain.unknowns)
         own = moved_part(robot, index) if free else -1
         if index in placed:
             out += [_pose_term(LINK, joint, row, part) for part in range(len(PARTS)) if part != own]
         if place is not None and robot.actuators[place].encoder_side == "motor":
             compliance = f"{robot.position_units[place]}/({robot.torque_units[place]})"
-            out.append(Term(ELASTIC, joint, place, "compliance", compliance, largest=0.1))
+            out.append(PoseTerm(ELASTIC, joint, place, "compliance", compliance, largest=0.1))
     return (*out, *pins)
 
 
-def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[Term, ...]]:
+def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTerm, ...]]:
     """Joints that carry frames themselves or by loops, and the terms of the pins of these loops."""
     found, used = set(carrying), []
     for _ in loops.chain.anchors:

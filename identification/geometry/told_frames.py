@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from identification.geometry.equations import Equations, Problem, equations
+from identification.geometry.equations import Equations, PoseProblem, equations
 from identification.geometry.fit import fitted, frame_poses, start_of
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops
-from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, Term, pose_terms, terms_of
+from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, pose_terms, terms_of
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -31,7 +31,7 @@ _CHANCE = 1e-4
 
 def problem_of(
     robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path], loops: Loops | None = None
-) -> Problem:
+) -> PoseProblem:
     """Measured poses with all that may be wrong, poses of base and tool among it where these are told.
 
     Args:
@@ -41,7 +41,7 @@ def problem_of(
         loops: Of a closed chain.
     """
     free = _without_taken_up(
-        Problem(robot, sets, paths, terms_of(robot, [one.frame for one in sets], loops), loops=loops)
+        PoseProblem(robot, sets, paths, terms_of(robot, [one.frame for one in sets], loops), loops=loops)
     )
     joints = free.terms
     if not joints or any(_is_far(free, one) for one in sets):
@@ -64,7 +64,7 @@ def problem_of(
     return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
 
 
-def _without_taken_up(problem: Problem) -> Problem:
+def _without_taken_up(problem: PoseProblem) -> PoseProblem:
     """Without places that passive joints take up: beside other errors they would move frames, by next to nothing."""
     if problem.loops is None or not problem.terms:
         return problem
@@ -79,7 +79,7 @@ def _without_taken_up(problem: Problem) -> Problem:
     return replace(problem, terms=kept, taken_up=lost)
 
 
-def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]) -> tuple[Term, ...]:
+def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
     """Terms without the place of a first joint that carries all frames and joints: it is the place of the base.
 
     Args:
@@ -99,11 +99,11 @@ def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]
     return tuple(term for term in joints if term.effect != LINK or term.row not in rows)
 
 
-def _is_place(model: pin.Model, term: Term, index: int) -> bool:
+def _is_place(model: pin.Model, term: PoseTerm, index: int) -> bool:
     return term.effect == LINK and term.row == model.joints[index].idx_v
 
 
-def _is_far(problem: Problem, one: Measured) -> bool:
+def _is_far(problem: PoseProblem, one: Measured) -> bool:
     """True if no plausible poses of base and tool bring the frame to where it was measured."""
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest

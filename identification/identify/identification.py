@@ -137,7 +137,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Identification:
+class IdentifiedModel:
     """Everything that an identification found.
 
     Attributes:

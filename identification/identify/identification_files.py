@@ -14,7 +14,7 @@ from uuid import uuid4
 from identification.file_sets import with_run, write_together
 from identification.files import require_kept, require_writable_folder
 from identification.identify.exports import MJCF, URDF
-from identification.identify.identification import Export, Identification, Parameter
+from identification.identify.identification import Export, IdentifiedModel, Parameter
 
 SCHEMA = "identification/1"
 
@@ -23,7 +23,7 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
-def to_json(found: Identification, *, run: str = "") -> dict[str, Json]:
+def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
     """The content of ``identification.json``: plain types, nothing rounded, null where a number is not finite."""
     return {
         "schema": SCHEMA,
@@ -70,7 +70,7 @@ def to_json(found: Identification, *, run: str = "") -> dict[str, Json]:
     }
 
 
-def json_text(found: Identification, *, run: str = "") -> str:
+def json_text(found: IdentifiedModel, *, run: str = "") -> str:
     """The text of ``identification.json``, ending in a newline; all files of a run carry its id."""
     return json.dumps(to_json(found, run=run), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -118,7 +118,7 @@ def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
     require_kept(read, (out / name for name in NAMES))
 
 
-def write_outputs(found: Identification, out: Path) -> tuple[Path, ...]:
+def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
     """Write ``identification.json``, ``report.html`` and the models into a folder, made where it is missing.
 
     A model of an earlier run that this one cannot write is removed, as it would pass for this one's.

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from identification.identify import identification_words as words
-from identification.identify.identification import Identification, JointError, Parameter
+from identification.identify.identification import IdentifiedModel, JointError, Parameter
 from identification.identify.identification_words import error_percent
 from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, short_name
 from identification.reporting.charts.svg import INK, draw_curve, draw_legend, drawn_svg
@@ -52,7 +52,7 @@ def error_bars(joints: tuple[JointError, ...]) -> str:
     return drawn_svg(draw, "errors", size, "Relative torque error of each joint on held-out data")
 
 
-def torque_figure(found: Identification, joint: int) -> str:
+def torque_figure(found: IdentifiedModel, joint: int) -> str:
     """Measured and predicted torque over a stretch of held-out data, residual below."""
     evidence, error = found.evidence, found.joints[joint]
     measured, predicted = evidence.measured[:, joint], evidence.predicted[:, joint]
@@ -76,7 +76,7 @@ def torque_figure(found: Identification, joint: int) -> str:
     return drawn_svg(draw, f"torque{joint}", (7.2, 3.9), title)
 
 
-def spectrum_figure(found: Identification, joint: int) -> str:
+def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
     """Amplitude density of measured torque and of the residual, and where the band of the fit ends."""
     evidence, error = found.evidence, found.joints[joint]
 
@@ -126,7 +126,7 @@ class JointView:
     unfolded: bool
 
 
-def report_html(found: Identification) -> str:
+def report_html(found: IdentifiedModel) -> str:
     """The whole page as text; everything it shows is inside it, and every name is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("identification_report.html.jinja").read_text(encoding="utf-8")
@@ -165,7 +165,7 @@ def _row(parameter: Parameter) -> tuple[str, str, str, bool, str, str]:
     )
 
 
-def _joint_views(found: Identification) -> list[JointView]:
+def _joint_views(found: IdentifiedModel) -> list[JointView]:
     if len(found.evidence.t) < 2:
         return []
     errors = np.nan_to_num([joint.relative for joint in found.joints])

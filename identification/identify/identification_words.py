@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.identify.identification import Identification, Parameter
+from identification.identify.identification import IdentifiedModel, Parameter
 from identification.words.diagnosis_words import capital, parameter_name
 from identification.words.effect_words import effect_words
 from identification.words.numbers_and_names import NO_BREAK, number, with_std, with_unit
@@ -22,7 +22,7 @@ def error_percent(share: float) -> str:
     return f"{value:.1f}{NO_BREAK}%" if 99.45 <= value < 99.95 else f"{value:.0f}{NO_BREAK}%"
 
 
-def headline(found: Identification) -> str:
+def headline(found: IdentifiedModel) -> str:
     """What was identified and how well it predicts, in one sentence."""
     sure = sum(parameter.identified for parameter in (*found.base, *found.others))
     before, after = (
@@ -58,7 +58,7 @@ def relative_cell(parameter: Parameter) -> str:
     return f"{relative:.2g} %" if relative < 100 else "over 100 %"
 
 
-def error_cells(found: Identification) -> list[tuple[str, ...]]:
+def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
     """Joint, given model, identified model, fit, RMS, departure of the full model, unit, samples."""
     return [
         (
@@ -87,7 +87,7 @@ def export_sentence(difference: float, tolerance: float, loaded_with: str) -> st
     )
 
 
-def summary(found: Identification) -> str:
+def summary(found: IdentifiedModel) -> str:
     """What was found, a line for each fact."""
     lines = [headline(found), f"held out: {found.held_out}; band 0 to {found.band_hz[1]:.3g} Hz; {found.estimator}"]
     for joint in found.joints:

@@ -18,7 +18,7 @@ from identification.estimators.linear.cautions import About
 from identification.identify.exports import exports, robots_in_files
 from identification.identify.hold_out import caution, held_out_evidence, joint_errors, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
-from identification.identify.identification import Identification
+from identification.identify.identification import IdentifiedModel
 from identification.identify.identified_model import (
     FullModel,
     JointTerms,
@@ -55,7 +55,7 @@ def identify(
     folder: Path | None = None,
     config: Path | None = None,
     progress: Progress = lambda _: None,
-) -> Identification:
+) -> IdentifiedModel:
     """Base parameters, friction and drives of a robot, judged on held-out data, with a model to simulate.
 
     Args:
@@ -103,7 +103,7 @@ def identify(
     base, others = parameters(fit)
     every = (*recordings, *hold_out)
     lacking = not_excited(fit.base, excited)
-    return Identification(
+    return IdentifiedModel(
         robot=robot.name if robot.source == "" else Path(robot.source).name,
         recordings=tuple(Path(recording.file).name for recording in every),
         estimator=estimator,

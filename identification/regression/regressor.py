@@ -46,7 +46,7 @@ _BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4
 
 
 @dataclass(frozen=True)
-class Term:
+class RegressorTerm:
     """An effect on a joint with its shape held (empty where it has none)."""
 
     effect: Effect
@@ -59,7 +59,7 @@ class Term:
         return self.effect.name if self.joint is None else f"{self.joint}.{self.effect.name}"
 
 
-def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
+def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> RegressorTerm:
     """The term of an effect as a caller gives it.
 
     Args:
@@ -73,7 +73,7 @@ def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
     effect, joint = given[0], given[1]
     if len(given) == 3:
         shape = given[2] if isinstance(given[2], tuple) else (float(given[2]),)
-        return Term(effect, joint, shape)
+        return RegressorTerm(effect, joint, shape)
     shapes = effect.shapes(robot, operation, joint)
     if len(shapes) != 1:
         like = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
@@ -81,7 +81,7 @@ def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
             f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
             f"(effect, joint, shape){like}."
         )
-    return Term(effect, joint, shapes[0])
+    return RegressorTerm(effect, joint, shapes[0])
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Regressor:
 
     robot: Robot
     logs: tuple[Log, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[RegressorTerm, ...]
     rigid_body: bool
     names: tuple[str, ...]
     units: tuple[str, ...]

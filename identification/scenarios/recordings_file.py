@@ -14,8 +14,8 @@ from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.scenarios.motion_only import states_controllers, with_asked_torque
 from phantom_dyn.errors import ParameterError, UsageError, known_names, shortened
-from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.model.files.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
+from phantom_dyn.model.robot import Controller, Robot
 
 _KEYS = ("file", "payload", "controller", "changed", "exclude", "files")
 _PAYLOAD_KEYS = ("mass", "center")

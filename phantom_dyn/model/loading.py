@@ -22,17 +22,17 @@ import pinocchio as pin
 from phantom_dyn.arguments import or_none, path_of, takes
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.model.held_joints import held_and_following, hold
-from phantom_dyn.model.inertia import breaks_triangle, impossible_because
+from phantom_dyn.model.files.settings_file import load_mapping
 from phantom_dyn.model.from_mjcf.mjcf import add_loop_frames, check_mjcf, mjcf_facts
 from phantom_dyn.model.from_mjcf.mjcf_compiler import compiled_mjcf
 from phantom_dyn.model.from_mjcf.mjcf_tree import tree_of_mjcf
+from phantom_dyn.model.held_joints import held_and_following, hold
+from phantom_dyn.model.inertia import breaks_triangle, impossible_because
 from phantom_dyn.model.robot import Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.robot_xml import Drive, RobotXml, read_root, require_finite, urdf_facts
 from phantom_dyn.model.ros2_control import Ros2Config, is_ros2_control, ros2_config
-from phantom_dyn.model.files.settings_file import load_mapping
 from phantom_dyn.model.stated_drives import actuator_of
 from phantom_dyn.model.stated_loops import closed_chain
 from phantom_dyn.motion import linear_joints

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from phantom_dyn.errors import RobotError, shortened
-from phantom_dyn.model.robot_config import ControllerConfig, JointConfig, RobotConfig
 from phantom_dyn.model.files.settings_file import describe
+from phantom_dyn.model.robot_config import ControllerConfig, JointConfig, RobotConfig
 
 PARAMETERS = "ros__parameters"
 _LARGEST = 1e12

@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Reference:
+class SentReferences:
     """References as they were sent.
 
     Attributes:
@@ -29,7 +29,7 @@ class Reference:
     columns: Mapping[str, Float[Array, " M"]]
 
 
-def with_references(table: RawTable, reference: Reference) -> RawTable:
+def with_references(table: RawTable, reference: SentReferences) -> RawTable:
     """States with the reference that held at each of them; states before the first one are left out, and counted.
 
     Args:

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.columns.nuisances import OF_THE_RECORDING, moves_of
 from identification.diagnosis.columns.motion.standstill import standing_still
+from identification.diagnosis.columns.nuisances import OF_THE_RECORDING, moves_of
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters

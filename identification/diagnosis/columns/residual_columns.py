@@ -15,17 +15,17 @@ import numpy as np
 from identification.data.log import Band, Log
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
-from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
 from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
-from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
-from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
-from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.motion.standstill import (
     encoder_stands,
     reversal_doubt,
     standing_doubt,
     usable_samples,
 )
+from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
+from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
+from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
+from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float

@@ -17,9 +17,9 @@ from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving
+from identification.diagnosis.columns.motion.soft_friction import with_shown_friction
 from identification.diagnosis.columns.operations import carrying_known, operate
 from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
-from identification.diagnosis.columns.motion.soft_friction import with_shown_friction
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.engine.products.blocks import Block, assign_folds

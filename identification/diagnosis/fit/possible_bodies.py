@@ -20,7 +20,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term
 from identification.engine.fits.minimum import Minimum
 from identification.engine.numerics.bounded import bounded_solve, solve
-from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, pseudo_inertia, reference_body
+from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, pseudo_inertia, reference_body
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.model.robot import Robot
 
@@ -62,7 +62,7 @@ class Body:
 
     name: str
     columns: tuple[int, ...]
-    given: Reference
+    given: ReferenceBody
     reach: Float[Array, "F 10"]
 
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
@@ -111,7 +111,7 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
     return Body(model.names[index], columns, _given(robot, index), reach)
 
 
-def _given(robot: Robot, index: int) -> Reference:
+def _given(robot: Robot, index: int) -> ReferenceBody:
     """The body of the model with units; one without mass is measured by the mean of the others."""
     given = robot.model.inertias[index]
     mass = float(given.mass)

@@ -10,8 +10,8 @@ from scipy import ndimage
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
+from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
 from identification.diagnosis.judge.floors import answers_above, sensors_of

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
+from identification.diagnosis.columns.motion.standstill import open_friction
 from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.columns.motion.standstill import open_friction
 from identification.diagnosis.columns.terms import Term, merged
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.explanation import Explanation

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
+from identification.diagnosis.columns.motion.standstill import near_reversals
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.columns.motion.standstill import near_reversals
 from identification.diagnosis.fit.problem import Problem
 from phantom_dyn.array_types import Bool
 

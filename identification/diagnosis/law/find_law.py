@@ -16,7 +16,7 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.law.formula_search import (
     STABLE,
     Choice,
-    Columns,
+    LibraryColumns,
     columns_of,
     search_formula,
     settled,
@@ -114,7 +114,7 @@ def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[st
     return () if best is None else best.inputs
 
 
-def _terms(rest: Rest, columns: Columns, choice: Choice) -> tuple[LawTerm, ...]:
+def _terms(rest: Rest, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm, ...]:
     """Terms with coefficients of the torque that acts on the joint, and their intervals by block bootstrap."""
     at = columns.terms.columns(choice.chosen)
     size = columns.size[at]
@@ -135,7 +135,7 @@ def _terms(rest: Rest, columns: Columns, choice: Choice) -> tuple[LawTerm, ...]:
     return tuple(out)
 
 
-def _fitted(columns: Columns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
+def _fitted(columns: LibraryColumns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
     """Coefficients of some columns beside what may move: on all seen blocks, then on draws of them by the bootstrap.
 
     Only the columns in question and those that may move are summed: the library is large.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.law.terms import Term, library
+from identification.diagnosis.law.terms import LawTerm, library
 from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
@@ -30,7 +30,7 @@ _WORTH = 0.02  # part of the explained squares that one more term has to add
 
 
 @dataclass(frozen=True)
-class Columns:
+class LibraryColumns:
     """The library on one rest.
 
     Attributes:
@@ -42,7 +42,7 @@ class Columns:
         free: The prior of what may move.
     """
 
-    library: tuple[Term, ...]
+    library: tuple[LawTerm, ...]
     x: Float[Array, "n C"]
     size: Float[Array, " C"]
     terms: Terms
@@ -64,7 +64,7 @@ class Choice:
         input_votes: Share of the replicates whose choice depends on each input.
     """
 
-    columns: Columns
+    columns: LibraryColumns
     chosen: Chosen
     held_out: Float[Array, " B"]
     before: Float[Array, " B"]
@@ -73,7 +73,7 @@ class Choice:
     input_votes: dict[str, float]
 
 
-def columns_of(rest: Rest, *, memory: bool = True) -> Columns:
+def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
     """The library's columns on a rest and their products, with or without linear answers that have memory."""
     terms = library(rest, memory=memory)
     parts = []
@@ -91,10 +91,10 @@ def columns_of(rest: Rest, *, memory: bool = True) -> Columns:
     first, second = starts[:-1], starts[1:] - 1
     x = np.column_stack([x / size, np.concatenate([log.free for log in rest.logs])])
     products = block_products(x, rest.y, weight, rest.blocks, len(rest.folds))
-    return Columns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
+    return LibraryColumns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
 
 
-def settled(rest: Rest, columns: Columns) -> tuple[Rest, Columns]:
+def settled(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
     """The same with moves that end at their bounds beside the best choice held there.
 
     All other fits of a law take the rest of the moves as free within a prior, and are products and solutions. A term
@@ -128,7 +128,7 @@ def _held(rest: Rest, held: Array, size: Array) -> Free:
     return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
 
 
-def _bounded(rest: Rest, columns: Columns, products: Products, at: list[int]) -> Array:
+def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
     """Coefficients of some columns, then of what may move within its bounds."""
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
@@ -140,7 +140,7 @@ def _bounded(rest: Rest, columns: Columns, products: Products, at: list[int]) ->
     return bounded_solve(a, b, np.concatenate([-none, rest.lower]), np.concatenate([none, rest.upper]))
 
 
-def without_law(rest: Rest, columns: Columns) -> Float[Array, " B"]:
+def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
     """Squares left of each block without a law, what may move within its bounds fitted to other folds."""
     loss = np.zeros(len(rest.folds))
     moved = list(range(len(columns.size), columns.x.shape[1]))
@@ -151,7 +151,7 @@ def without_law(rest: Rest, columns: Columns) -> Float[Array, " B"]:
     return loss
 
 
-def search_formula(rest: Rest, columns: Columns, before: Float[Array, " B"], most: int = MOST_TERMS) -> Choice:
+def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"], most: int = MOST_TERMS) -> Choice:
     """The choice of terms at the size that held-out blocks ask for, tested against chance and repeated by bootstrap.
 
     Where replicates disagree on it, a shorter one on which they agree is taken if it foresees nearly as much.
@@ -180,7 +180,7 @@ def search_formula(rest: Rest, columns: Columns, before: Float[Array, " B"], mos
     return longest
 
 
-def cross_validated(rest: Rest, columns: Columns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
+def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
     """Squares left of each block at every size, none included, by choices that have not seen its fold.
 
     Args:
@@ -217,7 +217,7 @@ def best_size(loss: Float[Array, "m B"]) -> int:
     return best
 
 
-def _beyond_chance(rest: Rest, columns: Columns, chosen: Chosen) -> bool:
+def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
     """True if every term gains more than chance does with the whole library on what the formula leaves."""
     terms, seen = columns.terms, (rest.folds >= 0).astype(float)
     whole = columns.products.freed(seen, columns.free)
@@ -230,7 +230,7 @@ def _beyond_chance(rest: Rest, columns: Columns, chosen: Chosen) -> bool:
     return least > chance(rest, columns, rest.y - model)
 
 
-def chance(rest: Rest, columns: Columns, left: Float[Array, " n"]) -> float:
+def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
     """The gain that the best of all terms reaches by chance: on blocks of what is left in another order."""
     rng = random_stream("order of blocks of a rest")
     used = rest.weight > 0
@@ -247,7 +247,7 @@ def chance(rest: Rest, columns: Columns, left: Float[Array, " n"]) -> float:
     return float(np.quantile(out, _CHANCE))
 
 
-def _repeated(rest: Rest, columns: Columns, chosen: Chosen) -> tuple[dict[str, float], float, dict[str, float]]:
+def _repeated(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> tuple[dict[str, float], float, dict[str, float]]:
     """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
     if not chosen:
         return {}, 0.0, {}

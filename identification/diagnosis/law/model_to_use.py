@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.diagnosis.input_names import is_frequency
-from identification.diagnosis.law.formula_search import Choice, Columns, best_size, cross_validated
+from identification.diagnosis.law.formula_search import Choice, LibraryColumns, best_size, cross_validated
 from identification.diagnosis.law.rest import Rest
 from identification.diagnosis.law.terms import supply_loads
 from identification.diagnosis.rest_law import ModelTerm, ResidualModel
@@ -28,7 +28,7 @@ _SLOW = 0.01  # of the fast end of the speeds, below which a direction is rounde
 _NUMBER = r"[-+0-9.eE]+"
 
 
-def model_of(rest: Rest, columns: Columns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
+def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
     """The model with the smallest error on held-out blocks, None where it foresees too little.
 
     Args:

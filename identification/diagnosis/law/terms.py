@@ -44,7 +44,7 @@ _LAGS = (0.0, 0.03, 0.1, 0.3)  # s, of a supply
 
 
 @dataclass(frozen=True)
-class Term:
+class LawTerm:
     """One term.
 
     Attributes:
@@ -96,10 +96,10 @@ class _Joint:
         return frozenset(kind if kind == "t" else f"{kind}.{self.joint}" for kind in kinds)
 
     @cached_property
-    def said_by_effects(self) -> dict[frozenset[str], list[Term]]:
+    def said_by_effects(self) -> dict[frozenset[str], list[LawTerm]]:
         """Terms of the effects of the catalogue, by their inputs; those of the same inputs by their text."""
         units = {"angle": self.angle, "speed": self.speed, "torque": self.rest.unit}
-        out: dict[frozenset[str], list[Term]] = {}
+        out: dict[frozenset[str], list[LawTerm]] = {}
         # One by one, as the middle of an input that no recording has is not known.
         for effect in EFFECTS:
             for one in effect.formula(self.middle):
@@ -121,11 +121,11 @@ class _Joint:
         ends = np.percentile(values, [1, 99])
         return rounded(0.5 * (ends[0] + ends[1]) if kind == "q" else float(np.mean(values)))
 
-    def term(self, kind: str, inputs: str, text: str, per: str, column: Series) -> Term:
-        return Term(kind, self.names(*inputs.split()), (text,), per, (column,))
+    def term(self, kind: str, inputs: str, text: str, per: str, column: Series) -> LawTerm:
+        return LawTerm(kind, self.names(*inputs.split()), (text,), per, (column,))
 
 
-def library(rest: Rest, *, memory: bool = True) -> tuple[Term, ...]:
+def library(rest: Rest, *, memory: bool = True) -> tuple[LawTerm, ...]:
     """All terms that the recordings allow, with or without linear answers that have memory."""
     at = _Joint(rest, rest.joint)
     out = [*_said(at, "")]
@@ -147,12 +147,12 @@ def library(rest: Rest, *, memory: bool = True) -> tuple[Term, ...]:
     return tuple(term for term in known.values() if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
 
 
-def _said(at: _Joint, inputs: str) -> list[Term]:
+def _said(at: _Joint, inputs: str) -> list[LawTerm]:
     """Terms that effects of the catalogue say, of certain inputs."""
     return at.said_by_effects.get(frozenset(inputs.split()), [])
 
 
-def _friction(at: _Joint) -> Iterator[Term]:
+def _friction(at: _Joint) -> Iterator[LawTerm]:
     v = at.get("v")
     fast = float(np.percentile(np.abs(at.all("v")), 90))
     yield from _said(at, "v")
@@ -165,7 +165,7 @@ def _friction(at: _Joint) -> Iterator[Term]:
         )  # fmt: skip
 
 
-def _place(at: _Joint) -> Iterator[Term]:
+def _place(at: _Joint) -> Iterator[LawTerm]:
     """Of the position alone, and friction that depends on it."""
     q, v = at.get("q"), at.get("v")
     low, high = (float(x) for x in np.percentile(at.all("q"), [1, 99]))
@@ -211,7 +211,7 @@ def _place(at: _Joint) -> Iterator[Term]:
 
 def _wave(
     at: _Joint, kind: str, inputs: str, order: float, factor: str = "", by: Series | None = None, per: str = ""
-) -> Term:
+) -> LawTerm:
     q = at.get("q")
 
     def wave(log: RestLog, function: Callable[[Array], Array]) -> Array:
@@ -220,10 +220,10 @@ def _wave(
 
     texts = tuple(f"{name}({order:g}*q)" + (f"*{factor}" if factor else "") for name in ("sin", "cos"))
     columns = (lambda log: wave(log, np.sin), lambda log: wave(log, np.cos))
-    return Term(kind, at.names(*inputs.split()), texts, per, columns)
+    return LawTerm(kind, at.names(*inputs.split()), texts, per, columns)
 
 
-def _memory(at: _Joint) -> Iterator[Term]:
+def _memory(at: _Joint) -> Iterator[LawTerm]:
     """Friction with memory: how far the joint has moved since it turned about."""
     q = at.get("q")
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99])))
@@ -243,7 +243,7 @@ def _memory(at: _Joint) -> Iterator[Term]:
                 )  # fmt: skip
 
 
-def _drift(at: _Joint) -> Iterator[Term]:
+def _drift(at: _Joint) -> Iterator[LawTerm]:
     """What changes with time, by itself, with the direction and with the speed."""
     t, v = at.get("t"), at.get("v")
     last = float(at.all("t").max())
@@ -269,7 +269,7 @@ def _drift(at: _Joint) -> Iterator[Term]:
     for cycles in (1.0, 1.5, 2.0):
         w = rounded(2 * np.pi * cycles / last)
         columns = (lambda log, w=w: np.sin(w * t(log)), lambda log, w=w: np.cos(w * t(log)))
-        yield Term("drift", at.names("t"), (f"sin({w:g}*t)", f"cos({w:g}*t)"), "", columns)
+        yield LawTerm("drift", at.names("t"), (f"sin({w:g}*t)", f"cos({w:g}*t)"), "", columns)
 
 
 def _frequencies(at: _Joint, count: int) -> list[float]:
@@ -278,7 +278,7 @@ def _frequencies(at: _Joint, count: int) -> list[float]:
     return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * at.rest.logs[0].cutoff_hz, count)]
 
 
-def _dynamic_motion(at: _Joint) -> Iterator[Term]:
+def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
     """Answers to the motion that change with the frequency: a spring behind a damper, and a mass on a spring.
 
     With the spring and the damping that need no memory these are the answers of first and second order to position and
@@ -286,7 +286,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[Term]:
     """
     v = at.get("v")
     for hz in _frequencies(at, _CORNERS):
-        yield Term(
+        yield LawTerm(
             "first-order answer to the velocity", frozenset({frequency_of(f"v.{at.joint}")}), (f"low(v, {hz:g} Hz)",),
             at.speed, (lambda log, hz=hz: _behind(v(log), _step(log), 0.5 / (np.pi * hz)),),
         )  # fmt: skip
@@ -294,7 +294,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[Term]:
         for damping in _DAMPINGS:
             inner = f"(v, {hz:g} Hz, {damping:g})"
             texts = (f"resonator{inner}", f"resonator_rate{inner}")
-            yield Term(
+            yield LawTerm(
                 "resonance", frozenset({frequency_of(f"v.{at.joint}")}), texts, at.speed,
                 tuple(
                     lambda log, k=k, hz=hz, d=damping: resonator(v(log), _step(log), hz, d)[:, k] for k in range(2)
@@ -302,7 +302,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[Term]:
             )  # fmt: skip
 
 
-def _dynamic_torque(at: _Joint) -> Iterator[Term]:
+def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
     """Torque behind a filter, or late: what these take off."""
     kind = next((kind for kind in ("tl", "tau") if at.has(kind)), None)
     if kind is None:
@@ -310,13 +310,13 @@ def _dynamic_torque(at: _Joint) -> Iterator[Term]:
     tl, unit = at.get(kind), at.rest.unit
     named = frozenset({frequency_of(f"{kind}.{at.joint}")})
     for hz in _frequencies(at, _CORNERS):
-        yield Term(
+        yield LawTerm(
             "late answer to the torque", named, (f"(low({kind}, {hz:g} Hz) - {kind})",), unit,
             (lambda log, hz=hz: _behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
         )  # fmt: skip
     for share in _LATE:
         late = rounded(share / at.rest.logs[0].cutoff_hz)
-        yield Term(
+        yield LawTerm(
             "late answer to the torque", named, (f"(late({kind}, {late:g} s) - {kind})",), unit,
             (lambda log, late=late: delayed(tl(log), log.t, late) - tl(log),),
         )  # fmt: skip
@@ -326,7 +326,7 @@ def _step(log: RestLog) -> float:
     return float(log.t[1] - log.t[0])
 
 
-def _load(at: _Joint) -> Iterator[Term]:
+def _load(at: _Joint) -> Iterator[LawTerm]:
     tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
     yield from _said(at, "tl")
@@ -342,14 +342,14 @@ def _load(at: _Joint) -> Iterator[Term]:
         yield _wave(at, "ripple that grows with torque", "q tl", n, "tl", tl, unit)
 
 
-def _heat(at: _Joint) -> Iterator[Term]:
+def _heat(at: _Joint) -> Iterator[LawTerm]:
     temp, middle = at.get("temp"), at.middle("temp")
     kind, d = "offset that changes with temperature", less("temp", middle)
     yield at.term(kind, "temp", d, "°C", lambda log: temp(log) - middle)
     yield from _said(at, "temp v")
 
 
-def _supply(at: _Joint) -> Iterator[Term]:
+def _supply(at: _Joint) -> Iterator[LawTerm]:
     """A drive that gives less under the load of all drives."""
     loads = supply_loads(at.rest.inputs, at.joint)
     if not loads:
@@ -363,7 +363,7 @@ def _supply(at: _Joint) -> Iterator[Term]:
             return log.inputs[own] * (_behind(total, _step(log), lag) - 1.0)
 
         text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
-        yield Term("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
+        yield LawTerm("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
 
 
 def supply_loads(inputs: tuple[str, ...], joint: str) -> tuple[str, ...]:
@@ -377,7 +377,7 @@ def _behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
     return lagging(x, dt, lag) if lag else x
 
 
-def _other(at: _Joint, other: _Joint) -> Iterator[Term]:
+def _other(at: _Joint, other: _Joint) -> Iterator[LawTerm]:
     """Of the motion and torque of another joint."""
     name, q, v, own = other.joint, other.get("q"), other.get("v"), at.get("q")
     if not (other.has("q") and other.has("v")):
@@ -392,7 +392,7 @@ def _other(at: _Joint, other: _Joint) -> Iterator[Term]:
     yield other.term("friction of another joint", "v", f"v.{name}", other.speed, v)
     if at.has("q"):
         home = rounded(float(np.mean(at.all("q"))))
-        yield Term(
+        yield LawTerm(
             "force of two joints' positions",
             at.names("q") | other.names("q"),
             (f"{less('q', home)}*{d}",),
@@ -403,7 +403,7 @@ def _other(at: _Joint, other: _Joint) -> Iterator[Term]:
         tau, s = other.get("tau"), at.get("v")
         yield other.term("share of another joint's torque", "tau", f"tau.{name}", at.rest.unit, tau)
         if at.has("v"):
-            yield Term(
+            yield LawTerm(
                 "friction by another joint's torque",
                 at.names("v") | other.names("tau"),
                 (f"|tau.{name}|*sign(v)",),

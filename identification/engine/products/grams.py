@@ -112,7 +112,7 @@ class Grams:
         return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
 
 
-class Columns(Protocol):
+class TouchedColumns(Protocol):
     """Columns of some series, row by row."""
 
     @property
@@ -137,7 +137,7 @@ class Columns(Protocol):
 
 
 def row_grams(
-    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
+    columns: TouchedColumns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
 ) -> RowGrams:
     """Products of one row.
 
@@ -192,7 +192,7 @@ def row_grams(
 
 
 def all_row_grams(
-    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights
+    columns: TouchedColumns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights
 ) -> tuple[RowGrams, ...]:
     """Products of every row."""
     return tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import Regressor, Term, term_columns
+from identification.regression.regressor import Regressor, RegressorTerm, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Float
@@ -110,7 +110,7 @@ def require_simulable(regressor: Regressor) -> None:
         _laws(term)
 
 
-def _laws(term: Term) -> Callable[[Plant, Robot, Term, Array], None]:
+def _laws(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array], None]:
     name = term.effect.name
     if name not in _LAWS:
         raise ParameterError(
@@ -167,46 +167,46 @@ def _row(robot: Robot, joint: str | None) -> int:
     return [*robot.joint_names, *robot.passive_names].index(joint or "")
 
 
-def _viscous(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _viscous(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     plant.dry[_row(robot, term.joint), 3:] += c[0]
 
 
-def _coulomb(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _coulomb(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     plant.dry[_row(robot, term.joint), 0] += c[0]
 
 
-def _stribeck(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _stribeck(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     plant.dry[_row(robot, term.joint), :3] += [c[0], c[1], term.shape[0] - 1.0]
 
 
-def _directions(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _directions(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     row = _row(robot, term.joint)
     plant.dry[row, 0] += 0.5 * (c[0] + c[1])
     plant.push[row] -= 0.5 * (c[0] - c[1])
     plant.dry[row, 3:] += c[2:]
 
 
-def _offset(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _offset(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     plant.push[_row(robot, term.joint)] += c[0]
 
 
-def _rotor(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     row = _row(robot, term.joint)
     plant.rotor[row, row] += c[0]
 
 
-def _spring(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _spring(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     row = _row(robot, term.joint)
     plant.spring[row] += c[0]
     plant.push[row] -= c[1]
 
 
-def _bodies(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+def _bodies(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
     body, parameter = np.divmod(term.effect.regressor_columns(robot, term.joint), 10)
     plant.bodies[body, parameter] += c
 
 
-_LAWS: dict[str, Callable[[Plant, Robot, Term, Array], None]] = {
+_LAWS: dict[str, Callable[[Plant, Robot, RegressorTerm, Array], None]] = {
     "viscous_friction": _viscous,
     "coulomb_friction": _coulomb,
     "direction_dependent_friction": _directions,

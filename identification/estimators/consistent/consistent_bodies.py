@@ -111,7 +111,7 @@ class Region:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceBody:
     """A body to measure another one by, in units of its own mass and radius of gyration.
 
     Attributes:
@@ -133,7 +133,7 @@ class Reference:
 
 def reference_body(
     standard: Float[Array, " 10"], *, mass: float | None = None, length: float | None = None
-) -> Reference:
+) -> ReferenceBody:
     """How to measure bodies by a given one; eigenvalues that are too small or negative are lifted, see `_FLOOR`.
 
     Args:
@@ -150,10 +150,10 @@ def reference_body(
     values, vectors = np.linalg.eigh(pseudo_inertia(standard / scale))
     lifted = np.maximum(values, _FLOOR)
     possible = standard_of((vectors * lifted) @ vectors.T) * scale if (values < _FLOOR).any() else standard
-    return Reference(possible, scale, (vectors / np.sqrt(lifted)).T)
+    return ReferenceBody(possible, scale, (vectors / np.sqrt(lifted)).T)
 
 
-def reference_bodies(standard: Float[Array, " p"]) -> tuple[Reference, ...]:
+def reference_bodies(standard: Float[Array, " p"]) -> tuple[ReferenceBody, ...]:
     """One reference per ten parameters; bodies without mass are measured by the mean of those that have some."""
     bodies = standard.reshape(-1, 10)
     if not np.isfinite(bodies).all():

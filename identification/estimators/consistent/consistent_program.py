@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
+from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, Region, pseudo_inertia
 from identification.estimators.consistent.stated_program import Shape, Values, stated
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import EstimationError, ParameterError
@@ -79,7 +79,7 @@ class Program:
 
     factor: Float[Array, "k p"]
     target: Float[Array, " k"]
-    bodies: tuple[Reference, ...]
+    bodies: tuple[ReferenceBody, ...]
     regions: tuple[Region | None, ...]
     lower: Float[Array, " e"]
     upper: Float[Array, " e"]
@@ -142,7 +142,7 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
     return start + scale * (inverse @ step)
 
 
-def _root(body: Reference) -> Array:
+def _root(body: ReferenceBody) -> Array:
     """``U`` with ``|U^-1 d|`` the distance of a change ``d`` in units of the reference's scale."""
     from scipy.linalg import solve_triangular
 

@@ -17,7 +17,7 @@ from identification.estimators.consistent.consistent_program import (
 )
 from identification.estimators.fit import Fit
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import Term
+from identification.regression.regressor import RegressorTerm
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
@@ -95,7 +95,7 @@ def selection(base: BaseParameters) -> Float[Array, "r p"]:
 
 
 def coefficient_bounds(
-    robot: Robot, terms: Sequence[Term], names: Sequence[str]
+    robot: Robot, terms: Sequence[RegressorTerm], names: Sequence[str]
 ) -> tuple[Float[Array, " e"], Float[Array, " e"]]:
     """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` where there are none.
 

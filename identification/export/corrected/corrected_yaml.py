@@ -19,7 +19,6 @@ from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_P
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, UsageError, known_names, shortened
-from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.files.settings_file import (
     LARGEST,
     describe,
@@ -30,6 +29,7 @@ from phantom_dyn.model.files.settings_file import (
     text_at,
 )
 from phantom_dyn.model.files.strict_yaml import settings_text
+from phantom_dyn.model.robot import Robot
 
 SCHEMA = "phantom-dyn-model/1"
 ROBOT_KEYS = ("source", "sha256")

@@ -31,8 +31,8 @@ from identification.export.model_files.urdf_file import attribute_text, own_iner
 from identification.notes import Note
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
-from phantom_dyn.model.inertia import body_name, breaks_triangle
 from phantom_dyn.model.from_mjcf.mjcf_compiler import whole_mjcf
+from phantom_dyn.model.inertia import body_name, breaks_triangle
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 

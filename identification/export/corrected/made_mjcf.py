@@ -19,8 +19,8 @@ from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE
 from identification.notes import Code, Note
 from phantom_dyn.errors import EstimationError, PhantomDynError, RobotError
-from phantom_dyn.model.loading import read_model
 from phantom_dyn.model.from_mjcf.mjcf import drawn_configuration
+from phantom_dyn.model.loading import read_model
 from phantom_dyn.motion import Motion
 
 

@@ -11,7 +11,7 @@ from math import nan
 from typing import Any
 
 from identification.geometry.result import (
-    Fitted,
+    FittedPose,
     FrameGap,
     GeometryResult,
     Lateness,
@@ -89,7 +89,7 @@ def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:
         minor=tuple(_finding(one) for one in rest["minor"]),
         bounds=tuple(PoseBound(**one) for one in rest["bounds"]),
         not_testable=tuple(Unseen(**one) for one in rest["not_testable"]),
-        fitted=tuple(Fitted(**{**one, "pose": tuple(one["pose"])}) for one in rest["fitted"]),
+        fitted=tuple(FittedPose(**{**one, "pose": tuple(one["pose"])}) for one in rest["fitted"]),
         delays=tuple(Lateness(**one) for one in rest["delays"]),
         rank=rest["rank"],
         structured=rest["structured"],

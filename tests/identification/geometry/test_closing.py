@@ -11,11 +11,11 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.geometry.closing import closed_positions
-from identification.geometry.equations import Estimate, Problem, changed_model, equations, nuisances_of
+from identification.geometry.equations import Estimate, PoseProblem, changed_model, equations, nuisances_of
 from identification.geometry.fit import frame_poses, moved, start_of
 from identification.geometry.measured import measured_poses
 from identification.geometry.pins import KnownPlaces, loops_of
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, pose_terms, terms_of
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, pose_terms, terms_of
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS
@@ -32,7 +32,7 @@ def robot_of(name: str) -> Robot:
     return LINKAGES[name].robot
 
 
-def problem_at(robot: Robot, frame: str, q: np.ndarray) -> Problem:
+def problem_at(robot: Robot, frame: str, q: np.ndarray) -> PoseProblem:
     """Poses that are what the model predicts."""
     n = len(q)
     still = Recording(
@@ -47,7 +47,7 @@ def problem_at(robot: Robot, frame: str, q: np.ndarray) -> Problem:
     loops = loops_of(robot)
     sets, paths = measured_poses(robot, (still,))
     terms = pose_terms(BASE_POSE, None) + pose_terms(TOOL_POSE, frame) + terms_of(robot, [frame], loops)
-    problem = Problem(robot, sets, paths, terms, in_root=True, on_frame=(frame,), loops=loops)
+    problem = PoseProblem(robot, sets, paths, terms, in_root=True, on_frame=(frame,), loops=loops)
     (one,) = sets
     poses = frame_poses(problem, one)
     turns = np.array([pin.Quaternion(np.array(pose[:3, :3])).coeffs() for pose in poses])
@@ -72,7 +72,7 @@ def test_columns_are_slopes_through_the_loops(name, rng):
         np.testing.assert_allclose((down - up) / (2 * size), found.columns[:, k], atol=2e-6 * scale, err_msg=str(term))
 
 
-def _at(names: dict[tuple[str, str], float], terms: tuple[Term, ...]) -> np.ndarray:
+def _at(names: dict[tuple[str, str], float], terms: tuple[PoseTerm, ...]) -> np.ndarray:
     return np.array([names.get((str(term.joint), term.parameter), 0.0) * (term.effect == LINK) for term in terms])
 
 

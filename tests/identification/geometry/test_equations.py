@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.geometry.equations import DELAY, Estimate, Problem, changed_model, equations, nuisances_of
+from identification.geometry.equations import DELAY, Estimate, PoseProblem, changed_model, equations, nuisances_of
 from identification.geometry.fit import moved, start_of
 from identification.geometry.measured import measured_poses
 from identification.geometry.terms import LINK, terms_of
@@ -17,11 +17,11 @@ from tests.common.measured_poses import link_poses, moved_joint
 
 
 @pytest.fixture
-def problem(ur10, tracked, slow_motion) -> Problem:
+def problem(ur10, tracked, slow_motion) -> PoseProblem:
     t, q = slow_motion
     sets, paths = measured_poses(ur10, (tracked(1, q=q, t=t, turned=True, zeros={"elbow_joint": 0.01}),))
     sets = tuple(one.some(np.arange(0, len(one.t), 100)) for one in sets)
-    return Problem(ur10, sets, paths, terms_of(ur10, ["tool0"]))
+    return PoseProblem(ur10, sets, paths, terms_of(ur10, ["tool0"]))
 
 
 def test_columns_of_nuisances_are_the_slopes_where_nothing_is_left(problem):
@@ -49,7 +49,7 @@ def test_columns_of_terms_are_the_slopes_where_nothing_is_left(problem):
         np.testing.assert_allclose((down - up) / (2 * size), found.columns[:, k], atol=1e-6 * scale)
 
 
-def _without_rest(problem: Problem, estimate: Estimate) -> Problem:
+def _without_rest(problem: PoseProblem, estimate: Estimate) -> PoseProblem:
     """The same with poses that are what is predicted."""
     one = problem.sets[0]
     base, tool = pin.SE3(estimate.base[0]), pin.SE3(estimate.tool[0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.identify.identification import Identification
+from identification.identify.identification import IdentifiedModel
 from identification.identify.identify import identify
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -64,6 +64,6 @@ def truth(arm) -> Robot:
 
 
 @pytest.fixture(scope="session")
-def found(arm, truth) -> Identification:
+def found(arm, truth) -> IdentifiedModel:
     """What is identified of the arm."""
     return identify(arm, (made_recording(truth),))

@@ -26,7 +26,7 @@ from identification.data.readers.bags.joint_messages import (
 from identification.data.readers.bags.message_types import register_types
 from identification.data.readers.bags.unitree_orders import MOTOR_ORDERS
 from identification.data.readers.contract_columns import JOINT_QUANTITIES
-from identification.data.readers.references import Reference, with_references
+from identification.data.readers.references import SentReferences, with_references
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
@@ -291,7 +291,7 @@ def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
 
 def _reference(
     file: str, asked: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
-) -> Reference:
+) -> SentReferences:
     """References of a topic, in the time of the states.
 
     Args:
@@ -315,7 +315,7 @@ def _reference(
         # Both clocks ran while the states were received: their usual distance is that of the two.
         times = (_received(messages) - received[0]) * 1e-9 - float(np.median((received - received[0]) * 1e-9 - t))
     names = messages[0].names or (names if len(names) == values.shape[1] else ())
-    return Reference(asked.name, times, _columns(names, {"q_ref": values}))
+    return SentReferences(asked.name, times, _columns(names, {"q_ref": values}))
 
 
 def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:

@@ -7,9 +7,9 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import process, process_all
+from identification.diagnosis.columns.motion.standstill import standing_still, usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of_logs
-from identification.diagnosis.columns.motion.standstill import standing_still, usable_samples
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

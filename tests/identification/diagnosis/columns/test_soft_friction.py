@@ -9,8 +9,8 @@ import pytest
 
 import phantom_dyn as dyn
 from by_night import by_night
-from identification.diagnosis.columns.nuisances import moves_of
 from identification.diagnosis.columns.motion.soft_friction import softness
+from identification.diagnosis.columns.nuisances import moves_of
 from identification.notes import Code, Note
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot

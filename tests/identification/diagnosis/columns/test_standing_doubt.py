@@ -10,7 +10,6 @@ import pytest
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.signals import process
-from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.motion.standstill import (
     creeping_doubt,
     encoder_stands,
@@ -18,6 +17,7 @@ from identification.diagnosis.columns.motion.standstill import (
     open_friction,
     standing_doubt,
 )
+from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process
+from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.noise.sensed_noise import sensed_noise
 from identification.diagnosis.noise.sensor_floor import sensor_floor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
