@@ -37,7 +37,7 @@ def path_of(what: str) -> Kind:
 
 
 def or_none(kind: Kind) -> Kind:
-    """The same, or None."""
+    """The same kind, with None allowed."""
     return Kind(f"{kind.wanted}, or None", lambda given: given is None or kind.holds(given))
 
 

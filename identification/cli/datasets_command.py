@@ -24,7 +24,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do the job; the exit code."""
+    """List or download recordings, and return the exit code."""
     if arguments.action == "fetch":
         if arguments.name is None:
             raise UsageError(f"fetch needs a name, one of {', '.join(datasets.NAMES)}")

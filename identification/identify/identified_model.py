@@ -38,7 +38,7 @@ _SAME = 1e-12
 
 @dataclass(frozen=True)
 class JointTerms:
-    """What is unknown of every joint beside the rigid body.
+    """Unknowns of every joint beside its rigid body.
 
     Attributes:
         friction: Keys of `TERMS`.
@@ -134,7 +134,7 @@ class FullModel:
 
 
 def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
-    """The given robot with everything that a fit says of it.
+    """The given robot with all parameters of a fit put in.
 
     Args:
         given: As its file states it: the reference of the inertias.

@@ -127,7 +127,7 @@ def load_walker(
 
 
 def _add_sole(model: pin.Model, name: str, sole: Sole, path: Path) -> list[int]:
-    """Add the frame of a sole; velocities of the joints that carry it."""
+    """Add the frame of a sole to the model, and return the velocity indices of the joints that carry it."""
     if not model.existFrame(sole.frame):
         known = known_names(sole.frame, dict.fromkeys(frame.name for frame in model.frames), "frames")
         raise RobotError(f"{path}: a sole names the unknown frame {sole.frame!r}, {known}")

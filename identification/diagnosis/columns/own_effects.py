@@ -53,7 +53,7 @@ class OwnEffect(Effect):
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """What the effect contains, in the same recording."""
+        """Effects that this one contains, in the same recording."""
         return self._contains
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
@@ -73,11 +73,11 @@ class OwnEffect(Effect):
         return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No drive is early; of friction there may be less than elsewhere, and less than modelled."""
+        """Bounds of the difference: a delay is never negative, while friction may be less than elsewhere."""
         return self.inner.coefficient_bounds(robot, joint, shape) if self.shape_is_estimate else ()
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.untestable(robot, operation, joint)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
@@ -85,17 +85,17 @@ class OwnEffect(Effect):
         return self.inner.regressor_columns(robot, joint)
 
     def lightest(self, robot: Robot) -> float:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.lightest(robot)
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.own_inertia(robot, mass)
 
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.stated_law(robot, joint, shape, std, coefficients)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -103,11 +103,11 @@ class OwnEffect(Effect):
         return tuple(replace(one, plausible=None) for one in self.inner.parameters(robot, joint))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.from_coefficients(robot, joint, coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """As the effect."""
+        """That of the effect."""
         return self.inner.probe(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -129,7 +129,7 @@ def changed_effects(kind: Kind, robot: Robot) -> tuple[Effect, ...]:
 
 
 def own_name(name: str, recording: int) -> str:
-    """A name that is no other effect's and no other recording's."""
+    """A name that no other effect and no other recording has."""
     return f"{name}@{recording}"
 
 

@@ -65,12 +65,12 @@ class Session:
 
     @cached_property
     def largest_torque(self) -> Float[Array, " nv"]:
-        """Of each joint in all logs; zero where none is known."""
+        """Largest torque of each joint in all logs; zero where none is known."""
         return np.max([_largest(log.tau) for log in self.logs], axis=0)
 
     @cached_property
     def largest_speed(self) -> Float[Array, " nv"]:
-        """Of each joint in all logs."""
+        """Largest speed of each joint in all logs."""
         return np.max([_largest(log.motion.v) for log in self.logs], axis=0)
 
     @cached_property
@@ -83,7 +83,7 @@ class Session:
         return tuple(self.log_in_judged_band(part, k) for k, part in enumerate(series))
 
     def log_in_judged_band(self, series: Float[Array, "n ..."], log: int) -> Float[Array, "n ..."]:
-        """The same for a series of one log."""
+        """Series of one log without what lies above the judged band."""
         return self.log_below(series, log, self.cutoff_hz)
 
     def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:

@@ -30,7 +30,7 @@ def answer_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
 
 
 def linear_columns(rest: Rest) -> Float[Array, "n k"]:
-    """What a spring, damping, an inertia and gains of the torque make without memory, all together."""
+    """Columns without memory: a constant, position, velocity, acceleration and torques of the joint."""
     kinds = [f"{kind}.{rest.joint}" for kind in ("q", "v", "a", "tl", "tau")]
     names = [name for name in kinds if name in rest.inputs]
     return np.concatenate(
@@ -39,7 +39,7 @@ def linear_columns(rest: Rest) -> Float[Array, "n k"]:
 
 
 def complex_gains(rest: Rest, name: str, hz: Float[Array, " F"]) -> Complex[Array, "F k"]:
-    """What each series of `answer_columns` gives of an oscillation of the input."""
+    """Complex gain of each series of `answer_columns` at given frequencies of the input."""
     log = rest.logs[0]
     turning = 2j * np.pi * hz[:, None]
     powers = {"q": -1, "v": 0, "a": 1}  # of the turning, of the velocity

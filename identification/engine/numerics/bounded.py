@@ -76,7 +76,7 @@ def bounded_solve_without(
 
 
 def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) -> Array:
-    """As `_minima`; of arrays in one form, as a loop is compiled once more for every other one."""
+    """As `_minima`, with arrays brought to one memory layout, as the loop is compiled anew for each layout."""
     k = len(b)
     out = np.empty((max(len(less_a), 1), k))
     a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
@@ -107,7 +107,7 @@ def _minima(
         less_b: The same of ``b``.
         ends: Lower bounds, upper bounds, and where to begin, ``(3, k)``.
         out: One row a minimum.
-        room: See `_minima_of`.
+        room: Arrays that the loop works in, from `_minima_of`.
     """
     k = len(b)
     matrices, vectors, flags, free = room
@@ -155,7 +155,7 @@ def _minima(
 
 @inlined
 def _brought_back(x: Array, lower: Array, upper: Array, fixed: Array, outside: Array, out: Array) -> int:
-    """Fill in a point with what has left its bounds at them; how many have."""
+    """Write a point, clipped to its bounds, to ``out``; return how many of its numbers were outside."""
     count = 0
     for i in range(len(x)):
         outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
@@ -166,7 +166,7 @@ def _brought_back(x: Array, lower: Array, upper: Array, fixed: Array, outside: A
 
 @inlined
 def _hold(outside: Array, end: Array, fixed: Array, x: Array) -> None:
-    """Go to a point, and hold what has left its bounds."""
+    """Move to a point, clipped to its bounds, and hold the numbers that were outside."""
     for i in range(len(x)):
         x[i] = end[i]
         fixed[i] = fixed[i] or outside[i]
@@ -174,7 +174,7 @@ def _hold(outside: Array, end: Array, fixed: Array, x: Array) -> None:
 
 @inlined
 def _release(matrices: Array, slope: Array, x: Array, lower: Array, upper: Array, fixed: Array) -> int:
-    """Let go of all that pull inwards; the one that lowers the loss most by itself, -1 if there is none."""
+    """Free all numbers at a bound whose slope points inwards; return the most useful one, -1 if there is none."""
     most, largest = -1, 0.0
     for i in range(len(x)):
         inwards = (x[i] <= lower[i] and slope[i] < -_WRONG) or (x[i] >= upper[i] and slope[i] > _WRONG)
@@ -204,7 +204,7 @@ def _go_to_first_bound(outside: Array, to: Array, end: Array, fixed: Array, x: A
 
 @inlined
 def _loss(matrices: Array, b: Array, x: Array, slope: Array) -> float:
-    """``x a x / 2 - b x``, and the slope of it filled in."""
+    """Value of ``x a x / 2 - b x``; its slope is written to an array."""
     _slope(matrices, b, x, slope)
     total = 0.0
     for i in range(len(x)):
@@ -233,7 +233,7 @@ def _free_minimum_plain(
 
 
 def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
-    """The same, by ``L D L^T`` without an order of pivots, which a positive definite matrix does not need."""
+    """The same by ``L D L^T`` without pivoting, which a positive definite matrix does not need."""
     scale, right, moved = vectors[5], vectors[6], vectors[7]
     _slope(matrices, b, x, moved)
     # Not a plain zero: a function that is called with one is compiled for it alone, and once more for any number.

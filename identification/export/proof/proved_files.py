@@ -15,7 +15,7 @@ from identification.notes import Code, Note
 def proved(
     texts: dict[str, str], proof: Proof | None, *, moved_mjcf: bool = False
 ) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
-    """Files that may be handed out, each with what it leaves in its header; what each leaves; and why some may not.
+    """Files that may be handed out, the error that each leaves (also in its header), and why others may not.
 
     Args:
         texts: By name.

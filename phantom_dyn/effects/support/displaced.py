@@ -19,21 +19,21 @@ Samples = Float[Array, " N"]
 
 
 def change_by_reading(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Drive torque more when joint ``row`` truly moves by ``dq``, ``dv``, ``da`` more than read, to first order."""
+    """Additional drive torque, to first order, where joint ``row`` is ``dq``, ``dv``, ``da`` beyond its reading."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] += operation.robot.viscous_friction[row] * dv
     return out
 
 
 def change_by_link(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Torque on the links more when link ``row`` moves by ``dq``, ``dv``, ``da`` more than its motor, first order."""
+    """Additional torque on the links, to first order, of a link that is ``dq``, ``dv``, ``da`` ahead of its motor."""
     out = _first_order(operation, row, dq, dv, da)
     out[:, row] -= operation.robot.rotor_inertia[row] * da
     return out
 
 
 def _first_order(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
-    """Torque of links and rotors more when joint ``row`` moves by ``dq``, ``dv``, ``da`` more."""
+    """Additional torque of links and rotors where joint ``row`` is ``dq``, ``dv``, ``da`` further."""
     to_q, to_v, mass = (part[:, :, row].T for part in operation.partials)
     # Into the same memory: half of the time would go into that of five arrays that live for one sum.
     out = to_q * dq
@@ -58,7 +58,7 @@ def exact_change_by_link(
 
 
 def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -> Motion:
-    """``motion`` with one joint moved."""
+    """``motion`` with an offset added to one joint."""
     q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
     for values, change in ((q, dq), (v, dv), (a, da)):
         values[:, row] += change
@@ -77,7 +77,7 @@ def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
 
 
 def behind_encoder(robot: Robot, row: int) -> str | None:
-    """Why nothing behind the motor shows where the encoder is on the link's side, in words; None where it is not."""
+    """Why effects behind the motor cannot be seen: the encoder is on the link's side. None where it is not."""
     if robot.actuators[row].encoder_side == "link":
         return "the encoder sits on the link's side: it never sees how far motor and link are apart"
     return None

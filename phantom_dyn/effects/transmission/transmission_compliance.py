@@ -93,7 +93,7 @@ class TransmissionCompliance(Effect):
         return (max(float(coefficients[0]), _LEAST),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more per unit of compliance, between none and ``shape``."""
+        """Additional drive torque per unit of compliance, as a secant from zero to ``shape``."""
         row = row_of(robot, joint)
         change = change_by_link(operation, row, *swing(operation, row, 1.0 / shape[0])) / shape[0]
         unit = self.probe_unit(robot, joint, "compliance")
@@ -101,7 +101,7 @@ class TransmissionCompliance(Effect):
         return Signature(rows, change[:, list(rows), None], ("compliance",), (unit,))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Near the shape, as the frequency of the swing is the shape's."""
+        """Bounds near the shape, which sets the frequency of the swing."""
         return ((shape[0] / _SPREAD, shape[0] * _SPREAD),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -109,17 +109,17 @@ class TransmissionCompliance(Effect):
         return np.array([1.0 / max(float(coefficients[0]), _LEAST)])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """One unit of compliance: small is stiff, so what is seen is a compliance above, a stiffness below."""
+        """One unit of compliance: an undetected compliance is below a limit, its stiffness above one."""
         return "compliance", np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
-        """Of a compliance, one over a stiffness."""
+        """Unit of a compliance: one over that of a stiffness."""
         return "m/N" if robot.prismatic[row_of(robot, joint)] else "rad/(N m)"
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """The stiffness of a compliance."""
+        """Stiffness that belongs to a compliance."""
         return (1.0 / size,) if size > 0 else None
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
@@ -177,7 +177,7 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
 
 
 def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
-    """Torque that a transmission passes, as far as it is more than the rounding of the encoder, and the link's inertia.
+    """Torque that a transmission passes, without frequencies where encoder rounding covers it, and the link's inertia.
 
     Args:
         operation: Motion and torque.
@@ -196,7 +196,7 @@ def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, 
 
 
 def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
-    """Place, speed and acceleration along all samples of what is pulled, held by a spring and dragged.
+    """Position, speed and acceleration of a damped mass on a spring under a given force, at all samples.
 
     Args:
         half: Half the time between samples [s], ``(N - 1,)``.

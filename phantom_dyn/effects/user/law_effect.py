@@ -50,7 +50,7 @@ class LawEffect(Effect):
         return tuple(product(*(one.tried for one in self.parameters(robot, joint) if one.tried)))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same values, and one of them a sixth less or more."""
+        """Neighbours of a shape: one of its values a sixth smaller or larger."""
         less, more = (
             tuple(tuple(factor * x if k == at else x for k, x in enumerate(shape)) for at in range(len(shape)))
             for factor in (_LESS, _MORE)
@@ -83,7 +83,7 @@ class LawEffect(Effect):
         return _theta(self.parameters(robot, joint), coefficients, shape)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """What is possible of each linear parameter."""
+        """Bounds of each linear parameter."""
         return tuple((one.lower, one.upper) for one in self.parameters(robot, joint) if not one.tried)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:

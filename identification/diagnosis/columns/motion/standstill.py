@@ -43,8 +43,8 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
     The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
-    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. What shakes on its
-    way, as a drive with play may all the time, is judged by that average.
+    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. A joint that
+    vibrates on its way, as one with backlash may, is judged by the average.
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
@@ -79,8 +79,8 @@ def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
 def _noise_of_readings(log: Log, j: int) -> float:
     """Deviation of the speed [rad/s or m/s] that white noise of a joint's raw readings leaves in the band.
 
-    Infinite where the joint hardly goes farther than its readings shake. Differences of high order take the motion out
-    of the readings, however few of them there are to a period; of several orders the one that leaves least is best.
+    Infinite where the joint hardly travels farther than its readings are noisy. Differences of high order remove the
+    motion even where a period has few samples; of several orders the one that leaves least is used.
     """
     if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
         return np.inf
@@ -99,7 +99,7 @@ def _noise_of_readings(log: Log, j: int) -> float:
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
-    """True if a joint goes much further than it shakes."""
+    """True if a joint travels much further than its readings are noisy."""
     if len(q) < 4 * len(kernel):
         return False
     smooth = np.convolve(q, kernel, mode="valid")
@@ -171,7 +171,7 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
 
 
 def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """Standard deviation of the friction torque, in the band, that standing joints leave open.
+    """Standard deviation of the friction torque, in the band, of joints that stand still.
 
     The model lets a standing joint rub with plus or minus the torque ``T`` of its friction, by the sign of noise. It
     may have any torque between ``-T`` and ``T``, evenly: the difference has the mean square ``T^2 + T^2 / 3``.
@@ -185,9 +185,9 @@ def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
 
 
 def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """Standard deviation of the friction torque, in the band, that joints leave open which creep or turn about.
+    """Standard deviation of the friction torque, in the band, of joints that creep or reverse.
 
-    What friction does there differs from law to law, and comes with the motion: it is no event.
+    Laws of friction differ there. The error recurs with the motion, so it must not count as an event.
 
     Args:
         log: Its motion and band.
@@ -203,7 +203,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
 def open_friction(
     robot: Robot, log: Log, friction: Float[Array, "N nv"], doubt: Float[Array, "n nv"]
 ) -> Float[Array, "n nv"]:
-    """Variance of the friction torque, in the band, that joints leave open which stand, creep or turn about.
+    """Variance of the friction torque, in the band, of joints that stand still, creep or reverse.
 
     Args:
         robot: Says how fine the encoders are.
@@ -216,13 +216,13 @@ def open_friction(
 
 
 def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Largest friction torque near each sample: at a reversal a law lets it jump."""
+    """Largest friction torque near each sample, where a law lets it jump at a reversal."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
     return ndimage.maximum_filter1d(np.abs(friction), reach, axis=0)
 
 
 def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """A deviation in the band: what the filter carries to its neighbours in time counts at its largest."""
+    """A deviation in the band: each sample takes the largest one that the filter spreads to it."""
     band = log.band
     return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(deviation)
 
