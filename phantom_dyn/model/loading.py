@@ -31,10 +31,11 @@ from phantom_dyn.model.inertia import breaks_triangle, impossible_because
 from phantom_dyn.model.robot import Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.model.robot_xml import Drive, RobotXml, read_root, require_finite, urdf_facts
+from phantom_dyn.model.robot_xml import Drive, RobotXml, read_root, require_finite
 from phantom_dyn.model.ros2_control import Ros2Config, is_ros2_control, ros2_config
 from phantom_dyn.model.stated_drives import actuator_of
 from phantom_dyn.model.stated_loops import closed_chain
+from phantom_dyn.model.urdf_facts import urdf_facts
 from phantom_dyn.motion import linear_joints
 
 CONFIG_NAME = "robot.yaml"
