@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from identification.data.checks.map_entries import entries, gear_entries
 from identification.data.checks.readings import (
     Reading,
     varies,
@@ -378,25 +379,6 @@ def _nearest_unit(ratio: float) -> str | None:
     distance = {unit: abs(np.log(ratio * factor)) for unit, factor in _TORQUES.items()}
     unit = min(distance, key=lambda name: distance[name])
     return unit if distance[unit] <= _NEAR_UNIT else None
-
-
-def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
-    """Entries for all torques, one for all joints where they agree."""
-    if len(set(by_joint.values())) == 1:
-        return entries(robot, "tau", tuple(by_joint), next(iter(by_joint.values())))
-    return {key: value for j, option in by_joint.items() for key, value in _entry(robot, "tau", j, option).items()}
-
-
-def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
-    """Entries of a column map for a quantity of some joints, in one line where they are all joints."""
-    if len(joints) == robot.nv > 1 and not robot.passive_names:
-        return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
-    return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
-
-
-def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
-    column = f"{quantity}.{robot.joint_names[j]}"
-    return {column: f"{{from: {column}, {option}}}"}
 
 
 def names(robot: Robot, joints: Sequence[int]) -> str:
