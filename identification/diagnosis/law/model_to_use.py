@@ -11,10 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.input_names import is_frequency
+from identification.diagnosis.input_names import is_frequency, supply_loads
 from identification.diagnosis.law.formula_search import Choice, LibraryColumns, best_size, cross_validated
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.law.terms import supply_loads
 from identification.diagnosis.rest_law import ModelTerm, ResidualModel
 from identification.engine.products.block_products import Free
 from identification.engine.search.stepwise import extended

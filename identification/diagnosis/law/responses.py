@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.array_types import Complex, Float
-from phantom_dyn.signals.recursive import recursive
+from phantom_dyn.signals.recursive import lagging, recursive
 
 Array = np.ndarray
 
@@ -60,3 +60,8 @@ def laguerre_answer(at_hz: Float[Array, " F"], dt: float, hz: float, order: int)
     back = np.exp(-2j * np.pi * at_hz * dt)
     low, all_pass = (1.0 - keep) / (1.0 - keep * back), (back - keep) / (1.0 - keep * back)
     return low[:, None] * all_pass[:, None] ** np.arange(order)
+
+
+def behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
+    """Samples behind a first-order lag [s], or as they are where it is zero."""
+    return lagging(x, dt, lag) if lag else x

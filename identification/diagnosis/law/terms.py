@@ -16,14 +16,12 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.input_names import base_of, frequency_of
+from identification.diagnosis.input_names import base_of, frequency_of, supply_loads
 from identification.diagnosis.law.histories import bristle, slip
-from identification.diagnosis.law.responses import delayed, resonator
+from identification.diagnosis.law.responses import behind, delayed, resonator
 from identification.diagnosis.law.rest import Rest, RestLog
-from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.described import FormulaTerm, less
-from phantom_dyn.signals.recursive import lagging
 
 Array = np.ndarray
 Series = Callable[[RestLog], Array]
@@ -288,7 +286,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
     for hz in _frequencies(at, _CORNERS):
         yield LawTerm(
             "first-order answer to the velocity", frozenset({frequency_of(f"v.{at.joint}")}), (f"low(v, {hz:g} Hz)",),
-            at.speed, (lambda log, hz=hz: _behind(v(log), _step(log), 0.5 / (np.pi * hz)),),
+            at.speed, (lambda log, hz=hz: behind(v(log), _step(log), 0.5 / (np.pi * hz)),),
         )  # fmt: skip
     for hz in _frequencies(at, _PEAKS):
         for damping in _DAMPINGS:
@@ -312,7 +310,7 @@ def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
     for hz in _frequencies(at, _CORNERS):
         yield LawTerm(
             "late answer to the torque", named, (f"(low({kind}, {hz:g} Hz) - {kind})",), unit,
-            (lambda log, hz=hz: _behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
+            (lambda log, hz=hz: behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
         )  # fmt: skip
     for share in _LATE:
         late = rounded(share / at.rest.logs[0].cutoff_hz)
@@ -360,21 +358,10 @@ def _supply(at: _Joint) -> Iterator[LawTerm]:
 
         def sag(log: RestLog, lag: float = lag) -> Array:
             total = np.sum([np.abs(log.inputs[name]) for name in loads], axis=0) / mean
-            return log.inputs[own] * (_behind(total, _step(log), lag) - 1.0)
+            return log.inputs[own] * (behind(total, _step(log), lag) - 1.0)
 
         text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
         yield LawTerm("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
-
-
-def supply_loads(inputs: tuple[str, ...], joint: str) -> tuple[str, ...]:
-    """Inputs that are drive torques, the joint's own first; nothing where its own is not among them."""
-    names = [name for name in inputs if name.startswith("tau.")]
-    own = f"tau.{joint}" if f"tau.{joint}" in names else f"tl.{joint}"
-    return (own, *(name for name in names if name != own)) if own in inputs else ()
-
-
-def _behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
-    return lagging(x, dt, lag) if lag else x
 
 
 def _other(at: _Joint, other: _Joint) -> Iterator[LawTerm]:

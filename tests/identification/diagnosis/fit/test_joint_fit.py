@@ -8,8 +8,9 @@ from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis.columns.nuisances import moves_of
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.terms import FoundEffect
+from identification.diagnosis.fit.covariance import covariance, free_numbers
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import covariance, free_numbers, joint_fit, within_tolerances
+from identification.diagnosis.fit.joint_fit import joint_fit, within_tolerances
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.judged_band import narrow_search

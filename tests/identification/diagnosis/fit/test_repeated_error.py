@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from identification.diagnosis.fit.covariance import covariance
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import covariance
 from identification.diagnosis.fit.repeated_error import equations, repeated_variance, same_states, scatter
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.judged_band import narrow_search

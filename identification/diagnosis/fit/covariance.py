@@ -1,0 +1,57 @@
+"""Covariance of all numbers of a diagnosis: the noise model's, or the scatter from block to block if that is larger."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.engine.numerics.bounded import solve
+from phantom_dyn.array_types import Float, Int
+
+Array = np.ndarray
+
+
+def free_numbers(
+    b: Float[Array, "B p"],
+    precision: Float[Array, " p"],
+    x: Float[Array, " p"],
+    bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
+) -> Int[Array, " f"]:
+    """Which numbers no bound holds against the data."""
+    gradient = b.sum(axis=0) - precision * x
+    lower, upper = bounds
+    return np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
+
+
+def covariance(
+    a: Float[Array, "B p p"],
+    b: Float[Array, "B p"],
+    precision: Float[Array, " p"],
+    x: Float[Array, " p"],
+    free: Int[Array, " f"],
+    repeated: Float[Array, " p"],
+) -> Float[Array, "p p"]:
+    """The larger of the noise model's covariance and the scatter from block to block, priors included.
+
+    The scatter is that of the block jackknife and what all blocks have in common at the same state. It leaves numbers
+    alone that a bound holds: they do not move when a block is left out, and the pull on them, which is not zero there
+    as it is on the others, is no scatter.
+
+    Args:
+        a: Products of slopes of each block.
+        b: Products of slopes and residual of each block.
+        precision: Of what is known of the numbers beforehand.
+        x: The numbers.
+        free: Those that no bound holds.
+        repeated: Variance of each number by what the residual repeats from block to block.
+    """
+    total = a.sum(axis=0) + np.diag(precision)
+    inverse = solve(total, np.eye(len(x)))
+    count = len(a)
+    gradient = b.sum(axis=0) - precision * x
+    moved = np.zeros((count, len(x)))
+    for k in range(count):
+        moved[k, free] = solve((total - a[k])[np.ix_(free, free)], (gradient - b[k])[free])
+    moved -= moved.mean(axis=0)
+    scatter = (count - 1) / count * moved.T @ moved + inverse @ np.diag(precision) @ inverse
+    larger = np.sqrt(np.maximum(1.0, (np.diag(scatter) + repeated) / np.maximum(np.diag(inverse), 1e-300)))
+    return inverse * np.outer(larger, larger)
