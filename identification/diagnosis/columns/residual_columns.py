@@ -30,7 +30,7 @@ from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Shape
+from phantom_dyn.effects.effect import Effect, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
@@ -107,7 +107,7 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     about = FitPoint() if about is None else about
     robot = session.robot
     given = _given_part(session) if before is None else _given_part_of(session, before)
-    if before is None or before.displaced or _displacing(about.found):
+    if before is None or before.displaced or _displacing(robot, about.found):
         given = _with_plain(session, given, about.found)
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
@@ -160,7 +160,7 @@ def columns_by_log(
     session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
 ) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
     """As `columns_like` without the columns themselves, and what makes those of a log: all together they are large."""
-    given, displacing = _given_part(session), _displacing(found) if like.displaced else ()
+    given, displacing = _given_part(session), _displacing(session.robot, found) if like.displaced else ()
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
     expected = replace(given, operations=operations)
 
@@ -255,13 +255,25 @@ def _assembled(
         _standing(session, given.operations, found),
         given.operations,
         local,
-        tuple(point.place for point in _displacing(found)),
+        tuple(point.place for point in _displacing(session.robot, found)),
     )
 
 
-def _displacing(found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
-    """Those effects by which the links are elsewhere than the readings say, or feel another gravity."""
-    return tuple(point for point in found if point.effect.displaces)
+def _displacing(robot: Robot, found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
+    """Those effects by which the links are elsewhere than the readings say, or feel another gravity.
+
+    One of a size that no robot has puts the links nowhere: an encoder that is off its centre by a radian has readings
+    that several positions share, between which speeds are infinite.
+    """
+    return tuple(point for point in found if point.effect.displaces and _plausible(robot, point))
+
+
+def _plausible(robot: Robot, point: FoundEffect) -> bool:
+    """True if the size of an effect is one that a robot may have."""
+    assert isinstance(point.effect, Effect)
+    theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
+    ranges = (one.plausible or (-np.inf, np.inf) for one in point.effect.parameters(robot, point.joint))
+    return all(low <= value <= high for value, (low, high) in zip(theta, ranges, strict=True))
 
 
 def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
@@ -269,7 +281,8 @@ def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, .
 
     The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
     """
-    plain = tuple(_plain(session, k, o, given.moves, _displacing(found)) for k, o in enumerate(given.operations))
+    there = _displacing(session.robot, found)
+    plain = tuple(_plain(session, k, o, given.moves, there) for k, o in enumerate(given.operations))
     return replace(given, plain=plain)
 
 

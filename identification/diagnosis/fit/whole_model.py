@@ -60,7 +60,7 @@ class ModelLayout:
         torque only.
         """
         columns = self.problem.columns
-        held = columns.displaced and place.term.effect.displaces
+        held = place.term.place in columns.displaced
         return (columns.operations if held else self.operations)[log]
 
     @property

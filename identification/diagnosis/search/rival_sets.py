@@ -46,7 +46,8 @@ class Standing:
         instead: The whole set with the rival in the finding's place that has to lead, None if the finding does: the
             likeliest of those whose sizes are plausible, or of all if none is.
         gates: What the gates of rivals say of it.
-        elsewhere: Whole sets with a rival in the finding's place, each with its share of wins.
+        elsewhere: Whole sets with a rival in the finding's place, each with its share of wins; none whose effects show
+            only by what they take off each other.
     """
 
     probability: float
@@ -149,7 +150,7 @@ def stand(
     likely = {at: share / total for at, share in kept.items()}
     there = _likeliest(search, chosen, term, likely, places)
     leader, gates = _leader(search, chosen, term, own / total, likely, there)
-    elsewhere = tuple((key, likely[at]) for at, key in there.items() if key not in same)
+    elsewhere = tuple((key, likely[at]) for at, key in there.items() if key not in same and adds_up(search, key))
     return Standing(own / total, rivals, leader, gates, elsewhere)
 
 

@@ -52,6 +52,20 @@ def test_nuisances_come_first_then_the_ten_parameters_of_each_link(quiet):
     assert names[count : count + 20 : 10] == ("upper.m", "lower.m")
 
 
+@pytest.mark.parametrize(("radians", "there"), [(0.05, True), (1.4, False)])
+def test_an_encoder_that_no_robot_has_puts_the_links_nowhere(quiet, radians, there):
+    # By hand: off its centre by more than a radian, a disc reads the same at several positions.
+    size = np.array([radians, 0.0])
+    found = FoundEffect(effect_named("encoder_eccentricity"), "elbow", (), size)
+    columns = build_columns(quiet.session, FitPoint((found,)))
+    assert columns.displaced == ((found.place,) if there else ())
+    moves = len(columns.nuisances)
+    for row, index in enumerate(columns.rows):
+        own = [k for k, column in enumerate(index) if column < moves]
+        energy, given = (np.abs(part.values[0][row][:, own]).max() for part in (columns, quiet.columns))
+        assert energy < 2.0 * given
+
+
 @pytest.mark.parametrize(
     ("name", "size"),
     [("upper mass", 1.1), ("lower center z", 1.1), ("elbow viscous friction", 1.1), ("shoulder Coulomb friction", 1.1)],
