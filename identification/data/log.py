@@ -50,6 +50,21 @@ class Band:
 
 
 @dataclass(frozen=True)
+class BaseSensors:
+    """Sensors on a base that is not bolted down.
+
+    Attributes:
+        gyroscope: Its frame.
+        accelerometer: Its frame.
+        noise: White noise of both [rad/s, m/s^2].
+    """
+
+    gyroscope: str
+    accelerometer: str
+    noise: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Log:
     """Motion and torque of one recording, ready for fitting; all arrays at the full, uniform rate.
 
@@ -73,9 +88,9 @@ class Log:
             read once while each was held, see `identification.data.drives.arrivals`; None: nowhere.
         switching: Standard deviation of the torque where a drive drops its voltage between two readings [N m or N],
             ``(N, nv)``, with the sign of the change; None with ``arrival``.
-        base_noise: White noise of gyroscope and accelerometer [rad/s, m/s^2]; None for a base that is bolted down.
         noise_covariance: Of white torque readings of unit variance, at no, one and two steps, once they were brought to
             a uniform rate, see `identification.data.signals.interpolated_noise`.
+        base_sensors: On a base that is not bolted down; None where it is.
     """
 
     file: str
@@ -91,7 +106,7 @@ class Log:
     temperature: Float[Array, "N nv"] | None = None
     references: References | None = None
     touched: Bool[Array, "N nv"] | None = None
-    base_noise: tuple[float, float] | None = None
+    base_sensors: BaseSensors | None = None
     arrival: Float[Array, "N nv"] | None = None
     switching: Float[Array, "N nv"] | None = None
     noise_covariance: tuple[float, float, float] = (1.0, 0.0, 0.0)

@@ -15,7 +15,7 @@ from identification.data.drive_loop import read_delays
 from identification.data.drives.arrivals import between_readings
 from identification.data.drives.compensation import friction_taken
 from identification.data.drives.joint_torque import external_torque, voltage_bound
-from identification.data.floating.filtered_base import filtered_base, noise_of_base
+from identification.data.floating.filtered_base import filtered_base, sensors_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
@@ -250,8 +250,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     between = between_readings(recording, robot, t, held_references)
     tau = tau if between is None else tau + between.torque
     left_open = (None, None) if between is None else (between.arrival, between.doubt)
-    noise, shared = noise_of_base(recording), interpolated_noise(recording.t, t)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, noise, *left_open, shared)
+    sensors, shared = sensors_of_base(recording), interpolated_noise(recording.t, t)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, sensors, *left_open, shared)
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:

@@ -219,15 +219,15 @@ class Adjusted:
 
 @dataclass(frozen=True)
 class FittedNumbers:
-    """Numbers of the corrected model that were fitted together.
+    """Numbers of the corrected model that were fitted together; those from ``timing`` on are of the recordings.
 
     Attributes:
         moves: Of the model within its tolerances, those that are not certain included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
-        timing: Part of a sample by which the recorded torque is late; it is a property of the recordings.
-        softness: Joints whose dry friction turns over as softly as in the simulator of the robot's file, each with how
-            much of that softness.
+        timing: Part of a sample by which the recorded torque is late.
+        softness: Joints whose dry friction is as soft as in the simulator of the robot's file, and by how much of it.
         arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
+        base: Errors of the base's sensors by name, each with its size [SI].
     """
 
     moves: tuple[Adjusted, ...]
@@ -235,14 +235,14 @@ class FittedNumbers:
     timing: float = 0.0
     softness: tuple[tuple[str, float], ...] = ()
     arrivals: tuple[tuple[str, float], ...] = ()
+    base: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
 class Bound:
     """The smallest size of an effect that this recording would have shown with 95 % power.
 
-    ``of_torque`` is the torque that an effect of this size makes on the motion, as a share of the measured torque of
-    the joint where it shows most; None where it is not known.
+    ``of_torque``: what it makes of the measured torque of the joint where it shows most; None where it is not known.
     """
 
     effect: str

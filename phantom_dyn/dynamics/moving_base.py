@@ -8,13 +8,16 @@ accelerometer to the origin of the root, :math:`f = f_s - \dot\omega \times p - 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import BaseMotion
+from phantom_dyn.motion import BaseMotion, Motion
 
 Array = np.ndarray
 
@@ -69,3 +72,26 @@ def base_motion(
     lever = place.translation
     at_root = force @ place.rotation.T - np.cross(faster, lever) - np.cross(turned, np.cross(turned, lever))
     return BaseMotion(turned, faster, at_root)
+
+
+def torque_of_base(robot: Robot, motion: Motion) -> Float[Array, "N nv 9"]:
+    """Slopes of the torque in the columns of `BaseMotion`: angular velocity, its derivative, specific force.
+
+    The torque is a polynomial of second degree in the first and linear in the others, so that differences are exact.
+
+    Args:
+        robot: Gives the model.
+        motion: N samples, with the motion of the root.
+    """
+    assert motion.base is not None
+    given, out = motion.base.columns, np.empty((*motion.q.shape, 9))
+
+    def torque(column: int, step: float) -> Array:
+        moved = given.copy()
+        moved[:, column] += step
+        return link_torque(robot, replace(motion, base=BaseMotion(*np.split(moved, 3, axis=1))))
+
+    plain = torque(0, 0.0)
+    for k in range(9):
+        out[:, :, k] = (torque(k, 1.0) - torque(k, -1.0)) / 2.0 if k < 3 else torque(k, 1.0) - plain
+    return out

@@ -23,6 +23,8 @@ URDF = f"""<robot name="leg"><link name="trunk">{BODY.format(mass=4)}</link><lin
 </robot>"""
 FRICTION, DAMPING = 0.2, 0.05
 RATE, SECONDS = 500.0, 24.0
+TURN, SCALE, OFFSET = 0.02, np.array([0.99, 1.01, 1.012]), np.array([0.15, -0.2, 0.1])
+LATE = 0.003
 
 
 def written_leg(folder: Path) -> Path:
@@ -40,6 +42,16 @@ def _waves(t: Array, size: float, count: int, rng: np.random.Generator) -> tuple
         phase = w * t[:, None] + start
         out += size / 3 * np.array([np.sin(phase), w * np.cos(phase), -(w**2) * np.sin(phase)])
     return out[0], out[1], out[2]
+
+
+def with_sensor_errors(columns: dict[str, Array]) -> dict[str, Array]:
+    """Columns of a log whose inertial sensor is turned a little, late, and wrong by ordinary scales and offsets."""
+    turn, t, out = pin.exp3(TURN * np.array([1.0, -0.6, 0.3])), columns["t"], dict(columns)
+    for quantity, offset in (("w", 0.1 * OFFSET), ("sf", OFFSET)):
+        names = [f"{quantity}.imu.{axis}" for axis in "xyz"]
+        read = np.column_stack([columns[name] for name in names]) @ turn.T * SCALE + offset
+        out |= {name: np.interp(t - LATE, t, x) for name, x in zip(names, read.T, strict=True)}
+    return out
 
 
 def log_of_leg(robot: Path, rng: np.random.Generator, *, dry: float = 0.0, steps: bool = False) -> dict[str, Array]:

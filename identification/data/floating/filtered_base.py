@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.log import Log
+from identification.data.log import BaseSensors, Log
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.moving_base import base_motion
@@ -48,25 +48,23 @@ def _filtered(both: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tu
     return w, quintic_derivatives(w, rate_hz)[0], both[:, 3:]
 
 
-def noise_of_base(recording: Recording) -> tuple[float, float] | None:
-    """White noise of gyroscope and accelerometer [rad/s, m/s^2], from differences in which motion cancels.
+def sensors_of_base(recording: Recording) -> BaseSensors | None:
+    """Gyroscope and accelerometer with their white noise, from differences in which motion cancels.
 
-    Their median, as impacts are no noise. None for a base that is bolted down.
+    It is that of their median, as impacts are no noise. None for a base that is bolted down.
     """
-    if recording.base is None:
+    base = recording.base
+    if base is None:
         return None
-    w, sf = (
-        1.4826 * float(np.median(np.abs(np.diff(x, 3, axis=0)))) / np.sqrt(20.0)
-        for x in (recording.base.w, recording.base.sf)
-    )
-    return float(w), float(sf)
+    w, sf = (1.4826 * float(np.median(np.abs(np.diff(x, 3, axis=0)))) / np.sqrt(20.0) for x in (base.w, base.sf))
+    return BaseSensors(base.gyroscope, base.accelerometer, (float(w), float(sf)))
 
 
 def read_once_more(log: Log, rng: np.random.Generator, cutoff_hz: float) -> BaseMotion | None:
     """Motion of the base of a log as its sensors would read it once more; None where it is bolted down."""
-    base, noise = log.motion.base, log.base_noise
-    if base is None or noise is None:
+    base, sensors = log.motion.base, log.base_sensors
+    if base is None or sensors is None:
         return base
-    errors = np.repeat(noise, 3) * rng.normal(size=(len(base.w), 6))
+    errors = np.repeat(sensors.noise, 3) * rng.normal(size=(len(base.w), 6))
     w, dw, sf = _filtered(errors, log.band.rate_hz, cutoff_hz)
     return BaseMotion(base.w + w, base.dw + dw, base.f + sf)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.floating.base_errors import SENSOR_ERRORS, feigned_torque
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Float
@@ -25,7 +26,9 @@ SOFTNESS = "softness"
 """Kind of the move that lets the dry friction of a joint turn over softly."""
 ARRIVAL = "arrival"
 """Kind of the move that lets the references of a joint arrive elsewhere in a frame."""
-OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL)
+BASE = "base"
+"""Kind of the move of an error of the sensors on a base that is not bolted down."""
+OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL, BASE)
 """Kinds of moves that change no number of the model."""
 
 
@@ -38,7 +41,8 @@ class Nuisance:
         sigma: One sigma of the change.
         bound: Largest change.
         relative: True if the change is relative to the modelled value; a shift of all torques or of references is in
-            samples, softness of friction in that of the simulator that the model is for.
+            samples, softness of friction in that of the simulator that the model is for, and errors of the base's
+            sensors in SI units.
     """
 
     name: str
@@ -54,8 +58,8 @@ class Move:
     Attributes:
         nuisance: Name and size.
         kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, when its
-            references arrive, or the timing of all.
-        place: Index of the body, or name of the joint; None for all.
+            references arrive, an error of the base's sensors, or the timing of all.
+        place: Index of the body, name of the joint or of the error; None for all.
         direction: Of the move among the ten parameters of the body.
     """
 
@@ -114,6 +118,9 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
     for joint in robot.open_arrivals:
         # Anywhere in the frame.
         out.append(Move(Nuisance(f"{joint} arrival of references", 0.29, 0.5, relative=False), ARRIVAL, joint))
+    if robot.floating:
+        for name, sigma in SENSOR_ERRORS.items():
+            out.append(Move(Nuisance(name, sigma, 2 * sigma, relative=False), BASE, name))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
     out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
     return tuple(out)
@@ -141,11 +148,14 @@ def move_columns(
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
     rows: list[list[Array]] = [[] for _ in range(robot.nv)]
     touched = touching(robot, moves)
+    of_base = feigned_torque(robot, log, operation) if log.base_sensors is not None else {}
     for index, move in enumerate(moves):
         if isinstance(move.place, int):
             change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
         elif move.place is None:
             change = drift.T
+        elif move.kind == BASE:
+            change = narrow(band(of_base[str(move.place)])).T
         elif move.kind == SOFTNESS:
             change = band(softness(robot, operation, move.place)).T
         elif move.kind == ARRIVAL:

@@ -7,7 +7,7 @@ another one: a size that was found beside a move of a mass is wrong without that
 from __future__ import annotations
 
 from identification.data.changes import Change
-from identification.diagnosis.columns.nuisances import ARRIVAL, SOFTNESS, TIMING, moves_of
+from identification.diagnosis.columns.nuisances import ARRIVAL, BASE, SOFTNESS, TIMING, moves_of
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
@@ -42,11 +42,11 @@ def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
 def _numbers(problem: Problem, fitted: JointFit, sizes: _Sizes) -> FittedNumbers:
     moves = moves_of(problem.session.robot)
     timing = float(sum(fitted.x[k] for k in problem.moves if moves[k].kind == TIMING))
-    soft, arrivals = (
+    soft, arrivals, base = (
         tuple((str(moves[k].place), float(fitted.x[k])) for k in problem.moves if moves[k].kind == kind)
-        for kind in (SOFTNESS, ARRIVAL)
+        for kind in (SOFTNESS, ARRIVAL, BASE)
     )
-    return FittedNumbers(all_moves(problem, fitted), sizes, timing, soft, arrivals)
+    return FittedNumbers(all_moves(problem, fitted), sizes, timing, soft, arrivals, base)
 
 
 def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.data.floating.base_errors import feigned_by
 from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
@@ -68,7 +69,8 @@ class Proof:
         known: Effects that belong to the given model already.
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
-        fitted: How late the recorded torque and references are and how softly joints rub there, among what was fitted.
+        fitted: How late the recorded torque and references are, how softly joints rub there and what is wrong with the
+            base's sensors, among what was fitted.
     """
 
     diagnosis: Diagnosis
@@ -145,13 +147,16 @@ class Proof:
                 torque = torque + share * softness(self.replay.robot, one.motion, joint)
             if fitted.arrivals:
                 torque = torque - one.later_references(fitted.arrivals)
+            if fitted.base:
+                torque = torque + feigned_by(self.replay.robot, one, fitted.base)
             return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
 
         return self.replay.squares(recorded)
 
     def _as_recorded(self, asked: Asked, squares: Float[Array, "2 B nv"]) -> dict[str, float]:
         """Residual of each joint on the recording as it is, by name."""
-        as_recorded = self.fitted.timing or self.fitted.softness or self.fitted.arrivals
+        fitted = self.fitted
+        as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
         left = rms(self.replay.squares(asked) if as_recorded else squares)
         return dict(zip(self.corrected.given.joint_names, left.tolist(), strict=True))
 

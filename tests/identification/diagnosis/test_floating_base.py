@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from floating_leg import log_of_leg, written_leg
+from floating_leg import log_of_leg, with_sensor_errors, written_leg
+from identification.data.floating.base_errors import SENSOR_ERRORS
 from identification.data.reading import recording
 from identification.data.recording import Table
 from identification.identify.identify import identify
@@ -24,6 +25,32 @@ def diagnosed(folder, rng, **options):
 @pytest.mark.parametrize("steps", [False, True])
 def test_a_leg_as_modelled_has_no_gap_whatever_its_foot_stands_on(tmp_path, rng, steps):
     assert diagnosed(tmp_path, rng, steps=steps).verdict == "no_gap"
+
+
+def with_errors(folder, rng, **options):
+    file = written_leg(folder)
+    robot = load_robot(file)
+    columns = with_sensor_errors(log_of_leg(file, rng, **options))
+    return diagnose(robot, (recording(Table("log.csv", columns), robot),))
+
+
+@pytest.mark.whole
+def test_ordinary_errors_of_the_bases_sensors_are_no_gap(tmp_path, rng):
+    assert with_errors(tmp_path, rng).verdict == "no_gap"
+
+
+@pytest.mark.whole
+def test_a_model_that_trusts_the_bases_sensors_is_accused(tmp_path, rng, monkeypatch):
+    for name in tuple(SENSOR_ERRORS):
+        monkeypatch.delitem(SENSOR_ERRORS, name)
+    assert with_errors(tmp_path, rng).verdict != "no_gap"
+
+
+@pytest.mark.whole
+def test_friction_is_found_beside_ordinary_errors_of_the_bases_sensors(tmp_path, rng):
+    found = with_errors(tmp_path, rng, dry=0.3)
+    assert [(one.effect, one.joint) for one in found.findings] == [("coulomb_friction", "knee")]
+    assert found.findings[0].parameters["torque"].value == pytest.approx(0.3, abs=0.03)
 
 
 @pytest.mark.whole

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from floating_leg import written_leg
-from identification.data.floating.filtered_base import filtered_base, noise_of_base, read_once_more
+from identification.data.floating.filtered_base import filtered_base, read_once_more, sensors_of_base
 from identification.data.recording import BaseReadings, Recording
 from identification.data.signals import process
 from phantom_dyn.dynamics.moving_base import base_motion
@@ -44,13 +44,13 @@ def test_the_angular_acceleration_is_the_derivative_of_the_gyroscopes(leg):
 
 
 def test_the_noise_of_both_sensors_is_read_from_their_readings():
-    w, sf = noise_of_base(turning(w=0.004, sf=0.07))
+    w, sf = sensors_of_base(turning(w=0.004, sf=0.07)).noise
     assert w == pytest.approx(0.004, rel=0.05)
     assert sf == pytest.approx(0.07, rel=0.05)
 
 
 def test_a_base_that_is_bolted_down_has_no_noise():
-    assert noise_of_base(replace(turning(), base=None)) is None
+    assert sensors_of_base(replace(turning(), base=None)) is None
 
 
 def test_read_once_more_the_base_differs_by_its_noise_in_the_band(leg, rng):

@@ -102,11 +102,16 @@ def test_where_the_foot_stands_the_torque_is_that_of_the_model(stepping):
     assert np.abs(log.tau - found.tau)[log.touched].max() > 10.0
 
 
+def with_noise(log, of_accelerometer):
+    assert log.base_sensors is not None
+    return replace(log, base_sensors=replace(log.base_sensors, noise=(0.0, of_accelerometer)))
+
+
 def test_the_noise_of_the_bases_sensors_is_noise_of_the_torque(stepping):
     robot, recorded = stepping
     log = process(recorded, robot, cutoff_hz=20.0)
     readings = (ReadingNoise(0.0, 0.0),) * 2
-    quiet = feigned(robot, replace(log, base_noise=(0.0, 0.0)), readings, np.random.default_rng(1))
-    noisy = feigned(robot, replace(log, base_noise=(0.0, 0.3)), readings, np.random.default_rng(1)) - quiet
+    quiet = feigned(robot, with_noise(log, 0.0), readings, np.random.default_rng(1))
+    noisy = feigned(robot, with_noise(log, 0.3), readings, np.random.default_rng(1)) - quiet
     # A mass point of 0.4 kg, 0.1 m from the knee, in a noise of 0.3 m/s^2 up to 50 of 250 Hz.
     assert np.std(noisy[:, 1]) == pytest.approx(0.4 * 0.1 * 0.3 * np.sqrt(50 / 250), rel=0.1)

@@ -1,0 +1,93 @@
+"""Errors that sensors on a base have though nothing is wrong with them, and the torque that each of them feigns.
+
+Sizes are those of what legged robots carry (Bosch BMI088 and the like): offsets of 20 mg and 1 deg/s, scales within
+1 %, a board mounted to a degree and to a centimetre, readings that come some milliseconds later than those of joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from identification.data.log import Log
+from phantom_dyn.array_types import Float
+from phantom_dyn.dynamics.moving_base import place_on_base, torque_of_base
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+_SIZES = {
+    "accelerometer offset": 0.2,
+    "accelerometer scale": 0.01,
+    "gyroscope offset": 0.0175,
+    "gyroscope scale": 0.01,
+    "turn of the base's sensors": 0.0175,
+    "place of the accelerometer": 0.01,
+}
+"""One sigma of each along one axis [m/s^2, 1, rad/s, 1, rad, m]."""
+_DELAY = "delay of the base's sensors"
+_LATE = 0.003
+"""One sigma of the time by which they are late or early [s]."""
+
+SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZES.items() for axis in "xyz"} | {
+    _DELAY: _LATE
+}
+"""One sigma of every error, by name: offsets and scales in the axes of the sensor, turns and places in the root's."""
+
+
+def feigned_torque(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
+    """Torque that the model asks for more for each error per unit, were it not in the readings; to first order.
+
+    Args:
+        robot: The given model.
+        log: Names the sensors' frames.
+        motion: Of the log.
+    """
+    slopes = torque_of_base(robot, motion)
+    return {name: np.einsum("njk,nk->nj", slopes, more) for name, more in _corrections(robot, log, motion).items()}
+
+
+def feigned_by(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
+    """The same for errors of given sizes together."""
+    corrections = _corrections(robot, log, log.motion)
+    more = sum((size * corrections[name] for name, size in sizes), np.zeros((len(log.motion.t), 9)))
+    return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), more)
+
+
+def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Array, "N 9"]]:
+    """What each error per unit changes of `BaseMotion.columns`."""
+    base, sensors = motion.base, log.base_sensors
+    assert base is not None
+    assert sensors is not None
+    gyroscope = place_on_base(robot, sensors.gyroscope).rotation
+    placed = place_on_base(robot, sensors.accelerometer)
+    accelerometer, lever = placed.rotation, placed.translation
+    w, dw = base.w, base.dw
+    none = np.zeros_like(w)
+    felt = base.f + np.cross(dw, lever) + np.cross(w, np.cross(w, lever))
+
+    def root(w_more: Array, dw_more: Array, felt_more: Array) -> Array:
+        """Of what the root does, where the sensors read so much more, in its axes."""
+        carried = np.cross(w_more, np.cross(w, lever)) + np.cross(w, np.cross(w_more, lever))
+        return np.hstack([w_more, dw_more, felt_more - np.cross(dw_more, lever) - carried])
+
+    out = {}
+    for k, axis in enumerate("xyz"):
+        own, there = np.tile(gyroscope[:, k], (len(w), 1)), np.tile(accelerometer[:, k], (len(w), 1))
+        unit = np.tile(np.eye(3)[k], (len(w), 1))
+
+        def along(x: Array, direction: Array) -> Array:
+            return (x @ direction[0])[:, None] * direction
+
+        out[f"accelerometer offset {axis}"] = root(none, none, there)
+        out[f"accelerometer scale {axis}"] = root(none, none, along(felt, there))
+        out[f"gyroscope offset {axis}"] = root(own, none, none)
+        out[f"gyroscope scale {axis}"] = root(along(w, own), along(dw, own), none)
+        out[f"turn of the base's sensors {axis}"] = root(np.cross(unit, w), np.cross(unit, dw), np.cross(unit, felt))
+        out[f"place of the accelerometer {axis}"] = np.hstack(
+            [none, none, -np.cross(dw, unit) - np.cross(w, np.cross(w, unit))]
+        )
+    out[_DELAY] = root(*(np.gradient(x, motion.t, axis=0) for x in (w, dw, felt)))
+    return out
