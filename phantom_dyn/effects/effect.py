@@ -356,6 +356,10 @@ class Effect(Rival):
         """True if it has a `true_motion` of its own."""
         return type(self).true_motion is not Effect.true_motion
 
+    def reads_one_place(self, theta: Float[Array, " p"]) -> bool:
+        """True if each reading belongs to one position of the joint, as any reading does without an encoder's error."""
+        return True
+
     @abstractmethod
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""

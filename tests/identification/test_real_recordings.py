@@ -89,7 +89,8 @@ def test_where_the_xl330_moves_its_friction_grows_with_the_load(mirror, tmp_path
     assert all(recording.excluded for recording in recordings)
     found = diagnose(robot, recordings, changes=changes).findings
     assert {"load_dependent_friction", "viscous_friction"} == {finding.effect for finding in found}
-    assert (found[0].effect, found[0].probability > 0.9) == ("load_dependent_friction", True)
+    # A delay takes a tenth of the draws.
+    assert (found[0].effect, found[0].probability > 0.85) == ("load_dependent_friction", True)
 
 
 def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, tmp_path):

@@ -262,18 +262,16 @@ def _assembled(
 def _displacing(robot: Robot, found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
     """Those effects by which the links are elsewhere than the readings say, or feel another gravity.
 
-    One of a size that no robot has puts the links nowhere: an encoder that is off its centre by a radian has readings
-    that several positions share, between which speeds are infinite.
+    An encoder that reads the same at several positions puts the links nowhere: speeds between these are infinite.
     """
-    return tuple(point for point in found if point.effect.displaces and _plausible(robot, point))
+    return tuple(point for point in found if point.effect.displaces and _reads_one_place(robot, point))
 
 
-def _plausible(robot: Robot, point: FoundEffect) -> bool:
-    """True if the size of an effect is one that a robot may have."""
+def _reads_one_place(robot: Robot, point: FoundEffect) -> bool:
+    """True if each reading belongs to one position of the joint."""
     assert isinstance(point.effect, Effect)
     theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
-    ranges = (one.plausible or (-np.inf, np.inf) for one in point.effect.parameters(robot, point.joint))
-    return all(low <= value <= high for value, (low, high) in zip(theta, ranges, strict=True))
+    return point.effect.reads_one_place(theta)
 
 
 def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:

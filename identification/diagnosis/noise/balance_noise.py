@@ -119,7 +119,7 @@ def balance_parts(
             values = float(2.0 * (b - a) * use.sum() / rate)
             if values >= _FEWEST:
                 centre = float(np.sqrt(a * b))
-                kept = _MEDIAN * (b - a) * float(log.noise_gain(np.array(centre)))
+                kept = _MEDIAN * (b - a) * float(log.noise_gain(np.array([centre]))[0])
                 power, own = (float(np.median(x[use, j] ** 2)) / kept for x in (whole, encoders))
                 parts.append(Part(centre, power, own, values))
     return out

@@ -29,6 +29,7 @@ ORDER = 1.0
 _LEAST_ARC = 0.5
 # Newton steps for the true angle; each squares an error of at most the amplitude.
 _NEWTON = 8
+_STEEPEST = 0.5  # slope of the error: as much again and the reading would stand still while the joint turns
 
 
 class EncoderEccentricity(Effect):
@@ -114,6 +115,11 @@ class EncoderEccentricity(Effect):
         """Inverse dynamics as read less that of the true motion."""
         row = row_of(robot, joint)
         return -exact_change_by_reading(robot, operation, row, *_true_less_read(operation, row, theta))
+
+    def reads_one_place(self, theta: Array) -> bool:
+        """The reading grows with the position everywhere; beyond that speeds between positions are infinite."""
+        amplitude, _, order = theta
+        return bool(order * amplitude < _STEEPEST)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
         """Where the reading plus its error is what was read."""

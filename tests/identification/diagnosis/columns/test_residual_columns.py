@@ -53,7 +53,7 @@ def test_nuisances_come_first_then_the_ten_parameters_of_each_link(quiet):
 
 
 @pytest.mark.parametrize(("radians", "there"), [(0.05, True), (1.4, False)])
-def test_an_encoder_that_no_robot_has_puts_the_links_nowhere(quiet, radians, there):
+def test_an_encoder_that_reads_the_same_at_several_positions_puts_the_links_nowhere(quiet, radians, there):
     # By hand: off its centre by more than a radian, a disc reads the same at several positions.
     size = np.array([radians, 0.0])
     found = FoundEffect(effect_named("encoder_eccentricity"), "elbow", (), size)
