@@ -1,8 +1,10 @@
-"""Writes cases of a quadruped in the form of `benchmarks.given_cases`: nulls, and one cause on one joint.
+"""Writes cases of robots on bases that move in the form of `benchmarks.given_cases`.
 
-    python -m benchmarks.legged.cases --out DIR --nulls 0:6 --singles 0:12
+    python -m benchmarks.legged.cases --out DIR --nulls 0:6 --singles 0:12 --outsides 0:4
 
-Masses, friction and rotors of every robot differ from its model by what the model's tolerances allow.
+Seeds go through a quadruped, a biped and an arm. Masses, friction and rotors of every robot differ from its model by
+what the model's tolerances allow, and its inertial sensor is as wrong as such sensors are. A single has one cause on
+one joint; outside of the catalogue are soft ground and a sensor on a loose mount.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.blind.generate import seed_range
-from benchmarks.legged.quadruped import CALF, JOINTS, Numbers, stated, urdf
-from benchmarks.legged.simulate import Drive, Task, simulate
+from benchmarks.legged.files import urdf
+from benchmarks.legged.motions import Task
+from benchmarks.legged.robots import Numbers, Robot, arm, biped, quadruped
+from benchmarks.legged.simulate import Drive, Ground, Sensor, simulate
 
 Array = np.ndarray
 Rng = np.random.Generator
@@ -29,6 +33,7 @@ TRUSTED = 0.5  # of a tolerance of one sigma: how far the robot is from its mode
 class Plant:
     """A robot with its drives."""
 
+    robot: Robot
     numbers: Numbers
     drive: Drive
 
@@ -46,8 +51,8 @@ def _added(name: str, factor: float) -> Change:
 
 
 def _payload(plant: Plant, j: int, size: float) -> Plant:
-    """A point mass near the foot of the shank."""
-    numbers, mass, at = plant.numbers, 0.15 * size, np.array([0.0, 0.0, -0.8 * CALF])
+    """A point mass near the end of a link."""
+    numbers, mass, at = plant.numbers, 0.15 * size, 1.3 * plant.numbers.center[j]
     total = numbers.mass[j] + mass
     center = (numbers.mass[j] * numbers.center[j] + mass * at) / total
 
@@ -81,8 +86,17 @@ CAUSES: dict[str, Change] = {
     "torque_constant": _scaled,
     "input_delay": _late,
 }
-# Of a delay and a lag no slow motion tells which; a mass is that of a body where nobody states payload_frame.
-NEAR = {"input_delay": ("input_delay", "actuator_lag"), "payload": ("inertial_parameters",)}
+ROBOTS = (quadruped, biped, arm)
+KINDS = ("null", "single", "outside")
+
+
+def _accepted(name: str, joint: str) -> list[list[list[str | None]]]:
+    """Of a delay and a lag no slow motion tells which; a mass is that of a body where nobody states payload_frame."""
+    if name == "input_delay":
+        return [[[near, joint]] for near in ("input_delay", "actuator_lag")]
+    if name == "payload":
+        return [[["inertial_parameters", joint]], [["payload", None]]]
+    return [[[name, joint]]]
 
 
 def _near_model(given: Numbers, rng: Rng) -> Numbers:
@@ -100,52 +114,86 @@ def _near_model(given: Numbers, rng: Rng) -> Numbers:
     )
 
 
-def _task(rng: Rng) -> Task:
-    hangs = bool(rng.random() < 0.4)
+def _sensor(rng: Rng) -> Sensor:
+    """Errors of ordinary sensors, at half of what their makers state."""
+    offsets = np.array([[0.5 * np.pi / 180], [0.1]]) * rng.normal(size=(2, 3))
+    scales = 1 + 0.005 * rng.normal(size=(2, 3))
+    turn, shift = 0.5 * np.pi / 180 * rng.normal(size=3), 0.005 * rng.normal(size=3)
+    return Sensor(offsets, scales, turn, shift, rng.uniform(0.0, 0.004))
+
+
+def _task(robot: Robot, rng: Rng) -> Task:
+    hangs = robot.name == "arm" or bool(rng.random() < 0.4)
     rate = float(rng.choice([500.0, 1000.0]))
     if hangs:
-        return Task(True, 24.0, rate, rng.uniform(0.8, 1.2), 0.5, 0.16, 0.0, 60.0, 2.0)
-    gait, duty = rng.uniform(1.4, 1.9), rng.uniform(0.45, 0.52)
-    return Task(False, 24.0, rate, gait, duty, rng.uniform(0.05, 0.08), rng.uniform(0.06, 0.09), 150.0, 5.0)
+        return Task(True, 24.0, rate, rng.uniform(0.8, 1.2), 0.5, 0.16, 0.0, 1.0 if robot.name == "arm" else 0.4)
+    if robot.name == "biped":
+        return Task(False, 24.0, rate, rng.uniform(0.7, 1.0), rng.uniform(0.55, 0.6), 0.14, rng.uniform(0.06, 0.1), 1.0)
+    duty = rng.uniform(0.45, 0.52)
+    return Task(False, 24.0, rate, rng.uniform(1.4, 1.9), duty, rng.uniform(0.05, 0.08), rng.uniform(0.06, 0.09), 1.0)
 
 
 def write_case(folder: Path, kind: str, seed: int) -> None:
-    """Writes the case of a kind (``null`` or ``single``) and a seed into a folder of its own; it is kept if there."""
+    """Writes the case of a kind and a seed into a folder of its own; it is kept if it is there.
+
+    Args:
+        folder: Of all cases.
+        kind: One of ``KINDS``.
+        seed: Of the draw; the robots take turns.
+    """
     case = folder / f"{kind}{seed:03d}"
     if (case / "answer.json").is_file():
         return
-    rng = np.random.default_rng([{"null": 1, "single": 2}[kind], seed])
-    given, task = stated(), _task(rng)
-    plant = Plant(_near_model(given, rng), Drive(np.ones(12), np.zeros(12), np.full(12, 1e9)))
+    rng = np.random.default_rng([1 + KINDS.index(kind), seed])
+    # Nothing that the arm does touches the ground.
+    robots = ROBOTS[:2] if kind == "outside" else ROBOTS
+    robot = robots[seed % len(robots)]()
+    task, sensor = _task(robot, rng), _sensor(rng)
+    count, ground = len(robot.parts), Ground(rubs=float(rng.uniform(0.4, 0.9)))
+    plant = Plant(robot, _near_model(robot.numbers, rng), Drive(np.ones(count), np.zeros(count)))
     effects = []
     if kind == "single":
-        name = list(CAUSES)[seed % len(CAUSES)]
-        joints = [j for j, joint in enumerate(JOINTS) if "calf" in joint or name != "payload"]
-        # A hip hardly turns in a trot.
-        joints = [j for j in joints if task.hangs or "hip" not in JOINTS[j]]
-        j = int(rng.choice(joints))
+        name = list(CAUSES)[seed // len(robots) % len(CAUSES)]
+        joints = robot.carries if name == "payload" else range(count)
+        j = int(rng.choice([j for j in joints if task.hangs or j not in robot.slow]))
         plant = CAUSES[name](plant, j, float(rng.uniform(1.0, 2.0)))
-        accept = [[[near, JOINTS[j]]] for near in NEAR.get(name, (name,))]
-        effects = [{"effect": name, "joint": JOINTS[j], "accept": accept}]
-    log = simulate(plant.numbers, plant.drive, task, rng)
+        joint = robot.joints[j]
+        effects = [{"effect": name, "joint": joint, "accept": _accepted(name, joint)}]
+    elif kind == "outside":
+        soft = seed // len(robots) % 2 == 0
+        effects = [{"effect": "soft_ground" if soft else "loose_mount", "joint": None}]
+        if soft:
+            task, ground = replace(task, hangs=False), replace(ground, softness=0.08)
+        else:
+            sensor = replace(sensor, mount=float(rng.uniform(6.0, 15.0)))
+    log = simulate(robot, plant.numbers, plant.drive, sensor, ground, task, rng)
     case.mkdir(parents=True, exist_ok=True)
-    (case / "robot.urdf").write_text(urdf(given))
-    rotors = "\n".join(f"  {joint}: {{rotor_inertia: {given.armature[j]:.6g}}}" for j, joint in enumerate(JOINTS))
+    (case / "robot.urdf").write_text(urdf(robot))
+    rotors = "\n".join(
+        f"  {joint}: {{rotor_inertia: {value:.6g}}}"
+        for joint, value in zip(robot.joints, robot.numbers.armature, strict=True)
+    )
     (case / "robot.yaml").write_text(f"base: floating\ntorque_hold: zoh\njoints:\n{rotors}\n")
     np.savez(case / "log.npz", **log)  # pyright: ignore[reportArgumentType]
     gap = 10.0 if effects else 0.0
-    answer = {"effects": effects, "gap_over_floor": gap, "hangs": task.hangs, "rate": task.rate}
+    answer = {
+        "effects": effects,
+        "gap_over_floor": gap,
+        "robot": robot.name,
+        "hangs": task.hangs,
+        "rate": task.rate,
+    }
     (case / "answer.json").write_text(json.dumps(answer, indent=1) + "\n")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Writes the cases that are not there yet."""
-    parser = argparse.ArgumentParser(description="Write cases of a quadruped.")
+    parser = argparse.ArgumentParser(description="Write cases of robots on bases that move.")
     parser.add_argument("--out", type=Path, required=True)
-    for kind in ("null", "single"):
+    for kind in KINDS:
         parser.add_argument(f"--{kind}s", dest=kind, type=seed_range, default=range(0), metavar="FIRST:END")
     given = parser.parse_args(arguments)
-    for kind in ("null", "single"):
+    for kind in KINDS:
         for seed in getattr(given, kind):
             try:
                 write_case(given.out, kind, seed)

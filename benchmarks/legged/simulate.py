@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A quadruped under position control in MuJoCo: it trots on flat ground, or hangs in a hand that sways."""
+"""A robot under position control in MuJoCo, which walks on flat ground or hangs in a hand that sways."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from benchmarks.legged.quadruped import CALF, JOINTS, LEGS, THIGH, Numbers, plant
+from benchmarks.legged.files import plant
+from benchmarks.legged.motions import Task, phases_of, references
+from benchmarks.legged.robots import Numbers, Robot
 
 Array = np.ndarray
 Rng = np.random.Generator
@@ -18,6 +20,7 @@ STEP = 0.0005  # [s]
 TOUCHING = 4.0  # force on a foot from which on it touches [N]
 HAND = 3000.0, 180.0  # stiffness [N/m] and damping [N s/m] of the hand that holds the trunk
 TILTS = 200.0, 12.0  # the same against turning [N m/rad, N m s/rad]
+GANTRY = 0.6  # share of a biped's weight that a gantry bears while it walks
 RIPPLE = 0.1  # of the drives from millisecond to millisecond, in no log [N m]
 CREEPS = 0.02  # speed at which dry friction is 76 % of its torque [rad/s]
 ENCODER = 2 * np.pi / 2**15  # step of a position [rad]
@@ -27,73 +30,49 @@ GYROSCOPE, ACCELEROMETER = 0.003, 0.05  # noise of a reading [rad/s, m/s^2]
 
 @dataclass(frozen=True)
 class Drive:
-    """What the drives make of the torque that is commanded, each ``(12,)``.
+    """What the drives make of the torque that is commanded, each ``(n,)``.
 
     Attributes:
         scale: Torque over commanded torque.
         delay: By which it comes late [s].
-        limit: Largest torque [N m].
     """
 
     scale: Array
     delay: Array
-    limit: Array
 
 
 @dataclass(frozen=True)
-class Task:
-    """How the robot moves.
+class Sensor:
+    """What is wrong with the inertial sensor, as with any.
 
     Attributes:
-        hangs: In the hand, or else trots.
-        seconds: How long.
-        rate: Of control and record [Hz].
-        gait: Steps of a leg a second [Hz].
-        duty: Share of the time that a foot is on the ground.
-        stride, lift: Of a foot [m].
-        kp, kd: Gains of the controllers.
+        offsets: Of gyroscope [rad/s] and accelerometer [m/s^2], ``(2, 3)``.
+        scales: Readings over what there is, ``(2, 3)``.
+        turn: By which its axes are turned, a vector [rad].
+        shift: By which it sits elsewhere on the base [m].
+        late: [s].
+        mount: Natural frequency of what it sits on [Hz]; infinite: it is fixed to the base.
     """
 
-    hangs: bool
-    seconds: float
-    rate: float
-    gait: float
-    duty: float
-    stride: float
-    lift: float
-    kp: float
-    kd: float
+    offsets: Array
+    scales: Array
+    turn: Array
+    shift: Array
+    late: float
+    mount: float = np.inf
 
 
-def references(task: Task, t: float, phases: Array) -> Array:
-    """Positions that the controllers are asked for, ``(12,)``; no step is as long or as high as the one before."""
-    out = np.empty(12)
-    stride = task.stride * (0.4 + 0.9 * np.sin(2 * np.pi * 0.083 * t))
-    lift = task.lift * (1 + 0.35 * np.sin(2 * np.pi * 0.21 * t + 1))
-    cycles = task.gait * (t + 0.25 * np.sin(2 * np.pi * 0.11 * t))
-    for k, leg in enumerate(LEGS):
-        phase = (cycles + phases[k]) % 1.0
-        height = 0.30
-        if task.hangs:
-            x = 0.5 * task.stride * np.sin(2 * np.pi * (task.gait * (1 + 0.07 * k) * t + phases[k]))
-            z = -height + 0.06 * np.sin(2 * np.pi * (1.37 * task.gait * t + 2 * phases[k]))
-            y = 0.25 * np.sin(2 * np.pi * (0.61 * task.gait * (1 + 0.05 * k) * t + phases[k]))
-        elif phase < task.duty:
-            x, z = stride * (0.5 - phase / task.duty), -height
-            y = 0.04 * np.sin(2 * np.pi * 0.31 * t + k)
-        else:
-            s = (phase - task.duty) / (1 - task.duty)
-            x = stride * (s - np.sin(2 * np.pi * s) / (2 * np.pi) - 0.5)
-            z = -height + lift * 0.5 * (1 - np.cos(2 * np.pi * s))
-            y = 0.04 * np.sin(2 * np.pi * 0.31 * t + k) + 0.1 * np.sin(2 * np.pi * 0.17 * t) * np.sin(np.pi * s) ** 2
-        reach = np.clip(np.hypot(x, z), 0.1, THIGH + CALF - 0.005)
-        knee = -(np.pi - np.arccos((THIGH**2 + CALF**2 - reach**2) / (2 * THIGH * CALF)))
-        thigh = np.arctan2(-x, -z) + np.arccos((THIGH**2 + reach**2 - CALF**2) / (2 * THIGH * reach))
-        out[3 * k : 3 * k + 3] = (y if leg[1] == "L" else -y), thigh, knee
-    return out
+@dataclass(frozen=True)
+class Ground:
+    """What the robot walks on: coefficient of friction, and time constant of contacts [s]."""
+
+    rubs: float = 0.8
+    softness: float = 0.02
 
 
-def simulate(numbers: Numbers, drive: Drive, task: Task, rng: Rng) -> Mapping[str, Array]:
+def simulate(
+    robot: Robot, numbers: Numbers, drive: Drive, sensor: Sensor, ground: Ground, task: Task, rng: Rng
+) -> Mapping[str, Array]:
     """Columns of the log of one run, as the diagnosis reads them.
 
     The torque is the one that was commanded, without the ripple of the drives; the inertial sensor averages over the
@@ -102,38 +81,40 @@ def simulate(numbers: Numbers, drive: Drive, task: Task, rng: Rng) -> Mapping[st
     Raises:
         FloatingPointError: If the robot falls.
     """
-    model = mujoco.MjModel.from_xml_string(plant(numbers, STEP))
+    model = mujoco.MjModel.from_xml_string(plant(robot, numbers, STEP, ground.rubs, ground.softness))
+    model.site("imu").pos[:] += sensor.shift
     data = mujoco.MjData(model)
-    phases = np.array([0.0, 0.5, 0.5, 0.0]) + (rng.uniform(0, 1, 4) if task.hangs else 0.0)
-    data.qpos[7:] = references(task, 0.0, phases)
+    n_joints, phases = len(robot.parts), phases_of(robot, task, rng)
+    data.qpos[7:] = references(robot, task, 0.0, phases)
+    held = _held(robot, task)
     if task.hangs:
-        data.qpos[2] = 0.8
+        data.qpos[2] = held.height
     inner = round(1 / (task.rate * STEP))
     wait = np.round(drive.delay / STEP).astype(int)
-    past = np.zeros((int(wait.max()) + 1, 12))
+    past = np.zeros((int(wait.max()) + 1, n_joints))
     settle, count = round(0.6 * task.rate), round(task.seconds * task.rate)
-    names = [f"{q}.{joint}" for q in ("q", "tau", "q_ref") for joint in JOINTS]
-    rows, sensed, touched = np.empty((count, 36)), np.empty((count, 6)), np.empty((count, 4))
+    names = [f"{q}.{joint}" for q in ("q", "tau", "q_ref") for joint in robot.joints]
+    rows, sensed = np.empty((count, 3 * n_joints)), np.empty((count, 6))
+    touched = np.empty((count, len(robot.ends)))
     sways = rng.uniform(0.2, 0.9, 6), rng.uniform(0, 6.28, 6)
-    read = np.zeros(6)
-    felt, ripple = np.zeros(4), np.zeros(12)
+    read, felt, ripple = np.zeros(6), np.zeros(len(robot.ends)), np.zeros(n_joints)
     for n in range(-settle, count):
         t = n / task.rate
-        asked = references(task, max(t, 0.0), phases)
-        q = np.round((data.qpos[7:] + SHAKES * rng.normal(size=12)) / ENCODER) * ENCODER
-        tau = task.kp * (asked - q) - task.kd * data.qvel[6:]
+        asked = references(robot, task, max(t, 0.0), phases)
+        q = np.round((data.qpos[7:] + SHAKES * rng.normal(size=n_joints)) / ENCODER) * ENCODER
+        tau = task.stiff * robot.kp * (asked - q) - np.sqrt(task.stiff) * robot.kd * data.qvel[6:]
         if n >= 0:
             rows[n], sensed[n], touched[n] = np.concatenate([q, tau, asked]), read, felt > TOUCHING
         read = np.zeros(6)
         for step in range(inner):
             past = np.roll(past, 1, axis=0)
             past[0] = tau
-            given = drive.scale * past[wait, np.arange(12)]
-            ripple = RIPPLE * rng.normal(size=12) if step % round(0.001 / STEP) == 0 else ripple
-            data.ctrl[:] = np.clip(given, -drive.limit, drive.limit) + ripple
+            given = drive.scale * past[wait, np.arange(n_joints)]
+            ripple = RIPPLE * rng.normal(size=n_joints) if step % round(0.001 / STEP) == 0 else ripple
+            data.ctrl[:] = given + ripple
             data.qfrc_applied[6:] = -numbers.friction * np.tanh(data.qvel[6:] / CREEPS)
-            if task.hangs:
-                data.xfrc_applied[1] = _hand(data, t, sways)
+            if held.share:
+                data.xfrc_applied[1] = _hand(data, t, sways, held)
             mujoco.mj_step(model, data)
             read += data.sensordata[:6] / inner
         felt = data.sensordata[6:].copy()
@@ -141,20 +122,66 @@ def simulate(numbers: Numbers, drive: Drive, task: Task, rng: Rng) -> Mapping[st
         if not np.isfinite(data.qpos).all() or upright < 0.5:
             raise FloatingPointError(f"The robot falls after {t:.2f} s.")
     out = {"t": np.arange(count) / task.rate} | dict(zip(names, rows.T, strict=True))
+    sensed = read_by(sensor, sensed, task.rate)
     sensed[:, :3] += GYROSCOPE * rng.normal(size=(count, 3))
     sensed[:, 3:] += ACCELEROMETER * rng.normal(size=(count, 3))
     for k, (quantity, axis) in enumerate([(q, a) for q in ("w", "sf") for a in "xyz"]):
         out[f"{quantity}.imu.{axis}"] = sensed[:, k]
-    return out | {f"contact.{leg}_foot": touched[:, k] for k, leg in enumerate(LEGS)}
+    return out | {f"contact.{end.name}": touched[:, k] for k, end in enumerate(robot.ends)}
 
 
-def _hand(data: mujoco.MjData, t: float, sways: tuple[Array, Array]) -> Array:
+def read_by(sensor: Sensor, there: Array, rate: float) -> Array:
+    """What the sensor makes of angular velocity and specific force where it sits, ``(N, 6)``."""
+    if np.isfinite(sensor.mount):
+        there = _on_springs(there, sensor.mount, rate)
+    matrix, flat = np.zeros(9), np.zeros(4)
+    angle = float(np.linalg.norm(sensor.turn))
+    mujoco.mju_axisAngle2Quat(flat, sensor.turn / max(angle, 1e-300), angle)
+    mujoco.mju_quat2Mat(matrix, flat)
+    t = np.arange(len(there)) / rate
+    out = np.hstack([part @ matrix.reshape(3, 3) for part in (there[:, :3], there[:, 3:])])
+    out = out * sensor.scales.ravel() + sensor.offsets.ravel()
+    return np.column_stack([np.interp(t - sensor.late, t, column) for column in out.T])
+
+
+def _on_springs(there: Array, hz: float, rate: float) -> Array:
+    """Each reading as a mass on a spring with a tenth of the critical damping follows it."""
+    w, inner = 2 * np.pi * hz, 8
+    out, x, v = np.empty_like(there), there[0].copy(), np.zeros(there.shape[1])
+    for n, now in enumerate(there):
+        for _ in range(inner):
+            v = v + (w**2 * (now - x) - 0.2 * w * v) / (rate * inner)
+            x = x + v / (rate * inner)
+        out[n] = x
+    return out
+
+
+@dataclass(frozen=True)
+class _Held:
+    """How a hand or a gantry holds the trunk: its height [m], how far it sways [m, rad], share of the weight."""
+
+    height: float
+    sway: float
+    tilt: float
+    share: float
+    weight: float
+
+
+def _held(robot: Robot, task: Task) -> _Held:
+    if task.hangs:
+        height = 0.8 if robot.name == "quadruped" else 1.4
+        return _Held(height, 0.06, 0.3, 1.0, robot.weight)
+    return _Held(robot.height - 0.005, 0.004, 0.04, GANTRY if robot.name == "biped" else 0.0, robot.weight)
+
+
+def _hand(data: mujoco.MjData, t: float, sways: tuple[Array, Array], held: _Held) -> Array:
     """Force and moment of a hand on the trunk, which it moves and turns about slowly."""
     speed, start = sways
-    place = 0.06 * np.sin(2 * np.pi * speed[:3] * t + start[:3]) + np.array([0.0, 0.0, 0.8])
-    turn = 0.3 * np.sin(2 * np.pi * speed[3:] * t + start[3:])
+    place = held.sway * np.sin(2 * np.pi * speed[:3] * t + start[:3]) + np.array([0.0, 0.0, held.height])
+    turn = held.tilt * np.sin(2 * np.pi * speed[3:] * t + start[3:])
     quat = data.qpos[3:7] if data.qpos[3] >= 0 else -data.qpos[3:7]
-    force = HAND[0] * (place - data.qpos[:3]) - HAND[1] * data.qvel[:3] + np.array([0.0, 0.0, 150.0])
+    lifts = np.array([0.0, 0.0, held.share * held.weight])
+    force = HAND[0] * (place - data.qpos[:3]) - HAND[1] * data.qvel[:3] + lifts
     axes = np.empty(9)
     mujoco.mju_quat2Mat(axes, data.qpos[3:7])
     body = axes.reshape(3, 3)
