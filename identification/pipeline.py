@@ -163,7 +163,7 @@ def _by_controllers(
         recordings: With references, or with voltages that give a torque.
         held_out: How many of the recordings, the last ones, no fit sees.
         known: Effects of an earlier diagnosis, which are part of the model.
-        progress: Is told each stage.
+        progress: Called at the start of each stage.
 
     Raises:
         LogError: If a recording cannot be used, or the motion tells no gain.

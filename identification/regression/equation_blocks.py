@@ -9,7 +9,7 @@ import numpy as np
 from identification.data.log import Log
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Signature
+from phantom_dyn.effects.rival import Signature
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

@@ -20,8 +20,9 @@ from identification.regression.equation_blocks import BandedEffect, banded, bloc
 from identification.regression.reduction import Reduction, reduce_blocks
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
-from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot

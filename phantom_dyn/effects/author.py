@@ -1,8 +1,9 @@
 """What the author of an effect imports, in one place; `docs/how_to/own_effects.md` shows how."""
 
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Moment, Simulated, Transmission
 from phantom_dyn.effects.support.rows import (
     damping_unit,

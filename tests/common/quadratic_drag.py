@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn.effects.described import EffectWords, FormulaTerm
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot

@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from identification.data.checks.map_entries import entries, gear_entries
 from identification.data.checks.readings import (
     Reading,
     varies,
@@ -23,7 +22,7 @@ from identification.data.checks.readings import (
     with_torques_plus,
     with_torques_times,
 )
-from identification.data.readers.map_entries import entries_words
+from identification.data.readers.map_entries import entries, entries_words, gear_entries
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction

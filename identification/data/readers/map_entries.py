@@ -1,4 +1,4 @@
-"""Entries of a column map that mend a recording, in the words of a message.
+"""Entries of a column map that mend a recording, and the words of a message that asks for them.
 
 A map takes columns by the file's own names. Where the recording was read through one, the entries say these.
 """
@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from identification.data.readers.contract_columns import JOINT_QUANTITIES
 from identification.data.readers.suggested_map import quoted
 from identification.data.recording import Recording
+from phantom_dyn.model.robot import Robot
 
 
 def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
@@ -48,3 +49,22 @@ def _renamed(recording: Recording, value: str) -> str:
     before, after = ("{from: ", ", ") if value.startswith("{from: ") else ("", "")
     name, mark, rest = value.removeprefix(before).partition(after) if after else (value, "", "")
     return f"{before}{quoted(recording.named[name])}{mark}{rest}" if name in recording.named else value
+
+
+def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
+    """Entries for all torques, one for all joints where they agree."""
+    if len(set(by_joint.values())) == 1:
+        return entries(robot, "tau", tuple(by_joint), next(iter(by_joint.values())))
+    return {key: value for j, option in by_joint.items() for key, value in _entry(robot, "tau", j, option).items()}
+
+
+def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
+    """Entries of a column map for a quantity of some joints, in one line where they are all joints."""
+    if len(joints) == robot.nv > 1 and not robot.passive_names:
+        return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
+    return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
+
+
+def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
+    column = f"{quantity}.{robot.joint_names[j]}"
+    return {column: f"{{from: {column}, {option}}}"}

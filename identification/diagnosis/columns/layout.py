@@ -10,8 +10,8 @@ from identification.diagnosis.columns.common_causes import together
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import SERIES, FoundEffect, Term, shapes_of
-from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Rival, Shape
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Rival
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.load.payload import carrying
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Rival
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot

@@ -15,8 +15,9 @@ from identification.data.change_kinds import KINDS, Kind
 from identification.data.changes import Change, robot_in
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.catalogue import effects_of
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.effect import Rival, Shape, Signature, Source
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Rival, Shape, Signature, Source
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging

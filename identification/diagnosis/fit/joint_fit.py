@@ -34,7 +34,7 @@ from identification.diagnosis.fit.whole_model import (
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
-from phantom_dyn.effects.effect import OtherLaw
+from phantom_dyn.effects.rival import OtherLaw
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.containment import contains, scales_all_bodies
 from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses_in, odds_of_richer
-from identification.diagnosis.search.fits import Chosen, Fits
+from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search
@@ -55,24 +54,6 @@ class Standing:
     instead: frozenset[Term] | None = None
     gates: tuple[GateResult, ...] = ()
     elsewhere: tuple[tuple[frozenset[Term], float], ...] = ()
-
-
-def with_wide_tolerances(search: Search) -> Search:
-    """The same search for a model that may be off by three times what it states; rivals and prices stay."""
-
-    def widened(problem: Problem) -> Problem:
-        moves = np.arange(len(problem.precision)) < problem.nuisances
-        width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
-        return replace(
-            problem,
-            precision=problem.precision / width**2,
-            lower=problem.lower * width,
-            upper=problem.upper * width,
-            where_read=None if problem.where_read is None else widened(problem.where_read),
-        )
-
-    wide = widened(search.problem)
-    return replace(search, problem=wide, fits=Fits(wide))
 
 
 def stand(

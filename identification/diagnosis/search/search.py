@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
@@ -227,3 +228,21 @@ def set_up_search(
     displacing, covering = relations(problem.columns.terms)
     fits, kept = Fits(problem), Record() if record is None else record
     return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
+
+
+def with_wide_tolerances(search: Search) -> Search:
+    """The same search for a model that may be off by three times what it states; rivals and prices stay."""
+
+    def widened(problem: Problem) -> Problem:
+        moves = np.arange(len(problem.precision)) < problem.nuisances
+        width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
+        return replace(
+            problem,
+            precision=problem.precision / width**2,
+            lower=problem.lower * width,
+            upper=problem.upper * width,
+            where_read=None if problem.where_read is None else widened(problem.where_read),
+        )
+
+    wide = widened(search.problem)
+    return replace(search, problem=wide, fits=Fits(wide))

@@ -11,7 +11,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.gates.special_case import differs_from_simpler
 from phantom_dyn.array_types import Float
-from phantom_dyn.effects.effect import SpecialCase
+from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

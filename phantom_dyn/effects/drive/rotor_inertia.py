@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.effects.support.rows import inertia_unit, on_one_joint, row_of, torque_on_joint

@@ -15,8 +15,9 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import rows_of
 from phantom_dyn.model.robot import Robot

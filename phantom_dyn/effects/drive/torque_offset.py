@@ -13,8 +13,9 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit

@@ -18,8 +18,9 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in
 from phantom_dyn.effects.support.position_waves import (

@@ -13,8 +13,9 @@ from scipy import ndimage
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (

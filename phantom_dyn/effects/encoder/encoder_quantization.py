@@ -12,8 +12,9 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import row_of

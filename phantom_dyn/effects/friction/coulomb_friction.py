@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.ranges import dry_range

@@ -16,8 +16,9 @@ import numpy as np
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.ranges import dry_range, stated_limit, viscous_range

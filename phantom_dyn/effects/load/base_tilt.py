@@ -18,8 +18,9 @@ import pinocchio as pin
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated
+from phantom_dyn.effects.effect import Effect, Parameter, Stated
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot

@@ -21,8 +21,9 @@ import numpy as np
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated
+from phantom_dyn.effects.effect import Effect, Parameter, Stated
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.attached import Attached

@@ -7,8 +7,8 @@ from scipy import ndimage
 
 from phantom_dyn.array_types import Float, Int
 from phantom_dyn.dynamics.tree_motion import joint_velocity
-from phantom_dyn.effects.effect import Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints

@@ -18,8 +18,9 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
 from phantom_dyn.effects.support.rows import branch_rows, row_of

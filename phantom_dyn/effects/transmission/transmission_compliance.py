@@ -16,8 +16,9 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import SPRING_DAMPING, Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.support.encoder_lattice import stated_step

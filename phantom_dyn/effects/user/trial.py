@@ -14,8 +14,9 @@ import numpy as np
 
 from phantom_dyn.array_types import Float
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.effects.user.law_effect import LawEffect, at_moment, rows_of, unit_of
 from phantom_dyn.errors import EffectError, PhantomDynError

@@ -10,7 +10,7 @@ import pytest
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.described import ModelNumbers
-from phantom_dyn.effects.effect import Effect, Rival
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError
@@ -390,16 +390,3 @@ def test_the_terms_that_an_effect_says_are_made_by_its_columns(arm, smooth, effe
         wanted = np.broadcast_to(term.column(*given), len(smooth.t))
         made = columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
         np.testing.assert_allclose(made, wanted, atol=1e-9 * np.abs(wanted).max())
-
-
-OPTIONAL = [name for base in (Rival, Effect) for name in base.__annotations__ if hasattr(base, name)]
-
-
-def test_an_effect_may_say_ten_things_of_itself_at_most():
-    # Whatever is true of one effect alone is better a method of its own, or a row of the table of relations.
-    assert 0 < len(OPTIONAL) <= 10
-
-
-@pytest.mark.parametrize("attribute", OPTIONAL)
-def test_what_an_effect_may_say_is_said_by_several(attribute):
-    assert sum(attribute in vars(type(effect)) for effect in EFFECTS) > 1

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.against_model import Sample, regress_joints
-from identification.data.checks.map_entries import gear_entries
 from identification.data.checks.readings import Reading, with_torques_times
 from identification.data.checks.suspects import Suspect, names
+from identification.data.readers.map_entries import gear_entries
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed

@@ -15,8 +15,8 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, growth_of_gap
 from identification.diagnosis.judge.moved_by_noise import loud_search
 from identification.diagnosis.search.record import Place, Record
-from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing, with_wide_tolerances
-from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
+from identification.diagnosis.search.search import Search, with_wide_tolerances
 from identification.diagnosis.search.squares_left import squares_left
 
 

@@ -14,8 +14,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.judge.findings.bench import Shown
-from identification.diagnosis.search.rival_sets import with_wide_tolerances
-from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.search import Search, with_wide_tolerances
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
@@ -43,19 +42,22 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
 def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
     """The same fit with deviations of sizes that hold what they are beside the rivals of other findings.
 
-    Each set that a rival makes counts by its probability. Rivals that keep an effect and add another one to it count
-    for its own size too.
+    Each set that rivals make counts once, by its largest probability: one law in the place of two is a rival of both.
+    Rivals that keep an effect and add another one to it count for its own size too.
 
     Args:
         fitted: Fit of all numbers.
         shown: What is shown, with the sets of its rivals.
     """
-    if not any(standing.elsewhere for standing in shown.standings.values()):
-        return fitted
-    here = shown.plain.evaluate(shown.beside).theta
+    sets: dict[frozenset[Term], float] = {}
     for standing in shown.standings.values():
         for rivals, probability in standing.elsewhere:
-            fitted = _wider(fitted, rivals, shown.plain.evaluate(rivals).theta - here, probability)
+            sets[rivals] = max(probability, sets.get(rivals, 0.0))
+    if not sets:
+        return fitted
+    here = shown.plain.evaluate(shown.beside).theta
+    for rivals, probability in sets.items():
+        fitted = _wider(fitted, rivals, shown.plain.evaluate(rivals).theta - here, probability)
     return fitted
 
 

@@ -16,8 +16,8 @@ from identification.diagnosis.search.rival_sets import (
     _with_places,
     settled,
     stand,
-    with_wide_tolerances,
 )
+from identification.diagnosis.search.search import with_wide_tolerances
 from identification.diagnosis.search.stepwise import explain
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot

@@ -39,6 +39,17 @@ def test_a_size_is_uncertain_by_what_it_is_beside_a_likely_rival(rubbing):
     assert more == pytest.approx(0.3 * shift**2)
 
 
+def test_a_set_that_is_a_rival_of_two_findings_counts_once(rubbing):
+    # Closed form: the larger of its two probabilities.
+    coulomb, both, shown = rubbing
+    (viscous,) = both - {coulomb}
+    once, twice = (
+        replace(shown, standings={term: Standing(0.7, (), elsewhere=((both, p),)) for term, p in shares})
+        for shares in (((coulomb, 0.3),), ((coulomb, 0.3), (viscous, 0.2)))
+    )
+    np.testing.assert_array_equal(*(with_other_causes(one.joint_fit, one).cov for one in (once, twice)))
+
+
 def test_without_rivals_deviations_stay_as_they_are(rubbing):
     coulomb, _, shown = rubbing
     shown = replace(shown, standings={coulomb: Standing(1.0, ())})
