@@ -71,8 +71,8 @@
     const starts = new Set(given.starts), whole = [t[0], t[t.length - 1]];
     const least = Math.min(20 * (steps[steps.length >> 1] || 1), whole[1] - whole[0]);
     let view = [...given.view];
-    place.innerHTML = `<p class="tools"><span class="keys">${KINDS.map((kind) => `<i class="${kind}"></i>${kind === "measured"
-      ? kind : `${kind} model`}`).join(" ")}</span><span><button aria-label="earlier">◀</button><button
+    place.innerHTML = `<p class="tools"><span class="keys">${KINDS.map((kind) => `<span><i class="${kind}"></i>${kind === "measured"
+      ? kind : `${kind} model`}</span>`).join(" ")}</span><span><button aria-label="earlier">◀</button><button
       aria-label="later">▶</button><button aria-label="closer">+</button><button aria-label="further away">−</button><button>whole
       recording</button></span></p><div class="drawing" tabindex="0"></div><p class="soft reading"></p>`;
     const drawing = place.querySelector(".drawing"), reading = place.querySelector(".reading");

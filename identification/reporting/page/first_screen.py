@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.result import Diagnosis, Finding, JointGap
+from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.reporting.charts.chart import AFTER, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import diagnosis_words as words
@@ -109,7 +109,7 @@ def _size(findings: tuple[Finding, ...]) -> str:
             return ""
         alone = len(values) == 1
         return ", ".join(
-            value_words(value) if alone else f"{words.parameter_name(name)} {value_words(value)}"
+            _unbroken(value) if alone else f"{words.parameter_name(name)} {_unbroken(value)}"
             for name, value in values.items()
         )
     alone = [tuple(finding.parameters.values()) for finding in findings if len(finding.parameters) == 1]
@@ -119,6 +119,11 @@ def _size(findings: tuple[Finding, ...]) -> str:
         return ""
     low, high = number(min(sizes)), number(max(sizes))
     return with_unit(low if low == high else f"{low} to {high}", units.pop())
+
+
+def _unbroken(value: Value) -> str:
+    """An estimate whose deviation does not go to the next line."""
+    return value_words(value).replace(" ± ", f"{NO_BREAK}±{NO_BREAK}")
 
 
 def share_curve(diagnosis: Diagnosis) -> str:
