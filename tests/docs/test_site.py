@@ -12,6 +12,7 @@ import sys
 
 import pytest
 
+from called_example import printed
 from identification.cli.main import COMMANDS
 from phantom_dyn.effects.catalogue import EFFECTS
 from places import CHECKOUT
@@ -31,11 +32,17 @@ def snippets(page):
     return re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.DOTALL | re.MULTILINE)
 
 
+def scripts(page):
+    """Scripts of examples/ that the lesson begins with, each with its words."""
+    lines = re.findall(r"^```\npython examples/(.*)\n```", page.read_text(), flags=re.MULTILINE)
+    return [line.split() for line in lines]
+
+
 # Lessons are whole; the snippets of other pages stand for files and clusters of the reader.
 LESSONS = [page for page in PAGES if page.parent.name in ("tutorials", "how_to") and snippets(page)]
 OTHERS = [page for page in PAGES if page not in LESSONS and snippets(page)]
-# Arms of six joints: their diagnoses take longest.
-LONG = {"ur_rtde", "so101_lerobot"}
+# An arm of six joints: its diagnosis takes longest.
+LONG = {"ur_rtde"}
 
 
 @pytest.mark.parametrize(
@@ -48,6 +55,8 @@ def test_the_python_of_a_page_runs_and_says_the_truth(page, tmp_path, monkeypatc
     if "datasets.fetch" in page.read_text():
         monkeypatch.setenv("PHANTOM_DYN_DATA", str(request.getfixturevalue("data_folder")))
     monkeypatch.chdir(tmp_path)
+    for script, *words in scripts(page):
+        printed(script, *words)
     here = {}
     for snippet in snippets(page):
         exec(snippet, here)

@@ -293,6 +293,7 @@ FOLDER_TAKERS = (
     "haptics_gallery.py",
     "joystick_walk.py",
     "phantom_maps.py",
+    "so101_dataset.py",
 )
 
 
