@@ -1,4 +1,4 @@
-"""Pages of the documentation that are written from the code: the effects of the catalogue, the help of the commands."""
+"""Pages of the documentation that are written from the code: effects, help of the commands, keys of the files."""
 
 from __future__ import annotations
 
@@ -6,16 +6,24 @@ import importlib
 import inspect
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from effect_figures import ARM, shown_sizes, write_figures
 
 from identification.cli.main import COMMANDS
+from identification.data.change_kinds import KINDS
+from identification.data.readers.column_map import ENTRY_KEYS, WHOLE_KEYS
+from identification.data.readers.contract_columns import ALONE, FRAME_AXES, FRAME_FLAGS, UNITS
+from identification.scenarios.recordings_file import CONTROLLER_KEYS, PAYLOAD_KEYS, RECORDING_KEYS
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.model import robot_config
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_config import wanted_value
 
 
 def write_pages(folder: Path) -> None:
@@ -24,6 +32,7 @@ def write_pages(folder: Path) -> None:
     (folder / "effects.rst").write_text(effects_page())
     write_figures(folder, EFFECTS)
     (folder / "commands.rst").write_text(commands_page())
+    (folder / "keys.rst").write_text(keys_page())
 
 
 def effects_page() -> str:
@@ -104,6 +113,69 @@ def commands_page() -> str:
         else:
             os.environ["COLUMNS"] = width
     return "\n".join(lines)
+
+
+ROBOT_TABLES = {
+    "robot.yaml": robot_config.RobotConfig,
+    "tolerance": robot_config.ToleranceConfig,
+    "joints: each": robot_config.JointConfig,
+    "controller": robot_config.ControllerConfig,
+    "loops: kind linear": robot_config.LinearLoop,
+    "loops: kind point": robot_config.PointLoop,
+    "loops: kind frame": robot_config.FrameLoop,
+}
+"""Tables of a ``robot.yaml`` by their place in it."""
+
+
+def keys_page() -> str:
+    """Every column of a log with its units, and every key of the YAML files, as their readers have them."""
+    lead = "From the readers of this version; :doc:`/files` says what each of them means."
+    parts = [_heading("Every key, its values and units", "="), lead, ""]
+    parts += [_heading("Columns of a log", "-"), *_rows(("column", "units"), _columns())]
+    entries = [("entry of one column", ENTRY_KEYS), ("whole map", WHOLE_KEYS)]
+    parts += [_heading("Column map", "-"), *_rows(("of", "keys"), [(of, _names(keys)) for of, keys in entries])]
+    recordings = [("entry of recordings", RECORDING_KEYS), ("payload", PAYLOAD_KEYS), ("controller", CONTROLLER_KEYS)]
+    recordings += [("changed: one or more of", KINDS)]
+    parts += [_heading("recordings.yaml", "-"), *_rows(("of", "keys"), [(of, _names(k)) for of, k in recordings])]
+    for place, struct in ROBOT_TABLES.items():
+        parts += [_heading(place, "-"), *_rows(("key", "value", "default"), _fields(struct))]
+    return "\n".join(parts)
+
+
+def _columns() -> list[tuple[str, str]]:
+    """Names of a log's columns, each with the units that a column map may state; the first is that of the log."""
+    out = []
+    for quantity, units in UNITS.items():
+        if quantity in ALONE:
+            names = [quantity]
+        elif quantity in FRAME_AXES:
+            names = [f"{quantity}.<frame>.{axis}" for axis in FRAME_AXES[quantity]]
+        else:
+            names = [f"{quantity}.<{'frame' if quantity in FRAME_FLAGS else 'joint'}>"]
+        out.append((_names(names), _names(unit for unit in units if unit != "1") or "none"))
+    return out
+
+
+def _fields(struct: type[msgspec.Struct]) -> list[tuple[str, str, str]]:
+    """Keys of a table of ``robot.yaml``, what each takes, and its default."""
+    out = []
+    for field in msgspec.structs.fields(struct):
+        plain = isinstance(field.default, bool | int | float | str)
+        default = "required" if field.required else str(field.default).lower() if plain else "none"
+        out.append((f"``{field.name}``", wanted_value(struct, [field.name]), default))
+    return out
+
+
+def _rows(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
+    """A table of reStructuredText."""
+    lines = [".. list-table::", "   :header-rows: 1", ""]
+    for row in (head, *rows):
+        lines += [f"   {'* -' if k == 0 else '  -'} {cell}" for k, cell in enumerate(row)]
+    return [*lines, ""]
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(f"``{name}``" for name in names)
 
 
 def _heading(text: str, mark: str) -> str:

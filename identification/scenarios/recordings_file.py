@@ -17,10 +17,10 @@ from phantom_dyn.errors import ParameterError, UsageError, known_names, shortene
 from phantom_dyn.model.files.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
 from phantom_dyn.model.robot import Controller, Robot
 
-_KEYS = ("file", "payload", "controller", "changed", "exclude", "files")
-_PAYLOAD_KEYS = ("mass", "center")
+RECORDING_KEYS = ("file", "payload", "controller", "changed", "exclude", "files")
+PAYLOAD_KEYS = ("mass", "center")
 _GAINS = ("kp", "kd", "delay")
-_CONTROLLER_KEYS = ("kind", *_GAINS)
+CONTROLLER_KEYS = ("kind", *_GAINS)
 
 
 def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
@@ -105,7 +105,7 @@ def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
 def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a mapping with file and what was different.")
-    _known_keys(entry, file, key, _KEYS)
+    _known_keys(entry, file, key, RECORDING_KEYS)
     name, *beside = _files(entry, file, key)
     gains = entry.get("controller")
     return Change(
@@ -149,8 +149,8 @@ def _payload(entry: Any, file: str, key: str) -> KnownPayload:
             f"{file}: {key} is {describe(entry)}, wanted a mapping such as {{mass: 0.5, center: [0, 0, 0.1]}}; if the "
             "payload is not known, diagnose that recording by itself."
         )
-    _known_keys(entry, file, key, _PAYLOAD_KEYS)
-    for name in _PAYLOAD_KEYS:
+    _known_keys(entry, file, key, PAYLOAD_KEYS)
+    for name in PAYLOAD_KEYS:
         if name not in entry:
             raise ParameterError(f"{file}: {key}.{name} is missing, wanted mass [kg] and center [m].")
     mass = _not_negative(entry["mass"], file, f"{key}.mass")
@@ -168,7 +168,7 @@ def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict
             f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}, or joints each with its "
             "gains; if they are not known, say changed: [controller]."
         )
-    if set(entry) & set(_CONTROLLER_KEYS) and not set(entry) & set(joints):
+    if set(entry) & set(CONTROLLER_KEYS) and not set(entry) & set(joints):
         one = _controller(entry, file, key)
         return dict.fromkeys(joints, one)
     _known_keys(entry, file, key, tuple(joints), "joints")
@@ -178,7 +178,7 @@ def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict
 def _controller(entry: Any, file: str, key: str) -> Controller:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}.")
-    _known_keys(entry, file, key, _CONTROLLER_KEYS)
+    _known_keys(entry, file, key, CONTROLLER_KEYS)
     if entry.get("kind", "pd") != "pd":
         raise ParameterError(f"{file}: {key}.kind is {describe(entry['kind'])}, wanted pd, the only one there is.")
     return Controller("pd", **{name: _not_negative(entry.get(name, 0.0), file, f"{key}.{name}") for name in _GAINS})

@@ -113,10 +113,10 @@ class RobotConfig(_Strict, frozen=True):
     reference_hold: Literal["zoh", "instant"] | None = None
     torque_source: Literal["command", "current", "sensor"] = "command"
     tolerance: ToleranceConfig = ToleranceConfig()
-    joints: dict[str, JointConfig] = {}
+    joints: Annotated[dict[str, JointConfig], Meta(description="joint names, each with its keys")] = {}
     lock: Names = []
     payload_frame: Annotated[str, Meta(description="the name of a frame")] | None = None
-    loops: list[LinearLoop | PointLoop | FrameLoop] = []
+    loops: Annotated[list[LinearLoop | PointLoop | FrameLoop], Meta(description="a list of loops")] = []
 
 
 class _File(RobotConfig, frozen=True):
@@ -137,7 +137,7 @@ def read_robot_config(path: Path) -> RobotConfig:
     joints = {name: _convert(keys, JointConfig, path, f"joints.{name}.") for name, keys in content.joints.items()}
     for name, joint in joints.items():
         if abs(joint.gear_ratio) < _LEAST_RATIO:
-            wanted = _wanted(JointConfig, ["gear_ratio"])
+            wanted = wanted_value(JointConfig, ["gear_ratio"])
             raise RobotError(f"{path}: joints.{name}.gear_ratio is {joint.gear_ratio:g}, wanted {wanted}.")
         if joint.controller is not None:
             _check_controller(joint, joint.controller, path, f"joints.{name}")
@@ -196,12 +196,12 @@ def _refusal(
         full = prefix + ".".join([*keys, name])
         if kind == "unknown":
             return f"there is no key {shortened(full)}, {known_names(name, _fields(struct, keys), 'keys')}"
-        return f"{full} is missing, wanted {_wanted(struct, [*keys, name])}."
+        return f"{full} is missing, wanted {wanted_value(struct, [*keys, name])}."
     value = raw
     for key in keys:
         value = value[key]
     place = (prefix + ".".join(keys)).strip(".") or "the file"
-    return f"{place} is {describe(value)}, wanted {_wanted(struct, keys)}."
+    return f"{place} is {describe(value)}, wanted {wanted_value(struct, keys)}."
 
 
 def _fields(struct: type[msgspec.Struct], keys: list[str]) -> tuple[str, ...]:
@@ -218,7 +218,7 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
     return (annotation,)
 
 
-def _wanted(struct: type[msgspec.Struct], keys: list[str]) -> str:
+def wanted_value(struct: type[msgspec.Struct], keys: list[str]) -> str:
     """What the key path ``keys`` of ``struct`` takes, in words."""
     annotation: Any = struct
     for key in keys:

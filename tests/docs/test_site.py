@@ -96,7 +96,7 @@ def test_the_commands_of_a_page_are_understood(page):
 def test_every_page_is_in_the_table_of_contents():
     listed = re.findall(r"^([a-z0-9_/]+)$", (DOCS / "index.md").read_text(), flags=re.MULTILINE)
     pages = {str(page.relative_to(DOCS).with_suffix("")) for page in PAGES} - {"index"}
-    assert pages | {"reference/python", "generated/commands", "generated/effects"} == set(listed)
+    assert pages | {"reference/python", "generated/commands", "generated/effects", "generated/keys"} == set(listed)
 
 
 def test_the_reference_of_effects_has_the_law_and_the_ranges_of_each(monkeypatch):

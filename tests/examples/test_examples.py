@@ -114,17 +114,6 @@ def test_the_readme_is_one_page():
     assert len(README.splitlines()) <= 150
 
 
-def test_the_yaml_of_the_page_on_files_is_a_valid_column_map_and_a_valid_robot_yaml(tmp_path):
-    # Oracle: the readers of both files, in the order of the page; they raise where a key or value is not theirs.
-    blocks = re.findall(r"```yaml\n(.*?)```", (DOCS / "files.md").read_text(), flags=re.DOTALL)
-    read = []
-    for k, (block, reader) in enumerate(zip(blocks, (read_column_map, read_robot_config), strict=True)):
-        path = tmp_path / f"{k}.yaml"
-        path.write_text(block)
-        read.append(reader(path))
-    assert None not in read
-
-
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("data/*/*.yaml")), ids=lambda path: f"{path.parent.name}")
 def test_the_files_beside_the_real_recordings_are_valid(path):
     # Oracle: the readers, which raise where a key or value is not theirs; every file says something.

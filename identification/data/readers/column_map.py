@@ -43,7 +43,9 @@ _PARTS = ("gravity", "friction")
 _LOW_PASS = "low_pass"
 # Of gears, counts and cut-offs; beyond, a product of two leaves the floats.
 _LEAST, _MOST = 1e-6, 1e12
-_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear")
+WHOLE_KEYS = ("rate", "ignore")
+"""Keys of a map that are no column."""
+ENTRY_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
 
@@ -139,9 +141,10 @@ def source_of(file: str, key: str, value: Any) -> Source:
     given = {"from": value} if isinstance(value, str) else value
     if not isinstance(given, dict):
         raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")
-    unknown = [str(name) for name in given if name not in _KEYS]
+    unknown = [str(name) for name in given if name not in ENTRY_KEYS]
     if unknown:
-        raise LogError(f"{where} has the unknown key {shortened(unknown[0])}: {known_names(unknown[0], _KEYS, 'keys')}")
+        known = known_names(unknown[0], ENTRY_KEYS, "keys")
+        raise LogError(f"{where} has the unknown key {shortened(unknown[0])}: {known}")
     if "from" not in given:
         raise LogError(f"{where} does not say which column it is: add from: NAME.")
     try:
