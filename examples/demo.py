@@ -1,9 +1,10 @@
 """The main job, end to end: ``make demo``, or ``python examples/demo.py [--random | --seed N] [--out DIR]``.
 
-First a sealed case: an independent simulator draws an effect and records a robot that has it, the diagnosis is given
-the robot file and the log, and only then the envelope is opened. It is always the same case; ``--random`` draws another
-one, of which the diagnosis may be wrong. Then the real recording of the EMPS axis, where it can be had. It ends with
-the path of the report, and opens it where there is a desktop.
+First the log of the README, of an arm that carries a load. Then a sealed case: an independent simulator draws an
+effect and records a robot that has it, the diagnosis is given the robot file and the log, and only then the envelope is
+opened. It is always the same case; ``--random`` draws another one, of which the diagnosis may be wrong. With a network,
+the real recording of the EMPS axis comes last. The demo ends with the paths of the reports, and opens one where there
+is a desktop.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ import webbrowser
 from pathlib import Path
 
 from arguments import CHECKOUT
+from arm_log import ARM, FLAW
 from emps_log import PUBLISHED, write_emps_log
 
 from identification.words.effect_words import effect_words
+from identification.words.numbers_and_names import part_of_gap
 from phantom_dyn.errors import LogError
 
 if str(CHECKOUT) not in sys.path:
@@ -33,7 +36,7 @@ DEVELOPMENT_SEEDS = 1000  # seeds from here on are for the benchmark's report on
 
 def place(effect: str, joint: str | None) -> str:
     """An effect and where it is, in words."""
-    return effect_words(effect).name + (" of the whole robot" if joint is None else f" on joint {joint}")
+    return effect_words(effect).name + ("" if joint is None else f" on joint {joint}")
 
 
 def shown(path: Path) -> str:
@@ -54,22 +57,18 @@ def diagnosed(robot: Path | str, log: Path, report: Path) -> dict | None:
     return json.loads((report / "diagnosis.json").read_text()) if code == 0 else None
 
 
-def percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
 def compared(finding: dict, truth: dict[str, float], known: str) -> None:
     """Prints each parameter of a finding beside what is known of it."""
     for name, value in finding["parameters"].items():
         if name in truth:
-            found = f"{value['value']:10.4g} +- {value['std']:<8.2g} {value['unit']:<10}"
+            found = f"{value['value']:10.4g} ± {value['std']:<8.2g} {value['unit']:<10}"
             print(f"    {name:<22} {found} {known} {truth[name]:.4g}")
 
 
 def say_findings(diagnosis: dict) -> None:
     """Prints which, where and how far, a line each."""
     for finding in diagnosis["findings"]:
-        share = f"closes {percent(finding['share'])} of the gap"
+        share = f"closes {part_of_gap(finding['share'])} of the gap"
         print(
             f"  found: {place(finding['effect'], finding['joint'])}; {share}, probability {finding['probability']:.2f}"
         )
@@ -97,9 +96,23 @@ def agreement(answer: dict, diagnosis: dict) -> str:
     return "no: another cause was named"
 
 
+def arm(out: Path) -> bool:
+    """Diagnoses the log of the README beside the load that the arm was simulated with; whether it worked."""
+    print("1. The log of the README: a simulated arm that carries a load, of which its model says nothing")
+    diagnosis = diagnosed(ARM / "arm.urdf", ARM / "log.csv", out / "arm")
+    if diagnosis is None:
+        return False
+    effect, _, theta = FLAW
+    say_findings(diagnosis)
+    for finding in diagnosis["findings"]:
+        if finding["effect"] == effect:
+            compared(finding, dict(zip(finding["parameters"], theta, strict=True)), "simulated")
+    return True
+
+
 def sealed_case(seed: int, out: Path) -> bool:
     """Draws, diagnoses, opens the envelope; whether all of it worked."""
-    print(f"1. A sealed case (seed {seed})")
+    print(f"\n2. A sealed case (seed {seed})")
     try:
         from benchmarks.blind.generate import draw_one
         from benchmarks.blind.makes import make_named
@@ -137,7 +150,7 @@ def sealed_case(seed: int, out: Path) -> bool:
 
 def real_axis(out: Path) -> bool:
     """Diagnoses the EMPS recording beside its published values; True too where it cannot be had."""
-    print("\n2. A real recording: EMPS, a ball-screw axis, against a model without friction")
+    print("\n3. A real recording: EMPS, a ball-screw axis, against a model without friction")
     try:
         log = write_emps_log(out / "emps")
     except LogError as error:
@@ -161,9 +174,8 @@ def has_desktop() -> bool:
 
 def end_with_reports(out: Path) -> None:
     """Prints where the reports are, the sealed case's last, and opens that one where there is a desktop."""
-    found = [
-        path for path in (out / "emps" / "report" / "report.html", out / "report" / "report.html") if path.is_file()
-    ]
+    folders = (out / "emps" / "report", out / "arm", out / "report")
+    found = [folder / "report.html" for folder in folders if (folder / "report.html").is_file()]
     if not found:
         return
     opened = has_desktop() and webbrowser.open(found[-1].resolve().as_uri())
@@ -173,7 +185,7 @@ def end_with_reports(out: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Diagnose a sealed case and a real recording.")
+    parser = argparse.ArgumentParser(description="Diagnose the log of the README, a sealed case and a real recording.")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--random", action="store_true", help="draw another case, of which the diagnosis may be wrong")
     which.add_argument("--seed", type=int, metavar="N", help=f"of the case, 0 to {DEVELOPMENT_SEEDS - 1}")
@@ -184,7 +196,7 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     seed = secrets.randbelow(DEVELOPMENT_SEEDS) if given.random else FIXED_SEED if given.seed is None else given.seed
     try:
-        done = [sealed_case(seed, given.out), real_axis(given.out)]
+        done = [arm(given.out), sealed_case(seed, given.out), real_axis(given.out)]
         end_with_reports(given.out)
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)

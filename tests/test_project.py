@@ -79,13 +79,26 @@ def test_the_lock_holds_every_declared_dependency():
 
 
 def test_the_badges_of_the_readme_say_what_the_project_declares():
-    # Oracle: pyproject.toml.
+    # Oracles: pyproject.toml, and the Makefile for the command that runs the tests.
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
     said = {"licence": project["license"], "python": project["requires-python"].replace(">=", "") + " or later"}
+    assert "\ntest: setup\n" in (CHECKOUT / "Makefile").read_text()
+    said["tests"] = "make test"
     readme = (CHECKOUT / "README.md").read_text()
     for name, words in said.items():
         assert f": {words}</title>" in (CHECKOUT / "docs" / "badges" / f"{name}.svg").read_text()
         assert f": {words}](docs/badges/{name}.svg)" in readme
+
+
+def test_the_figures_of_the_readme_stand_in_the_tables_of_sealed_cases():
+    # Oracle: what the scorer wrote; of robots without a gap it counts those that are not called so.
+    said = (CHECKOUT / "README.md").read_text().partition("## How good it is")[2].partition("\n## ")[0]
+    table = (CHECKOUT / "docs" / "sealed_cases.md").read_text()
+    figures = [tuple(map(int, one)) for one in re.findall(r"(\d+) \((\d+)\sto\s(\d+)\)", said)]
+    assert len(figures) == 7
+    for value, low, high in figures:
+        counted = [(value, low, high), (100 - value, 100 - high, 100 - low)]
+        assert any(f"| {share} % ({least} to {most})" in table for share, least, most in counted), value
 
 
 def test_the_extras_are_those_that_sentences_about_missing_libraries_name():
