@@ -24,7 +24,7 @@ from arm_log import ARM, FLAW
 from emps_log import PUBLISHED, write_emps_log
 
 from identification.words.effect_words import effect_words
-from identification.words.numbers_and_names import part_of_gap
+from identification.words.numbers_and_names import percent_short_of_all
 from phantom_dyn.errors import LogError
 
 if str(CHECKOUT) not in sys.path:
@@ -68,7 +68,7 @@ def compared(finding: dict, truth: dict[str, float], known: str) -> None:
 def say_findings(diagnosis: dict) -> None:
     """Prints which, where and how far, a line each."""
     for finding in diagnosis["findings"]:
-        share = f"closes {part_of_gap(finding['share'])} of the gap"
+        share = f"closes {percent_short_of_all(finding['share'])} of the gap"
         print(
             f"  found: {place(finding['effect'], finding['joint'])}; {share}, probability {finding['probability']:.2f}"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from identification.words.effect_words import effect_words
+from identification.words.numbers_and_names import NO_BREAK, percent_short_of_all
 
 VERDICTS = {
     "explained": "Explained",
@@ -52,7 +53,7 @@ def _marked(finding: dict) -> str:
 
 def _one(finding: dict) -> str:
     closed = finding["gap_closed"] if finding["share"] is None else finding["share"]
-    share = f"{100 * closed:.0f} % of the gap"
+    share = f"{percent_short_of_all(closed)} of the gap".replace(NO_BREAK, " ")
     sizes = _sizes(finding) if len(finding["parameters"]) <= _MOST_PARAMETERS else ""
     inside = f"{sizes}; {share}" if sizes else share
     return f"{_where(finding['joint'])} ({inside}{_rivals(finding)})"

@@ -19,7 +19,7 @@ from identification.words.diagnosis_words import capital, effect_at_finding, joi
 from identification.words.geometry_words import all_findings
 from identification.words.ledger_words import listed, why
 from identification.words.note_words import sentences
-from identification.words.numbers_and_names import number, percent, value_words
+from identification.words.numbers_and_names import number, percent_short_of_all, value_words
 from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
@@ -106,7 +106,7 @@ class Diagnosis:
         names = [effect_at_finding(finding) for finding in all_findings(self.result)]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         said = joined(names[:3], last=", " if more else " and ") + more
-        closed = "" if self.gap.closed is None else f", {percent(self.gap.closed)} of the gap closed"
+        closed = "" if self.gap.closed is None else f", {percent_short_of_all(self.gap.closed)} of the gap closed"
         # A file of an earlier version does not say of which robot it is.
         name = self.result.robot if self.robot is None else self.robot.name
         about = f" of {name}" if name else ""

@@ -22,7 +22,7 @@ from identification.words.diagnosis_words import (
     share_words,
 )
 from identification.words.geometry_words import all_findings
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, part_of_gap, percent, with_unit
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import ParameterError, printable
 
 WIDTH = 100
@@ -265,7 +265,7 @@ def size_words(value: Value | None) -> str:
 def _gap_words(gap: Gap) -> str:
     if gap.closed is None:
         return "no gap"
-    return part_of_gap(gap.closed) if gap.interval is None else share_words(gap.closed, gap.interval)
+    return percent_short_of_all(gap.closed) if gap.interval is None else share_words(gap.closed, gap.interval)
 
 
 def _count_words(found: Comparison) -> str:

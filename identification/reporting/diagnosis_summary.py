@@ -16,7 +16,7 @@ from identification.words.diagnosis_words import growth_words
 from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, part_of_gap, value_words
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent_short_of_all, value_words
 from identification.words.verdict_words import moves_carry, verdict_sentence
 from phantom_dyn.errors import printable
 
@@ -94,9 +94,9 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
     if gap.closed is None or not diagnosis.findings:
         return []
-    share = part_of_gap(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
+    share = percent_short_of_all(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
     moved = moves_carry(diagnosis)
-    by = "" if moved is None else f" ({part_of_gap(gap.closed - moved)} by the findings)"
+    by = "" if moved is None else f" ({percent_short_of_all(gap.closed - moved)} by the findings)"
     worst = max(
         diagnosis.joints, key=lambda joint: joint.without_findings / joint.noise_floor if joint.noise_floor else 0.0
     )

@@ -17,7 +17,7 @@ from identification.words.effect_words import (
     size_words,
     words_of,
 )
-from identification.words.numbers_and_names import NO_BREAK, part_of_gap, percent, value_words
+from identification.words.numbers_and_names import NO_BREAK, percent, percent_short_of_all, value_words
 
 UNDECIDED = 0.5  # probability below which a finding is told as undecided
 
@@ -180,7 +180,7 @@ def rivals_words(finding: Finding) -> str:
 def sureness(probability: float) -> str:
     """A probability as words and number; below a half nothing is decided."""
     words = next((words for least, words in SURENESS if probability >= least), "undecided")
-    return f"{words} ({percent(probability)})"
+    return f"{words} ({percent_short_of_all(probability)})"
 
 
 def gap_closed(finding: Finding) -> str:
@@ -193,10 +193,10 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 
     What a correction takes away below the noise floor is no part of the gap, so that nothing is more than all of it.
     """
-    own, least, most = (part_of_gap(part) for part in (share, *interval))
+    own, least, most = (percent_short_of_all(part) for part in (share, *interval))
     if own == least == most:
         return own
-    if own == most == part_of_gap(1.0):
+    if own == most == percent_short_of_all(1.0):
         return f"{own} (at least {least})"
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
 
@@ -208,13 +208,15 @@ def share_of_gap(finding: Finding) -> str:
     """
     if finding.share is None:
         return gap_closed(finding)
-    return part_of_gap(finding.share) if finding.share >= 0.0 else f"{part_of_gap(finding.gap_closed)}{_BESIDE}"
+    if finding.share >= 0.0:
+        return percent_short_of_all(finding.share)
+    return f"{percent_short_of_all(finding.gap_closed)}{_BESIDE}"
 
 
 def of_the_gap(finding: Finding) -> str:
     """``71 % of the gap``; of an effect that only helps beside others ``1 % of the gap beside the others``."""
     if finding.share is not None and finding.share < 0.0:
-        return f"{part_of_gap(finding.gap_closed)} of the gap{_BESIDE}"
+        return f"{percent_short_of_all(finding.gap_closed)} of the gap{_BESIDE}"
     return f"{share_of_gap(finding)} of the gap"
 
 

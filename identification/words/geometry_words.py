@@ -9,7 +9,7 @@ from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import sureness
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, number, part_of_gap, value_words
+from identification.words.numbers_and_names import NO_BREAK, number, percent_short_of_all, value_words
 from identification.words.verdict_words import headline
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _nothing(found: GeometryResult) -> str:
 
 
 def _share(finding: PoseFinding) -> str:
-    return part_of_gap(finding.share)
+    return percent_short_of_all(finding.share)
 
 
 def _rivals(finding: PoseFinding) -> str:

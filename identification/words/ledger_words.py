@@ -11,7 +11,7 @@ from identification.diagnosis.result import Diagnosis, EffectAt
 from identification.engine.claims import Claim, Data, GateResult
 from identification.words.diagnosis_words import capital, effect_at, joined
 from identification.words.geometry_words import all_findings
-from identification.words.numbers_and_names import number, part_of_gap, percent, with_unit
+from identification.words.numbers_and_names import number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import UsageError
 
 _NEAREST = 5
@@ -159,9 +159,9 @@ def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> Answer:
 
 def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
     failed, closes = claim.failed, _closes(claim)
-    would = f"{capital(name)} would close {part_of_gap(closes)} of the gap" if closes > 0.0 else ""
+    would = f"{capital(name)} would close {percent_short_of_all(closes)} of the gap" if closes > 0.0 else ""
     if claim.outcome == "claimed":
-        alone = f", and would close {part_of_gap(closes)} of the gap alone" if closes > 0.0 else ""
+        alone = f", and would close {percent_short_of_all(closes)} of the gap alone" if closes > 0.0 else ""
         return f"{capital(name)} is named: it passed all {len(claim.gates)} gates that it met{alone}."
     if claim.outcome == "minor":
         return f"{capital(name)} is seen, and listed as minor: {_reason(failed)}."

@@ -61,8 +61,8 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}{NO_BREAK}%"
 
 
-def part_of_gap(share: float) -> str:
-    """A share of a gap: ``over 99 %`` is the most, as what is taken away below the noise floor is no part of it."""
+def percent_short_of_all(share: float) -> str:
+    """A share that no recording shows to be all: of a gap, or the probability of a cause; ``over 99 %`` is the most."""
     return percent(min(share, 0.999))
 
 

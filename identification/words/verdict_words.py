@@ -17,9 +17,9 @@ from identification.words.diagnosis_words import (
     place,
 )
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
-from identification.words.numbers_and_names import number, part_of_gap, percent
+from identification.words.numbers_and_names import number, percent, percent_short_of_all
 
-_HEADLINE, _HEADED = 150, 4  # letters of a headline, and causes that it names
+_HEADLINE, _HEADED = 128, 4  # letters of a headline, two lines at 1200 and five at 400 pixels; causes that it names
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 _MOVES = 3  # moves within tolerance that a sentence names
@@ -38,11 +38,12 @@ def headline(diagnosis: Diagnosis) -> str:
 
 
 def short_headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence of at most some 150 letters, which names as many causes as fit."""
-    return "Judged although the recording is wrong. " * bool(diagnosis.wrong) + _short_verdict(diagnosis)
+    """The verdict in one sentence of at most some 130 letters, which names as many causes as fit."""
+    wrong = "Judged although the recording is wrong. " * bool(diagnosis.wrong)
+    return wrong + _short_verdict(diagnosis, _HEADLINE - len(wrong))
 
 
-def _short_verdict(diagnosis: Diagnosis) -> str:
+def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
     begins = {
         "explained": "The gap between robot and model is explained by",
         "partly_explained": "Part of the gap between robot and model is explained by",
@@ -60,7 +61,7 @@ def _short_verdict(diagnosis: Diagnosis) -> str:
             more = f" and {len(names) - count} more" if count < len(names) else ""
             named = joined(names[:count], last=", " if more else " and ") + more
             said = f"{begins[diagnosis.verdict]} {named}."
-            if len(said) <= _HEADLINE and (names is bare or not more or count > 1):
+            if len(said) <= letters and (names is bare or not more or count > 1):
                 return said
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
@@ -157,7 +158,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 def reservations(diagnosis: Diagnosis) -> list[str]:
     """What a verdict without a gap, or with all of it explained, cannot exclude; and what moves carry of any gap."""
     moved = moves_carry(diagnosis)
-    carried = [] if moved is None else [f"Moves within the tolerances carry {part_of_gap(moved)} of the gap."]
+    carried = [] if moved is None else [f"Moves within the tolerances carry {percent_short_of_all(moved)} of the gap."]
     limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []

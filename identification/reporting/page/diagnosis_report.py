@@ -41,7 +41,7 @@ from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.notes_on_motion import followed_words
-from identification.words.numbers_and_names import part_of_gap, percent
+from identification.words.numbers_and_names import percent_short_of_all
 from identification.words.verdict_words import (
     headline,
     hidden_words,
@@ -220,8 +220,8 @@ def _closed(diagnosis: Diagnosis) -> str:
     if moved is None:
         return f"All findings together close {share} of the gap."
     return (
-        f"The findings close {part_of_gap(gap.closed - moved)} of the gap, and moves within the tolerances "
-        f"{part_of_gap(moved)}: {share} together."
+        f"The findings close {percent_short_of_all(gap.closed - moved)} of the gap, and moves within the tolerances "
+        f"{percent_short_of_all(moved)}: {share} together."
     )
 
 
@@ -249,7 +249,7 @@ def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
     return [
         JointView(
             name=gap.joint,
-            share=percent(float(shares[k])) if shares.any() else "",
+            share=percent_short_of_all(float(shares[k])) if shares.any() else "",
             torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
             clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
             regimes=regime_table(diagnosis, k) if shares.any() else [],
@@ -285,7 +285,7 @@ def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
     scene = robot_scene(robot, diagnosis)
     shares = shares_of(diagnosis)
     legend = [
-        (gap.joint, percent(float(share)) if shares.any() else "", colour)
+        (gap.joint, percent_short_of_all(float(share)) if shares.any() else "", colour)
         for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
     figure = _inside_script(scene.figure)

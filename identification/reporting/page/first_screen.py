@@ -10,7 +10,7 @@ from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.reporting.charts.chart import AFTER, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import diagnosis_words as words
-from identification.words.numbers_and_names import NO_BREAK, number, part_of_gap, value_words, with_unit
+from identification.words.numbers_and_names import NO_BREAK, number, percent_short_of_all, value_words, with_unit
 from identification.words.verdict_words import group_name, grouped
 
 MOST_BARS = 8
@@ -74,7 +74,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     # What the correction takes away below the noise floor is no part of the gap.
-    closed = None if gap.closed is None else f"{part_of_gap(gap.closed)} closed"
+    closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     if gap.gives_way or (closed is None and gap.tolerated <= gap.allowed):
         closed = "no gap"
     return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, closed))))
@@ -96,7 +96,8 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
         findings,
         words.capital(group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
-        "" if share is None else part_of_gap(share),
+        # A share is a mean over orders, and of what the others explain better it is below nothing: no figure for here.
+        "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
         words.sureness(min(finding.probability for finding in findings)),
     )
@@ -122,8 +123,8 @@ def _size(findings: tuple[Finding, ...]) -> str:
 
 
 def _unbroken(value: Value) -> str:
-    """An estimate whose deviation does not go to the next line."""
-    return value_words(value).replace(" ± ", f"{NO_BREAK}±{NO_BREAK}")
+    """An estimate whose deviation and unit do not go to the next line."""
+    return value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
 
 
 def share_curve(diagnosis: Diagnosis) -> str:

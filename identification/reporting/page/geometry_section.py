@@ -12,7 +12,7 @@ from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import geometry_words as words
 from identification.words.diagnosis_words import sureness
-from identification.words.numbers_and_names import part_of_gap
+from identification.words.numbers_and_names import percent_short_of_all
 
 if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
@@ -70,7 +70,7 @@ def _finding(one: PoseFinding) -> Row:
     return (
         f"{words.EFFECTS[one.effect]} of {words.carrier(one.effect, one.joint)}",
         words.sizes_words(one),
-        part_of_gap(one.share),
+        percent_short_of_all(one.share),
         sureness(one.probability),
         rivals or "nothing",
     )

@@ -64,8 +64,9 @@ def gap_row(joint: JointGap, samples: int) -> Row:
     after, floor = number(joint.rms_after), number(joint.noise_floor)
     if joint.noise_floor_interval is not None:
         low, high = (number(end) for end in joint.noise_floor_interval)
-        # One line is as wide as this interval at least, and a line may end before it.
-        floor = f"{floor} ({low} to {high})".replace(" to ", f"{NO_BREAK}to{NO_BREAK}")
+        # One line is as wide as this interval at least, and a line may end before it, but not within 8.6e-05.
+        interval = f"({low} to {high})".replace(" ", NO_BREAK).replace("-", "\N{NON-BREAKING HYPHEN}")
+        floor = f"{floor} {interval}"
     held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
     return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held)
 

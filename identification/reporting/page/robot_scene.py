@@ -14,7 +14,7 @@ from identification.diagnosis.result import Diagnosis, JointGap
 from identification.reporting.charts.chart import short_name
 from identification.reporting.page.robot_postures import Postures, postures
 from identification.words.diagnosis_words import finding_name
-from identification.words.numbers_and_names import percent
+from identification.words.numbers_and_names import percent_short_of_all
 from phantom_dyn.array_types import Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
@@ -184,7 +184,7 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
 
 def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
     found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
-    what = "passive joint" if share is None else f"{percent(share)} of the gap"
+    what = "passive joint" if share is None else f"{percent_short_of_all(share)} of the gap"
     if diagnosis.verdict == "no_gap":
         return name
     return "\n".join((f"{name}: {what}", *found))

@@ -101,7 +101,7 @@ def test_rivals_are_named_most_probable_first(made_up, own, text):
     ("probability", "text"),
     [
         (0.995, "practically certain (over 99 %)"),
-        (1.0, "practically certain (100 %)"),
+        (1.0, "practically certain (over 99 %)"),
         (0.93, "very likely (93 %)"),
         (0.7, "likely (70 %)"),
         (0.5, "as likely as not (50 %)"),

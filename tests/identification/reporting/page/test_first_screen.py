@@ -110,6 +110,11 @@ def test_effects_of_one_kind_stand_together(made_up, joints, places, names):
     assert [group.name for group in groups_of(made)] == names
 
 
+def test_a_share_below_nothing_is_no_figure_of_the_first_screen(made_up):
+    (group,) = groups_of(findings(made_up(), "coulomb j1", share=-0.01))
+    assert (group.share, group.width) == ("", 0.0)
+
+
 def test_a_group_has_the_sum_of_the_shares_and_the_least_certainty(made_up):
     (group,) = groups_of(findings(made_up(), "coulomb j1", "coulomb j2", share=0.45))
     assert group.share == "90\N{NO-BREAK SPACE}%"

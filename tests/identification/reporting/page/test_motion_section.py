@@ -89,5 +89,5 @@ def test_the_headline_is_short_and_what_it_leaves_out_comes_behind(made_up, verd
     made = dataclasses.replace(made_up(joints, findings=6, samples=400), verdict=verdict)
     page = report_html(made)
     (head,) = re.findall(r'<p class="verdict">(.*?)</p>', page, re.DOTALL)
-    assert len(head) <= 150
+    assert len(head) <= 128
     assert '<p class="reservations">' in page

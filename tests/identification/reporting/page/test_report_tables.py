@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import pytest
 
 from identification.diagnosis.result import Bound, JointGap, NotTestable
-from identification.reporting.page.report_tables import detectable_sizes, regime_table, untestable_rows
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.page.report_tables import detectable_sizes, gap_row, regime_table, untestable_rows
 from identification.words.numbers_and_names import NO_BREAK
 
 JOINTS = tuple(JointGap(name, "N m", 1.0, 0.1, 0.1, 10) for name in ("a", "b", "c"))
@@ -86,3 +88,18 @@ def test_effects_that_share_places_and_reason_share_a_row():
 def test_different_reasons_stand_in_rows_of_their_own():
     entries = (NotTestable("backlash", "a", "one"), NotTestable("backlash", "b", "other"))
     assert [row[1:] for row in untestable_rows(entries, JOINTS)] == [("a", "one"), ("b", "other")]
+
+
+def test_the_interval_of_a_noise_floor_is_broken_nowhere():
+    joint = dataclasses.replace(JOINTS[0], noise_floor_interval=(8.61e-5, 0.00321))
+    _, interval = gap_row(joint, 0)[4].split(" ")
+    assert interval == f"(8.61e\N{NON-BREAKING HYPHEN}05{NO_BREAK}to{NO_BREAK}0.00321)"
+
+
+def test_cells_of_a_wide_table_name_their_column_for_a_narrow_screen(made_up):
+    page = report_html(made_up(samples=400))
+    (table,) = re.findall(r"<h3>Gap of each joint</h3>.*?</table>", page, re.DOTALL)
+    heads = re.findall(r"<th [^>]*>(.*?)</th>", table)
+    (_, first, *_) = re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)
+    assert 'class="stacked"' in table
+    assert re.findall(r'data-head="(.*?)"', first) == heads
