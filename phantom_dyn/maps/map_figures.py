@@ -6,6 +6,7 @@ joints by the norms of its rows: what all joints together can do along x, y and 
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,13 +37,17 @@ _DECADE, _DECADES = 10.0, 1e4
 _ONE_COLOUR = 1 / 3
 """Part of the points that one colour may hold: an area that holds more is divided."""
 _RIM = 0.02
-"""Part of a section next to what cannot be reached, or is singular, in which no largest value is marked."""
+"""Part of a section next to its rim, to what cannot be reached or is singular, in which no largest value is marked."""
+_SAME = 1e-9
+"""Relative difference of two values that is rounding."""
 _MARKS = 6
 """Equal largest values that are marked; of more as many at even steps, as they lie along a line."""
 _LABEL_ROOM = 0.12
 """Least distance of two numbers on lines, and least extent of a line that has one, over the size of the axes."""
+_CLEAR, _INSIDE = 0.025, 0.04
+"""Least distances of a number from other lines and from the rim of the axes, over the size of the axes."""
 _HELD = "\u00a0"
-_LETTERS = 19
+_LETTERS = 17
 """Letters of a caption per inch of the figure."""
 
 
@@ -78,9 +83,16 @@ def figure(result: OperationalMap, name: str) -> Figure:
     lines = _caption(result, name, axes)
     # A number stays beside its name.
     held = (line.replace(" = ", f"{_HELD}={_HELD}") for line in lines)
-    wrapped = (textwrap.fill(line, int(_LETTERS * size[0])).replace(_HELD, " ") for line in held)
+    wrapped = (_even_lines(line, int(_LETTERS * size[0])).replace(_HELD, " ") for line in held)
     out.suptitle("\n".join(wrapped), fontsize=8)
     return out
+
+
+def _even_lines(text: str, most: int) -> str:
+    """A text in as few lines of ``most`` letters as it takes, none much shorter than another."""
+    lines = len(textwrap.wrap(text, most))
+    width = next(width for width in range(1, most + 1) if len(textwrap.wrap(text, width)) <= lines)
+    return textwrap.fill(text, width)
 
 
 def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]:
@@ -161,7 +173,9 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
     values = panel.values if panel.values.ndim == 2 else panel.values[panel.values.shape[0] // 2]
     across, up = (second, first) if grid.names[first] == "y" else (first, second)
     values = values if up == first else values.T
-    empty = "no point can be reached" if min(values.shape) < 2 or not np.isfinite(values).any() else ""
+    empty = ""
+    if min(values.shape) < 2 or not np.isfinite(values).any():
+        empty = "no point can be reached" if result.unreachable else "singular at every point"
     if empty or not np.nan_to_num(values).any():
         ax.text(0.5, 0.5, empty or "zero wherever a point can be reached", ha="center", transform=ax.transAxes)
         ax.set_xticks([])
@@ -221,15 +235,23 @@ def _levels(scale: Normalize, values: Array) -> Array:
 def _number(ax: Axes, lines: QuadContourSet) -> None:
     """Numbers on lines that are long enough, one each, none upon another."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-    size = np.array([right - left, top - bottom])
+    size, middle = np.array([right - left, top - bottom]), np.array([right + left, top + bottom]) / 2
+    points = [np.concatenate([np.zeros((0, 2)), *pieces]) for pieces in lines.allsegs]
     places: list[Array] = []
     levels = []
-    for level, pieces in zip(lines.levels, lines.allsegs, strict=True):
+    for k, (level, pieces) in enumerate(zip(lines.levels, lines.allsegs, strict=True)):
+        others = np.concatenate([np.zeros((0, 2)), *points[:k], *points[k + 1 :]])
         for piece in sorted(pieces, key=len, reverse=True)[:1]:
             if len(piece) < 2 or (np.ptp(piece, axis=0) / size).max() < _LABEL_ROOM:
                 continue
             tried = [piece[round(part * (len(piece) - 1))] for part in (0.5, 0.35, 0.65, 0.2, 0.8)]
-            free = [p for p in tried if all(np.abs((p - q) / size).max() > _LABEL_ROOM for q in places)]
+            free = [
+                p
+                for p in tried
+                if all(np.abs((p - q) / size).max() > _LABEL_ROOM for q in places)
+                and (np.linalg.norm((others - p) / size, axis=1) > _CLEAR).all()
+                and np.abs((p - middle) / size).max() < 0.5 - _INSIDE
+            ]
             if free:
                 places.append(free[0])
                 levels.append(level)
@@ -238,27 +260,37 @@ def _number(ax: Axes, lines: QuadContourSet) -> None:
 
 
 def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
-    """A cross at each largest value by magnitude, none at the rim of reach, and a plus at the origin if it is there."""
-    inner = np.where(_off_the_rim(np.isfinite(values)), np.abs(values), np.nan)
-    if np.isfinite(inner).any():
-        rows, columns = np.nonzero(inner >= np.nanmax(inner) * (1.0 - 1e-9))
-        largest = f"largest: {values[rows[0], columns[0]]:.4g}"
-        kept = np.unique(np.linspace(0, len(rows) - 1, _MARKS).round().astype(int))
-        ax.plot(
-            across[columns[kept]], up[rows[kept]], "x", color="w", mec="r", ms=7, mew=1.5, label=largest, clip_on=False
-        )
+    """Crosses where the values are largest, and smallest if some are negative; a plus at the origin if it is there."""
+    _mark_largest(ax, across, up, values, "largest", sign=1)
+    if (values < 0.0).any():
+        _mark_largest(ax, across, up, values, "smallest", sign=-1)
     if across[0] <= 0 <= across[-1] and up[0] <= 0 <= up[-1]:
         ax.plot(0.0, 0.0, "+", color="r", ms=9, mew=1.2, label="origin")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(fontsize=6, loc="best", framealpha=0.8)
 
 
-def _off_the_rim(there: Array) -> Array:
-    """Points with nothing but points in reach around them, as far as the margin goes."""
-    margin = round(_RIM * max(there.shape))
-    padded = np.pad(there, margin, constant_values=True)
+def _mark_largest(ax: Axes, across: Array, up: Array, values: Array, word: str, sign: Literal[1, -1]) -> None:
+    """Crosses at the largest of ``sign * values`` off the rim; none where these only grow towards a rim."""
+    signed = sign * values
+    inner, around = _off_the_rim(signed)
+    largest = float(np.nanmax(np.where(inner, signed, np.nan))) if inner.any() else math.nan
+    least = largest - _SAME * abs(largest)
+    rows, columns = np.nonzero(inner & (signed >= least) & (around <= largest + _SAME * abs(largest)))
+    if not len(rows) or np.nanmin(signed) >= least:
+        return
+    place = "" if np.nanmax(signed) <= largest + _SAME * abs(largest) else " off the rim"
+    kept = np.unique(np.linspace(0, len(rows) - 1, _MARKS).round().astype(int))
+    label, marker = f"{word}{place}: {sign * largest:.4g}", "x" if sign > 0 else "1"
+    ax.plot(across[columns[kept]], up[rows[kept]], marker, color="w", mec="r", ms=7, mew=1.5, label=label)
+
+
+def _off_the_rim(values: Array) -> tuple[Array, Array]:
+    """Points with only points in reach and on the map around them, as far as the margin goes; the largest of these."""
+    margin = max(1, round(_RIM * max(values.shape)))
+    padded = np.pad(np.where(np.isfinite(values), values, -np.inf), margin, constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * margin + 1, 2 * margin + 1))
-    return np.asarray(windows.all(axis=(2, 3)))
+    return np.isfinite(windows.min(axis=(2, 3))), windows.max(axis=(2, 3))
 
 
 def _draw_space(

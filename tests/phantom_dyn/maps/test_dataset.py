@@ -108,7 +108,7 @@ def test_height_goes_up_in_a_section():
 def test_the_caption_says_where_the_section_is_and_what_is_blank():
     model = map_model(load_robot("phantom_1_5"))
     result = operational_map(model, read_grid("x=0.05:0.05:1,y=0:0.5:4,z=0:0.5:4", model.joint_names), NAMES[:1])
-    caption = figure(result, "manipulability").get_suptitle()
+    caption = " ".join(figure(result, "manipulability").get_suptitle().split())
     assert "section at x = 0.05" in caption
     assert f"blank: {result.unreachable} out of reach, of 16 points" in caption
 
@@ -179,12 +179,28 @@ def test_no_colour_holds_more_than_a_third_of_the_points(wide):
     assert counts.max() <= values.size / 3 + 1
 
 
-def test_the_largest_value_is_by_magnitude_and_off_the_rim_of_reach(wide):
+def marked(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_extremes_of_either_sign_are_marked_and_none_on_the_rim_of_reach(wide):
     values = np.ones((50, 50))
     values[:10] = np.nan
     values[10, 20], values[30, 30], values[40, 40] = 9.0, -4.0, 3.0
     ax, _ = drawn(wide, "apparent_mass", values)
-    assert ax.get_legend().get_texts()[0].get_text() == "largest: -4"
+    assert marked(ax) == ["largest off the rim: 3", "smallest: -4"]
+
+
+def test_a_value_that_grows_to_the_rim_of_the_section_has_no_mark(wide):
+    values = np.repeat(np.linspace(4.0, 1.0, 50)[:, None], 50, axis=1)
+    ax, _ = drawn(wide, "apparent_mass", values)
+    assert ax.get_legend() is None
+
+
+def test_a_section_that_is_singular_everywhere_says_so(wide):
+    made = replace(wide, values={"coulomb_force": np.full((50, 50), np.nan)}, unreachable=0, singular=2500)
+    (ax,) = figure(made, "coulomb_force").axes
+    assert ax.texts[0].get_text() == "singular at every point"
 
 
 def test_zero_everywhere_is_said_and_not_drawn(wide):
@@ -207,25 +223,29 @@ def test_panels_of_one_figure_have_one_kind_of_scale(wide):
 
 def test_numbers_on_lines_keep_apart(wide):
     x, y = np.meshgrid(np.linspace(-1, 1, 50), np.linspace(-1, 1, 50), indexing="ij")
-    ax, _ = drawn(wide, "apparent_mass", 1.0 + 0.5 * np.exp(-20 * (x**2 + y**2)))
+    ax, _ = drawn(wide, "apparent_mass", 1.0 + 0.5 * np.exp(-4 * (x**2 + y**2)))
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
     places = np.array([text.get_position() for text in ax.texts]) / size
     apart = np.abs(places[:, None] - places).max(axis=2)[np.triu_indices(len(places), 1)]
     assert len(places) >= 2
     assert apart.min() > 0.08
+    # Nor are they cut by the rim of the axes.
+    middle = np.array([np.mean(ax.get_xlim()), np.mean(ax.get_ylim())]) / size
+    assert np.abs(places - middle).max() < 0.47
 
 
 def test_the_largest_value_and_the_origin_are_marked():
     model = map_model(load_robot("cea_branch"))
     found = operational_map(model, read_grid("x=-0.5:0.5:5,z=-0.4:0.1:6", model.joint_names), ["apparent_mass"])
-    (ax, *_) = [ax for ax in figure(found, "apparent_mass").axes if ax.get_title()]
-    legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == [f"largest: {np.nanmax(found.values['apparent_mass']):.4g}", "origin"]
+    values = np.ones((5, 6))
+    values[2, 3] = 2.5
+    ax, _ = drawn(found, "apparent_mass", values)
+    assert marked(ax) == ["largest: 2.5", "origin"]
 
 
 def test_equal_largest_values_on_a_line_are_marked_along_it(wide):
-    # Made by hand: 4 at the whole left edge of 50 points, less farther right.
-    values = np.repeat(np.linspace(4.0, 1.0, 50)[:, None], 50, axis=1)
+    # Made by hand: a ridge of 4 along the whole middle of 50 points.
+    values = np.repeat(4.0 - np.abs(np.arange(50) - 25.0)[:, None] / 25.0, 50, axis=1)
     ax, _ = drawn(wide, "apparent_mass", values)
     (crosses,) = [line for line in ax.lines if line.get_marker() == "x"]
     np.testing.assert_allclose(crosses.get_ydata(), np.linspace(*ax.get_ylim(), 6), atol=0.03 * np.ptp(ax.get_ylim()))
@@ -234,7 +254,7 @@ def test_equal_largest_values_on_a_line_are_marked_along_it(wide):
 def test_the_caption_says_why_points_are_blank():
     model = map_model(load_robot("cea_branch"))
     found = operational_map(model, read_grid("x=-0.2:0.2:3,z=-0.4:0.1:6", model.joint_names), ["apparent_mass"])
-    caption = figure(found, "apparent_mass").get_suptitle()
+    caption = " ".join(figure(found, "apparent_mass").get_suptitle().split())
     assert found.singular
     assert f"{found.singular} singular, where the tip cannot move in some direction" in caption
     assert "of several postures that reach a point the one nearest to q1 = 0, q2 = -0.785, q5 = 0.785" in caption
