@@ -55,6 +55,15 @@ def test_a_row_has_what_the_closed_form_gives(name, row):
     assert row in (PAPERS / f"{name}.md").read_text()
 
 
+@pytest.mark.parametrize("name", PAGES)
+def test_a_row_that_differs_says_why(name):
+    rows = re.findall(r"^\| (.*) \| .* \| .* \| (.*) \| (.*) \|$", (PAPERS / f"{name}.md").read_text(), re.MULTILINE)
+    same = re.compile(r"none\b|exact|within|difference|-+$|$")
+    assert [
+        what for what, difference, reason in rows if not same.match(difference.strip()) and not reason.strip()
+    ] == []
+
+
 @pytest.mark.nightly
 def test_the_figures_of_papers_are_written(tmp_path):
     out = printed("paper_figures.py", tmp_path)
