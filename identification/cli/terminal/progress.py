@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 EVERY_S = 10.0
 """Time between two lines where nobody watches a terminal [s]."""
+COMPILING_S = 2.0
+"""Time of compiling after which a line says so there [s]: a first run compiles for up to half a minute."""
+_LOOKED_S = 0.25
+"""How often it is looked whether something is compiled [s]."""
 _REDRAWN_HZ = 4.0
 """How often the line on a terminal is drawn anew: each time takes about a millisecond of the work."""
 
@@ -28,8 +32,9 @@ class Progress:
     """Context that says on ``stream`` what is being done while it is open.
 
     On a terminal a spinner stands before the words. Elsewhere a line is written every ten seconds, so that the log of
-    a long run shows that it goes on; a run that is shorter leaves nothing. Where the stages of the run are known the
-    part that is done stands before the words, and where functions are compiled, as only a first run does, it says so.
+    a long run shows that it goes on, and one as soon as functions have been compiled for two seconds, as only a first
+    run does; a run that is shorter leaves nothing. Where the stages of the run are known the part that is done stands
+    before the words, and what is compiled behind them.
     """
 
     def __init__(
@@ -91,11 +96,20 @@ class Progress:
             raise
 
     def _tell(self) -> None:
-        """Write a line every ten seconds until the end."""
-        while not self._ended.wait(self._every):
+        """Write a line every ten seconds until the end, and one when something has been compiled for two."""
+        step = min(_LOOKED_S, self._every)
+        waited = compiled = 0.0
+        while not self._ended.wait(step):
+            waited += step
+            before = compiled
+            compiled += step if self._compiles() else 0.0
+            regular, first = waited >= self._every, before < COMPILING_S <= compiled
+            if not (regular or first):
+                continue
             if not self._written(self.said()):
                 return
-            self._told = True
+            if regular:
+                waited, self._told = 0.0, True
 
     def _written(self, words: str) -> bool:
         """Write a line; False where whoever reads the stream is gone."""
@@ -113,6 +127,9 @@ class Progress:
             compiled = f"; compiling function {self._compilation.functions}, in a first run only"
         words = "done" if self._done else stage_words(self._now)
         return printable(f"{part}{words}{compiled}".strip())
+
+    def _compiles(self) -> bool:
+        return self._compilation is not None and self._compilation.under_way > 0
 
     def show(self, announced: Announcement) -> None:
         """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""

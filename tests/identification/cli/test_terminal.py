@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 
 import pytest
 from numba import njit
@@ -23,7 +24,7 @@ from identification.cli.terminal.progress import Progress
 from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from identification.stages import Announcement, Stage
-from phantom_dyn._kernels.jit import compiles
+from phantom_dyn._kernels.jit import Compilation, compiles
 
 pytestmark = pytest.mark.whole
 
@@ -195,6 +196,17 @@ def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
         assert njit(lambda: _asked())() == 1
         said.append(progress.said())
     assert said == ["filtering", "filtering; compiling function 1, in a first run only", "filtering"]
+
+
+def test_without_a_terminal_one_line_says_that_functions_are_compiled(monkeypatch):
+    # Oracle: a count of compiled functions as numba's events make it, under way for twenty looks.
+    monkeypatch.setattr("identification.cli.terminal.progress.COMPILING_S", 0.02)
+    monkeypatch.setattr("identification.cli.terminal.progress._LOOKED_S", 0.01)
+    monkeypatch.setattr("phantom_dyn._kernels.jit.watched_compilation", lambda: nullcontext(Compilation(3, 1)))
+    stream = io.StringIO()
+    with Progress(Stage.FILTERING, stream, every=1e6):
+        time.sleep(0.2)
+    assert re.fullmatch(r"0 s: filtering; compiling function 3, in a first run only\n", stream.getvalue())
 
 
 def test_a_short_run_without_a_terminal_writes_nothing():
