@@ -36,12 +36,27 @@ _MOST_NAMELESS_JUDGED = 8
 def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
+    Free inertial parameters of all links take up a little of whatever is missing. So they are asked last, beside what
+    the other effects explain; where they alone explain more than these do, the search begins with them.
+
     Args:
         search: Problem, rivals, threshold.
         progress: Takes the stages.
         start: What an earlier search has found.
     """
     chosen = dropped(search, frozenset(term for term in start if term.named))
+    whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
+    if whole is not None and whole not in chosen:
+        others = replace(search, terms=tuple(term for term in search.terms if term is not whole))
+        chosen, alone = _improved(others, chosen, progress), search.alone[whole]
+        if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
+            chosen = min(chosen, alone, key=search.score)
+    chosen = _from_other_beginnings(search, _improved(search, chosen, progress), progress)
+    return with_nameless(search, chosen, progress)
+
+
+def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
+    """The set to which additions, removals and swaps lead."""
     for _ in range(4):
         before = chosen
         chosen = forward(search, chosen, progress)
@@ -50,8 +65,7 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
             break
-    chosen = _from_other_beginnings(search, chosen, progress)
-    return with_nameless(search, chosen, progress)
+    return chosen
 
 
 def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:

@@ -75,35 +75,30 @@ def products_of(
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
     for scaling in scalings:
         local, at, own, mix = _mixed(problem, active, scaling)
-        row = grams.rows[scaling.row]
-        # One matrix of all folds together is mixed as quickly as that of one fold.
-        row_a = grams.fold_a.of_row(scaling.row, local).sum(axis=0)[None]
-        row_b = grams.by_fold(row.b[:, local]).sum(axis=0)[None]
-        row_c = grams.by_fold(row.c).sum()[None]
-        new_a, new_b, new_c = _rescale(row_a, row_b, row_c, mix, own, scaling.gain)
-        a[at[:, None], at] += (new_a - row_a)[0]
-        b[at] += (new_b - row_b)[0]
-        c += float((new_c - row_c)[0])
+        all_a, all_b, row_c = grams.row_totals[scaling.row]
+        row_a, row_b = all_a[local[:, None], local], all_b[local]
+        new_a, new_b, new_c = _rescale(row_a[None], row_b[None], np.array([row_c]), mix, own, scaling.gain)
+        a[at[:, None], at] += new_a[0] - row_a
+        b[at] += new_b[0] - row_b
+        c += float(new_c[0]) - row_c
     return Products(a, b, c, _held_out_rescaled(problem, active, scalings) if held_out else None)
 
 
 def _mixed(
     problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling
-) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, "m m"]]:
-    """Where the active columns of a rescaled row stand in it and among all, the gain's, and how they mix."""
-    row = problem.grams.rows[scaling.row]
-    local = np.flatnonzero(np.isin(row.index, active))
-    own = int(np.searchsorted(row.index[local], scaling.column))
-    mix = scaling.gain * np.eye(len(local))
-    mix[:, own] = scaling.theta[row.index[local]]
-    mix[own, own] = 1.0
-    return local, np.searchsorted(active, row.index[local]), own, mix
+) -> tuple[Int[Array, " m"], Int[Array, " m"], int, Float[Array, " m"]]:
+    """Places of a rescaled row's active columns in it and among all, that of the gain, and what the gain multiplies."""
+    local, at = problem.grams.fold_a.in_row(scaling.row, active)
+    own = int(np.searchsorted(active[at], scaling.column))
+    mix = scaling.theta[active[at]]
+    mix[own] = 1.0
+    return local, at, own, mix
 
 
 def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
     """Products by fold and block with rows that have a gain rescaled."""
     grams = problem.grams
-    fold_a, fold_b = grams.fold_a.among(active), grams.by_fold(grams.b[:, active])
+    fold_a, fold_b = grams.fold_a.among(active), grams.fold_b[:, active]
     core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
     for scaling in scalings:
         row = grams.rows[scaling.row]
@@ -134,7 +129,7 @@ def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
 
     return HeldOut(
         grams.fold_a.among(active),
-        grams.by_fold(grams.b[:, active]),
+        grams.fold_b[:, active],
         grams.core_b[:, active],
         grams.core_c,
         squares,
@@ -145,11 +140,19 @@ def _rescale(
     a: Float[Array, "B k k"],
     b: Float[Array, "B k"],
     c: Float[Array, " B"],
-    mix: Float[Array, "k k"],
+    mix: Float[Array, " k"],
     own: int,
     gain: float,
 ) -> tuple[Array, Array, Array]:
-    """Products of a row's columns mixed by ``mix`` with the residual less ``gain - 1`` times column ``own``."""
+    """Products of a row's columns times the gain, its column ``own`` replaced by all columns times ``mix``.
+
+    The residual is less ``gain - 1`` times column ``own``.
+    """
     moved = b - (gain - 1.0) * a[:, :, own]
     square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
-    return mix.T @ a @ mix, moved @ mix, square
+    mixed, line, mixed_line = a @ mix, gain * moved, moved @ mix
+    line[:, own] = mixed_line
+    out = gain**2 * a
+    out[:, :, own] = out[:, own, :] = gain * mixed
+    out[:, own, own] = mixed @ mix
+    return out, line, square

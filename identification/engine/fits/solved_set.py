@@ -71,7 +71,7 @@ class SolvedSet:
         problem, columns = self.problem, self.columns
         a, b, lower, upper = quadratic(problem, columns)
         near = self.whole.x * self.whole.scale
-        less_a, less_b = problem.grams.fold_a.among(columns), problem.grams.by_fold(problem.grams.b[:, columns])
+        less_a, less_b = problem.grams.fold_a.among(columns), problem.grams.fold_b[:, columns]
         return tuple(tableau(a - x, b - y, lower, upper, near) for x, y in zip(less_a, less_b, strict=True))
 
     @cached_property
@@ -154,7 +154,7 @@ class SolvedSet:
         squares = whole - problem.grams.fold_a.among(columns)
         if len(new):
             cross = problem.total_a[np.ix_(new, self.columns)] - problem.grams.fold_a.between(new, self.columns)
-            b = problem.total_b[new] - problem.grams.by_fold(problem.grams.b[:, new])
+            b = problem.total_b[new] - problem.grams.fold_b[:, new]
             diagonal = np.diag(problem.total_a)[new] + problem.precision[new] - problem.grams.fold_a.diagonal(new)
             parts = [one.pieces(cross[fold], diagonal[fold], b[fold]) for fold, one in enumerate(self.folds)]
             for k, column in enumerate(new.tolist()):

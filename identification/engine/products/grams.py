@@ -107,9 +107,27 @@ class Grams:
         """The same over the cores of the blocks."""
         return self.core_a.grouped(self.fold)
 
+    @cached_property
+    def fold_b(self) -> Float[Array, "F K"]:
+        """Columns times residual over the whole blocks of each fold."""
+        return self.by_fold(self.b)
+
+    @cached_property
+    def row_totals(self) -> tuple[tuple[Float[Array, "k k"], Float[Array, " k"], float], ...]:
+        """For each row, its products ``a``, ``b`` and ``c`` over all blocks that train, written out."""
+        trains = self.fold >= 0
+        return tuple(
+            (square(row.a[:-1].sum(axis=0)), row.b[trains].sum(axis=0), float(row.c[trains].sum())) for row in self.rows
+        )
+
     def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
         """What is known of each block, summed over the blocks of each fold."""
-        return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
+        return np.tensordot(self._is_in_fold, series, axes=1)
+
+    @cached_property
+    def _is_in_fold(self) -> Float[Array, "F B"]:
+        """One where a block is in a fold, else zero."""
+        return (self.fold == np.arange(int(self.fold.max()) + 1)[:, None]).astype(float)
 
 
 class TouchedColumns(Protocol):

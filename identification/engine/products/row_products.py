@@ -71,6 +71,12 @@ class RowProducts:
             out[:, into] += diagonal(values, here[into])
         return out
 
+    def in_row(self, row: int, columns: Int[Array, " k"]) -> tuple[Int[Array, " m"], Int[Array, " m"]]:
+        """Those of some columns that touch one row: their places in the row, and among these columns."""
+        here = self._places[row][columns]
+        at = np.flatnonzero(here >= 0)
+        return here[at], at
+
     def of_row(self, row: int, chosen: Int[Array, " m"]) -> Float[Array, "B m m"]:
         """Products of one row alone among some of the columns that touch it, by their places there."""
         return square(self.values[row], chosen)
