@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from phantom_dyn.errors import PhantomDynError as PhantomDynError
     from phantom_dyn.model.loading import load_robot as load_robot
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _FUNCTIONS = "identification.api.functions"
 # Where each name lives. This module alone knows both packages; the rest of phantom_dyn knows nothing of recordings.
