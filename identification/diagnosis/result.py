@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.written import WrittenFile
+from identification.engine import contract_levels
 from identification.engine.claims import Claim
 from identification.notes import Said
 from phantom_dyn.effects.described import EffectWords
@@ -138,6 +139,11 @@ class JointGap:
     def noise_is_known(self) -> bool:
         """False if nothing but an upper limit of the noise is known, which no residual within it proves to be noise."""
         return self.noise_floor_source != "none"
+
+    @property
+    def left_may_be_noise(self) -> bool:
+        """True if more is left than the noise floor, and no more than the upper end of its interval."""
+        return bool(contract_levels.FLOORS_LEFT * self.noise_floor < self.rms_after <= self.allowed)
 
     @property
     def tolerated(self) -> float:

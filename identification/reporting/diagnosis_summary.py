@@ -80,6 +80,7 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
         *_gives_way(diagnosis.joints),
+        *_may_be_noise(diagnosis.joints),
     ]
 
 
@@ -181,6 +182,22 @@ def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
         _wrapped(
             f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves "
             "within the tolerances are fitted to all joints at once, and give way to what is missing on others."
+        )
+    ]
+
+
+def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
+    """Why a joint with several noise floors left may have no gap; nothing where none has."""
+    doubtful = [joint for joint in joints if joint.left_may_be_noise]
+    if not doubtful:
+        return []
+    widest = max(doubtful, key=lambda joint: joint.rms_after / joint.noise_floor)
+    names = words.joints_words([joint.joint for joint in doubtful])
+    where = f" on {widest.joint}" if len(doubtful) > 1 else ""
+    return [
+        _wrapped(
+            f"What is left on {names} may be no gap: noise, and what a sound model may be wrong by, are up to "
+            f"{number(widest.allowed)} {widest.unit}{where}."
         )
     ]
 

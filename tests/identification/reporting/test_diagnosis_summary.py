@@ -89,6 +89,19 @@ def carried_by_moves(made_up):
     return dataclasses.replace(made, findings=(finding,), gap=Gap(0.984, (0.97, 0.99)), adjusted=(limit,))
 
 
+def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
+    made = made_up()
+    wide = {"rms_after": 0.14, "noise_floor": 0.002, "noise_floor_interval": (0.002, 0.16), "discrepancy": 0.12}
+    first = dataclasses.replace(made.joints[0], **wide)
+    text = " ".join(summary(dataclasses.replace(made, joints=(first, made.joints[1]))).split())
+    # The root of the sum of squares of 0.16 and 0.12 is 0.2.
+    assert (
+        "What is left on joint j1 may be no gap: noise, and what a sound model may be wrong by, are up to 0.2 N m"
+        in text
+    )
+    assert "may be no gap" not in summary(made)
+
+
 @pytest.mark.parametrize("verdict", ["explained", "partly_explained", "unknown"])
 def test_what_moves_within_tolerance_carry_is_in_the_sentence_of_the_verdict(made_up, verdict):
     # By hand: 98.4 % are closed, 25 % of them by the finding.
