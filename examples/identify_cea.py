@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.experiments.cea_identification import simulate_identification
-from identification.experiments.friction_test import fit_steady
+from identification.experiments.constant_speed_friction import fit_steady
 from identification.experiments.linear_fit import LinearFit
 from identification.experiments.parallelogram_friction import (
     MOVING,

@@ -92,7 +92,7 @@ def spread(
     Args:
         function: Of a module, as it is sent by name. It must depend on its arguments alone.
         pieces: Arguments of each call. They are sent with each piece: keep them small.
-        jobs: See `worker_count`.
+        jobs: Processes at once; None: one for each core that this process may use.
 
     Raises:
         WorkerLostError: If processes are lost again and again.

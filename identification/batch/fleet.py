@@ -272,7 +272,7 @@ def _drawn(
     Args:
         rng: Draws them.
         own: Values and weights in the order of time.
-        scatter: As of `change_point`.
+        scatter: Departures of recordings that do not change from their mean, ``(m,)``; None: nothing is known of them.
         count: How many.
     """
     length = own.shape[1]

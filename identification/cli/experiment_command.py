@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) -> tuple[list[dict], Figure]:
     from identification.data.signals import process
-    from identification.experiments.friction_test import friction_tests
+    from identification.experiments.constant_speed_friction import friction_tests
     from identification.reporting.experiment_figures import friction_figure
     from identification.words.numbers_and_names import percent
 

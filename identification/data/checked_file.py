@@ -94,7 +94,7 @@ def checked_file(
     """What is wrong with the recording in a file.
 
     Args:
-        path: See `identification.data.reading.read_recording`.
+        path: A recording in any format that `identification.data.reading.read_recording` reads.
         robot: The robot that was recorded; None: only what needs no model is checked.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of a bag that has several.

@@ -82,15 +82,15 @@ def iv(
 
     Args:
         regressor: The equations.
-        feedback: See `fit_iv`.
-        iterations: See `fit_iv`.
-        on_failure: See `fit_iv`.
+        feedback: The controllers, where the robot does not state them.
+        iterations: Most simulations of the recordings there may be.
+        on_failure: What to do where the estimates do not settle.
 
     Raises:
-        LogError: See `fit_iv`.
-        ParameterError: See `fit_iv`.
-        IdentifiabilityError: See `fit_iv`.
-        EstimationError: See `fit_iv`.
+        LogError: If a log has no references.
+        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the simulated robot cannot move, or the estimates do not settle.
     """
     start = start_of(regressor, feedback)
     base = start.base
@@ -171,7 +171,7 @@ class Endogeneity:
         """What the test says, in words.
 
         Args:
-            level: See `biased`.
+            level: Share of sound recordings that are called biased all the same.
         """
         p = f"Durbin-Wu-Hausman test, p = {self.probability:.2g}"
         if not self.biased(level):

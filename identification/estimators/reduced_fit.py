@@ -73,7 +73,7 @@ def base_of_reduction(reduction: Reduction, *, tolerance: float = RANK_TOLERANCE
 
     Args:
         reduction: Of one recording or several.
-        tolerance: See `RANK_TOLERANCE`.
+        tolerance: Share of the largest column of its unit that an independent column adds.
     """
     factor = reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, reduction.names, reduction.units, tolerance=tolerance)

@@ -88,11 +88,11 @@ def tls(regressor: Regressor, payloads: Sequence[WeighedPayload | None]) -> Fit:
 
     Args:
         regressor: The equations.
-        payloads: See `fit_tls`.
+        payloads: The weighed payload of each recording, None where there was none.
 
     Raises:
-        ParameterError: See `fit_tls`.
-        IdentifiabilityError: See `fit_tls`.
+        ParameterError: If there is no payload, or not one entry for each recording, or a joint is not driven.
+        IdentifiabilityError: If the recordings do not determine parameters and gains.
     """
     _check(regressor, payloads)
     base = base_of(regressor)

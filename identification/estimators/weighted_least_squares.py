@@ -189,7 +189,7 @@ def irls(
 
     Args:
         regressor: The equations.
-        loss: See `fit_irls`.
+        loss: `HUBER` bounds an outlier's pull; `BISQUARE` ends it.
         iterations: Most there may be.
         on_failure: What to do where the weights do not settle.
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.excitation.motion_shapes import Triangle
-from identification.experiments.friction_test import fit_steady
+from identification.experiments.constant_speed_friction import fit_steady
 from identification.experiments.linear_fit import LinearFit
 from phantom_dyn.array_types import Float
 from phantom_dyn.errors import LogError, ParameterError

@@ -39,7 +39,7 @@ class BaseParameters:
         grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
         norms: Norms of all columns.
         singular_values: Of the independent columns, each divided by its norm; shape ``(r,)``, descending.
-        tolerance: See `RANK_TOLERANCE`.
+        tolerance: Share of the largest column of its unit that an independent column adds.
     """
 
     names: tuple[str, ...]
@@ -106,7 +106,7 @@ def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) 
 
     Args:
         regressor: Gives columns, names and units.
-        tolerance: See `RANK_TOLERANCE`.
+        tolerance: Share of the largest column of its unit that an independent column adds.
     """
     factor = regressor.reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)

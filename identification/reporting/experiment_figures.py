@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from identification.experiments.friction_test import FrictionTest
+from identification.experiments.constant_speed_friction import FrictionTest
 from identification.experiments.linear_fit import LinearFit
 from identification.experiments.transmission import Loop
 from phantom_dyn.array_types import Float

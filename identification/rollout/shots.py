@@ -65,7 +65,7 @@ def under_torque(
     Args:
         shot: Where it starts.
         model: What moves.
-        torque: See `identification.rollout.driven.given_torque`; of the whole log.
+        torque: That the drives gave, over the whole log [N m or N].
         nudge: Added to position and velocity at the start.
 
     Raises:

@@ -99,7 +99,7 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
     Args:
         robot: Without them.
         causes: The effects, those of the drives from the controller on.
-        late: See `Model`.
+        late: Samples by which the recorded torque acts later than it stands in the log.
 
     Raises:
         RobotError: If a link would weigh nothing or less.

@@ -46,9 +46,9 @@ def followed_loops(tree: AnchoredTree, linear_map: Array, limits: Limits, q: Arr
     """Loops at the start of their chain, with room to follow them.
 
     Args:
-        tree: As of `FollowedLoops`.
-        linear_map: The same.
-        limits: The same.
+        tree: Joints and anchors.
+        linear_map: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
+        limits: When Newton's method stops.
         q: Active positions at the start, ``(nv,)``.
         started: The solution there, one row of each.
     """

@@ -61,9 +61,9 @@ def regressor_loop(
 
     Args:
         tree: The joints.
-        room: See `room_of`.
-        own: See `own_room_of`.
-        root: As of `torque_loop`.
+        room: Working arrays of the tree, from `room_of`.
+        own: Working arrays of one body, from `own_room_of`.
+        root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.

@@ -98,8 +98,8 @@ def torque_loop(
 
     Args:
         tree: The joints.
-        inertias: As of `TreeArrays`.
-        room: See `room_of`.
+        inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
+        room: Working arrays of the tree, from `room_of`.
         root: Angular velocity, angular acceleration and specific force of a root that moves, in its own axes,
             ``(N, 9)``; of a fixed one ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.

@@ -61,10 +61,10 @@ def torque_slope_loop(
 
     Args:
         tree: The joints.
-        inertias: As of `TreeArrays`.
-        room: See `room_of`.
-        own: See `slope_room_of`.
-        root: As of `torque_loop`.
+        inertias: Mass, first moments and inertia of each body, from `TreeArrays`.
+        room: Working arrays of the tree, from `room_of`.
+        own: Working arrays of the slopes, from `slope_room_of`.
+        root: Angular velocity and acceleration and specific force of a moving root, ``(N, 9)``; else ``(0, 9)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nt)``.
         a: Accelerations, ``(N, nt)``.

@@ -93,7 +93,7 @@ class Law:
         numbers: Its parameters, at most four.
         start: Its state at the start, at most three numbers.
         other: A joint whose speed counts too, ``share`` times, and that takes ``share`` of the torque.
-        share: See ``other``.
+        share: Speed and torque that count of ``other``, per unit; zero without one.
     """
 
     function: Callable

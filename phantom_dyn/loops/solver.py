@@ -186,7 +186,7 @@ def closed_each(
         model: The tree.
         chain: Its loops, some of them anchors.
         q: Positions of the active joints [rad or m].
-        arrays: As of `solve`.
+        arrays: The tree for compiled loops; None: loops over Pinocchio.
 
     Returns:
         Not a number where a loop cannot be closed or is singular, or a position is not finite.
@@ -260,7 +260,7 @@ def drift(
         chain: Its loops.
         solution: What `solve` gave.
         v: Velocities of the tree.
-        arrays: As of `solve`.
+        arrays: The tree for compiled loops; None: loops over Pinocchio.
     """
     out = np.zeros_like(v)
     if not (chain.anchors and v.any()):

@@ -116,11 +116,11 @@ def read_table(
     """Columns of a log under the contract's names, checked and ready to use.
 
     Args:
-        path: See `read_raw`; several files of one recording stand side by side, and topics are of the first.
+        path: A file as `read_raw` takes it, or several of one recording, whose columns are joined; topics are of the first.
         columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of one that is shipped,
             see `identification.data.readers.presets`.
-        topic: See `read_raw`.
-        ref_topic: See `read_raw`.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of a bag that has the references of the position controllers, where another one has them.
         joints: Of the robot, in its order, which names joints that a file numbers; None where there is no robot.
         other_joints: Further ones of the robot, which a map may name: passive ones, and those that are held.
 

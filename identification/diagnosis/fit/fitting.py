@@ -139,7 +139,7 @@ class Near:
     Attributes:
         theta: All coefficients, NaN where a column is not in it, ``(K,)``.
         payload: Mass and first moments of a payload, ``(4,)``; None if there was none.
-        led: See `Fitted.led`; None where it is not known.
+        led: What bodies that can exist changed of its coefficients, ``(K,)``; None where it is not known.
     """
 
     theta: Float[Array, " K"]

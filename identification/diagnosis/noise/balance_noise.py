@@ -69,7 +69,7 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
     encoders hide the torque in every part, what they are uncertain by may be the torque's.
 
     Args:
-        parts: See `balance_parts`.
+        parts: Power of the balance in bands above the motion, from `balance_parts`.
         deviations: Standard errors that the interval reaches.
     """
     clear = sorted((one for one in parts if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)

@@ -94,7 +94,7 @@ def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> 
 
     Args:
         standing: Compared with single rivals.
-        imitation: See `imitated_by`.
+        imitation: Effects that make the same torque together; None: there are none.
     """
     if imitation is None:
         return standing

@@ -220,16 +220,16 @@ def cloe(
 
     Args:
         regressor: The equations.
-        feedback: See `fit_cloe`.
-        stretch: See `fit_cloe`.
-        iterations: See `fit_cloe`.
-        on_failure: See `fit_cloe`.
+        feedback: The controllers, where the robot does not state them.
+        stretch: Length of the stretches that start from states of their own [s].
+        iterations: Most steps there may be.
+        on_failure: What to do where the estimates do not settle.
 
     Raises:
-        LogError: See `fit_cloe`.
-        ParameterError: See `fit_cloe`.
-        IdentifiabilityError: See `fit_cloe`.
-        EstimationError: See `fit_cloe`.
+        LogError: If a log has no references, or its torque is not what the stated controllers ask for.
+        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the simulated robot cannot move, or the estimates do not settle.
     """
     if not stretch > 0:
         raise ParameterError(f"The stretches were asked to last {stretch:g} s: give a time above 0.")

@@ -77,15 +77,15 @@ def didim(
 
     Args:
         regressor: The equations.
-        feedback: See `fit_didim`.
-        iterations: See `fit_didim`.
-        on_failure: See `fit_didim`.
+        feedback: The controllers, where the robot does not state them.
+        iterations: Most simulations of the recordings there may be.
+        on_failure: What to do where the estimates do not settle.
 
     Raises:
-        LogError: See `fit_didim`.
-        ParameterError: See `fit_didim`.
-        IdentifiabilityError: See `fit_didim`.
-        EstimationError: See `fit_didim`.
+        LogError: If a log has no references.
+        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the simulated robot cannot move, or the estimates do not settle.
     """
     start = start_of(regressor, feedback)
     require_own_controllers(start.loops)

@@ -262,7 +262,7 @@ def resimulated(
 
     Args:
         regressor: Gives robot, terms and recordings.
-        loops: See `loops_of`.
+        loops: Controllers with what each recording started from.
         base: The unknowns.
         theta: Their values.
 

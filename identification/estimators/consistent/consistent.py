@@ -85,8 +85,8 @@ def consistent(
 
     Args:
         regressor: The equations, with the rigid body among the unknowns.
-        prior: See `fit_consistent`.
-        regions: See `fit_consistent`.
+        prior: How strongly bodies are drawn to the robot's; None: only among those that fit equally well.
+        regions: Where the mass of each body is, one per body; none by default.
 
     Raises:
         ParameterError: If the rigid body is not among the unknowns, or there is not one region per body.
@@ -118,8 +118,8 @@ def program_of_factor(
         factor: Of the rows in units of their noise (`identification.regression.triangular.r_factor`), ``p + 1``
         columns, the
             last one that of the torque.
-        prior: See `fit_consistent`.
-        regions: See `fit_consistent`.
+        prior: How strongly bodies are drawn to the robot's; None: only among those that fit equally well.
+        regions: Where the mass of each body is, one per body; none by default.
 
     Raises:
         ParameterError: If the factor has other columns than the regressor and the torque, or holds values that are not

@@ -99,8 +99,8 @@ def own_inertia(
     Args:
         robot: Gives the body's inertia.
         body: Pinocchio's index of its joint.
-        fixed: See `fixed_links`.
-        held: See `links_held`.
+        fixed: Links that are fixed to each link, from `fixed_links`.
+        held: Links behind a joint that is held fixed, from `links_held`.
 
     Returns:
         The inertia, and the links that lose theirs.

@@ -91,7 +91,7 @@ def friction_left(share: float, uncertainty: float) -> tuple[float, float]:
 
     Args:
         share: Of the modelled friction.
-        uncertainty: As of `largest_share`, at most 1.
+        uncertainty: By which share of the true friction the modelled one may be wrong, at most 1.
 
     Raises:
         ParameterError: If a number is negative, or the uncertainty above 1.

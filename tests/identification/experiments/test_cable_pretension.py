@@ -9,7 +9,7 @@ import pytest
 
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.cable_pretension import fit_pretension
-from identification.experiments.friction_test import fit_steady
+from identification.experiments.constant_speed_friction import fit_steady
 from phantom_dyn.devices.cable_friction import CableFriction
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 

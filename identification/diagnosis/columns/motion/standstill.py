@@ -178,7 +178,7 @@ def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
 
     Args:
         log: Its band.
-        stands: See `encoder_stands`.
+        stands: True where the reading of a joint does not change.
         friction: Friction torque of the model, findings included.
     """
     return _carried(log, np.sqrt(4.0 / 3.0) * np.where(stands, _about(log, friction), 0.0))
@@ -209,7 +209,7 @@ def open_friction(
         robot: Says how fine the encoders are.
         log: Its motion and band.
         friction: Friction torque of the model, findings included.
-        doubt: See `reversal_doubt`, in the band.
+        doubt: Standard deviation of the friction torque where a joint turns about, in the band.
     """
     standing = standing_doubt(log, encoder_stands(robot, log), friction)
     return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
