@@ -1,9 +1,10 @@
 """Friction of a joint over the pretension of its cable: proportional, or only linear with a part that stays.
 
 Coulomb torques of one joint at several pretensions, each with its deviation
-(`identification.experiments.constant_speed_friction` finds both), are weighted by their deviations and fitted by a line. What the line leaves at no pretension is friction of
-bearings and seals; where it is no more than its deviation allows, friction is proportional to the pretension, as the
-CEA paper assumes (section V.B), and the ratio is fitted again without it.
+(`identification.experiments.constant_speed_friction` finds both), are weighted by their deviations and fitted by a
+line. What the line leaves at no pretension is friction of bearings and seals; where it is no more than its deviation
+allows, friction is proportional to the pretension, as the CEA paper assumes (section V.B), and the ratio is fitted
+again without it.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def read_table(
     """Columns of a log under the contract's names, checked and ready to use.
 
     Args:
-        path: A file as `read_raw` takes it, or several of one recording, whose columns are joined; topics are of the first.
+        path: A file as `read_raw` takes it, or several of one recording; topics are of the first.
         columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of one that is shipped,
             see `identification.data.readers.presets`.
         topic: Topic of joint states in a bag that has several.
