@@ -142,8 +142,9 @@ class JointGap:
 
     @property
     def left_may_be_noise(self) -> bool:
-        """True if more is left than the noise floor, and no more than the upper end of its interval."""
-        return bool(contract_levels.FLOORS_LEFT * self.noise_floor < self.rms_after <= self.allowed)
+        """True if the upper end of the noise alone makes a joint count as explained, or as free of a gap."""
+        floors = contract_levels.FLOORS_LEFT * self.noise_floor < self.rms_after <= self.allowed
+        return bool(floors and (self.closed is None or self.closed < 1.0 - contract_levels.GAP_LEFT))
 
     @property
     def tolerated(self) -> float:

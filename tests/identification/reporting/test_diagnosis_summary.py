@@ -91,7 +91,13 @@ def carried_by_moves(made_up):
 
 def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
     made = made_up()
-    wide = {"rms_after": 0.14, "noise_floor": 0.002, "noise_floor_interval": (0.002, 0.16), "discrepancy": 0.12}
+    wide = {
+        "rms_after": 0.14,
+        "noise_floor": 0.002,
+        "noise_floor_interval": (0.002, 0.16),
+        "discrepancy": 0.12,
+        "closed": 0.4,
+    }
     first = dataclasses.replace(made.joints[0], **wide)
     text = " ".join(summary(dataclasses.replace(made, joints=(first, made.joints[1]))).split())
     # The root of the sum of squares of 0.16 and 0.12 is 0.2.
@@ -100,6 +106,8 @@ def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
         in text
     )
     assert "may be no gap" not in summary(made)
+    closed = dataclasses.replace(first, closed=0.95)
+    assert "may be no gap" not in summary(dataclasses.replace(made, joints=(closed, made.joints[1])))
 
 
 @pytest.mark.parametrize("verdict", ["explained", "partly_explained", "unknown"])
