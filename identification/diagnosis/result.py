@@ -9,7 +9,6 @@ import numpy as np
 
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.written import WrittenFile
-from identification.engine import contract_levels
 from identification.engine.claims import Claim
 from identification.notes import Said
 from phantom_dyn.effects.described import EffectWords
@@ -139,12 +138,6 @@ class JointGap:
     def noise_is_known(self) -> bool:
         """False if nothing but an upper limit of the noise is known, which no residual within it proves to be noise."""
         return self.noise_floor_source != "none"
-
-    @property
-    def left_may_be_noise(self) -> bool:
-        """True if the upper end of the noise alone makes a joint count as explained, or as free of a gap."""
-        floors = contract_levels.FLOORS_LEFT * self.noise_floor < self.rms_after <= self.allowed
-        return bool(floors and (self.closed is None or self.closed < 1.0 - contract_levels.GAP_LEFT))
 
     @property
     def tolerated(self) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
+from identification.engine import contract_levels
 from identification.notes import Said
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
@@ -188,7 +189,7 @@ def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
 
 def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
     """Why a joint with several noise floors left may have no gap; nothing where none has."""
-    doubtful = [joint for joint in joints if joint.left_may_be_noise]
+    doubtful = [joint for joint in joints if _explained_by_noise(joint)]
     if not doubtful:
         return []
     widest = max(doubtful, key=lambda joint: joint.rms_after / joint.noise_floor)
@@ -200,6 +201,12 @@ def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
             f"{number(widest.allowed)} {widest.unit}{where}."
         )
     ]
+
+
+def _explained_by_noise(joint: JointGap) -> bool:
+    """True if the upper end of the noise alone makes a joint count as explained, or as free of a gap."""
+    floors = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
+    return bool(floors and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
 
 
 def _wrapped(text: str, indent: str = "", hanging: str | None = None) -> str:

@@ -50,7 +50,11 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
         others = replace(search, terms=tuple(term for term in search.terms if term is not whole))
         chosen, alone = _improved(others, chosen, progress), search.alone[whole]
         if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
-            chosen = min(chosen, alone, key=search.score)
+            stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
+            if not stays.passed:
+                search.record.lost(chosen, stays, instead=[whole])
+                search.record.kept([whole])
+                chosen = alone
     chosen = _from_other_beginnings(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
 

@@ -75,8 +75,9 @@ def products_of(
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
     for scaling in scalings:
         local, at, own, mix = _mixed(problem, active, scaling)
-        all_a, all_b, row_c = grams.row_totals[scaling.row]
-        row_a, row_b = all_a[local[:, None], local], all_b[local]
+        row, trains = grams.rows[scaling.row], grams.fold >= 0
+        row_a = grams.fold_a.of_row(scaling.row, local).sum(axis=0)
+        row_b, row_c = row.b[trains][:, local].sum(axis=0), float(row.c[trains].sum())
         new_a, new_b, new_c = _rescale(row_a[None], row_b[None], np.array([row_c]), mix, own, scaling.gain)
         a[at[:, None], at] += new_a[0] - row_a
         b[at] += new_b[0] - row_b

@@ -112,14 +112,6 @@ class Grams:
         """Columns times residual over the whole blocks of each fold."""
         return self.by_fold(self.b)
 
-    @cached_property
-    def row_totals(self) -> tuple[tuple[Float[Array, "k k"], Float[Array, " k"], float], ...]:
-        """For each row, its products ``a``, ``b`` and ``c`` over all blocks that train, written out."""
-        trains = self.fold >= 0
-        return tuple(
-            (square(row.a[:-1].sum(axis=0)), row.b[trains].sum(axis=0), float(row.c[trains].sum())) for row in self.rows
-        )
-
     def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
         """What is known of each block, summed over the blocks of each fold."""
         return np.tensordot(self._is_in_fold, series, axes=1)
