@@ -26,4 +26,6 @@ else:
 
     Bool, Complex, Float, Int = (_Kind(name) for name in ("Bool", "Complex", "Float", "Int"))
 
-__all__ = ["Bool", "Complex", "Float", "Int"]
+Array = np.ndarray
+
+__all__ = ["Array", "Bool", "Complex", "Float", "Int"]

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 
-Array = np.ndarray
 Rows = slice | np.ndarray
 
 _PIECE = 4096

@@ -53,7 +53,7 @@ from phantom_dyn.arguments import (
     path_of,
     takes,
 )
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError
@@ -67,7 +67,6 @@ from phantom_dyn.simulation import simulate as simulation
 if TYPE_CHECKING:
     import xarray
 
-Array = np.ndarray
 Paths = str | Path | Iterable[str | Path]
 EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float | Sequence[float]]]
 """Effect of the catalogue or your own, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",

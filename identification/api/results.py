@@ -17,7 +17,7 @@ from identification.identify.identification import IdentifiedModel, Parameter
 from identification.identify.identification_files import write_outputs
 from identification.identify.identification_words import headline, summary
 from phantom_dyn.arguments import FILE, FOLDER, NUMBER, SEED, takes
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot
@@ -26,8 +26,6 @@ from phantom_dyn.simulation.simulate import Simulation
 
 if TYPE_CHECKING:
     import pandas
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -17,7 +17,7 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.export.corrected.found_effects import effect_of, lasting_findings
 from phantom_dyn.arguments import NUMBERS
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
@@ -27,8 +27,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause
-
-Array = np.ndarray
 
 _BANDWIDTH = 2 * np.pi * 5.0
 """Of the position control that is taken where nobody states another [rad/s]: well above the motion of an excitation."""

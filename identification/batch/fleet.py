@@ -24,9 +24,7 @@ from scipy.special import ndtri, stdtr
 from identification.batch.diagnose_each import DiagnosedRecordings
 from identification.diagnosis.result import EffectAt
 from identification.words.diagnosis_words import capital, effect_at, parameter_name
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 LEVEL = 0.05
 """False alarms over all robots and sizes of a fleet, of robots out of line and of changes each."""

@@ -14,8 +14,7 @@ from identification.reporting.charts.chart_marks import Curve
 from identification.reporting.plain_page import figure, listed, page, table
 from identification.words.diagnosis_words import joined
 from identification.words.numbers_and_names import number, with_unit
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _SIZE = (9.4, 3.0)  # of a chart [inch]
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

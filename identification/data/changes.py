@@ -9,13 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identification.data.change_kinds import Kind
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Controller, Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 # Reference delays that are tried [s], and how many there are in one step of the recording.
 _LONGEST, _PER_STEP = 0.2, 4

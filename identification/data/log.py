@@ -9,11 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from phantom_dyn._kernels.fir import filtered
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.effects.references import References
 from phantom_dyn.motion import Motion, read_only
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

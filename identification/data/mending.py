@@ -15,10 +15,8 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.data.times import when
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
 # A jump is a whole turn if the rest of it is as small as this [rad], and no larger than a few of the steps around it.

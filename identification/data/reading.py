@@ -32,11 +32,10 @@ from identification.data.readers.recognised_layouts import table_of
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only, side_by_side
-
-Array = np.ndarray
 
 # A quaternion with three decimals has a length of one up to this; another is none of a rotation.
 _UNIT = 2e-3

@@ -21,7 +21,7 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.times import time_text
 from phantom_dyn._kernels.fir import filtered
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.references import References
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
@@ -31,8 +31,6 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, torque_edge
 from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
 from phantom_dyn.signals.splines import quintic_derivatives
-
-Array = np.ndarray
 
 # Positions, torques and rate of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]

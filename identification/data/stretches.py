@@ -9,10 +9,8 @@ import numpy as np
 
 from identification.data.floating.base_columns import some_readings
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 LONGEST = 600.0
 """Seconds up to which a recording is used from end to end."""

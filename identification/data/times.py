@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _NAMED = 5  # times in a sentence
 

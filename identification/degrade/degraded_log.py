@@ -22,7 +22,7 @@ from identification.data.log import Log
 from identification.data.recording import Recording, Table
 from identification.data.signals import motion_edge, process_all, smoothed
 from identification.degrade.degradation import Degradation
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
@@ -32,8 +32,6 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.simulate import simulate
-
-Array = np.ndarray
 
 # Torques and positions beyond it are no device's, and overflow when squared.
 _MOST = 1e100

@@ -47,9 +47,7 @@ from identification.diagnosis.search.search import Search, Threshold, set_up_sea
 from identification.diagnosis.search.stepwise import best_short, explain
 from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3

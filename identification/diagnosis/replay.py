@@ -10,10 +10,8 @@ import numpy as np
 from identification.data.changes import Change, robot_in
 from identification.data.log import Log
 from identification.data.signals import smoothed_where
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

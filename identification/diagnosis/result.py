@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
     from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class Value:

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _FEWEST = 8  # samples that say anything of how they go on
 

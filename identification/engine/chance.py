@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _EULER = 0.5772156649
 

@@ -12,10 +12,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 REPLICATES = 1000
 """Replicates of every bootstrap: either end of a 95 % interval then rests on 25 of them, and a probability of 0.05,

@@ -9,10 +9,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-Array = np.ndarray
 Player = TypeVar("Player", bound=Hashable)
 
 _EXACT = 7  # players: beyond, orders and sets are sampled, as each more doubles the sets

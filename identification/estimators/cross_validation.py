@@ -12,11 +12,9 @@ from identification.data.log import Log
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from identification.regression.triangular import r_factor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def cross_validate(

@@ -21,11 +21,9 @@ from identification.estimators.linear.scatter import (
 )
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, RegressorTerm, gap_regressor, known_torque, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 
 class Status(Enum):

@@ -27,11 +27,9 @@ from identification.estimators.linear.scatter import covariances
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _SETTLED = 0.05  # standard deviations: where no estimate moves by more, another simulation changes nothing
 _TIED = 1e-9  # instruments that follow the regressor by less than this share are none

@@ -14,11 +14,9 @@ from identification.regression.base_parameters import RANK_TOLERANCE, BaseParame
 from identification.regression.reduction import Reduction
 from identification.regression.regressor import EffectOnJoint, torque_regressor
 from identification.regression.triangular import triangular
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

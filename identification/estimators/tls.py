@@ -27,12 +27,10 @@ from identification.estimators.linear.least_squares import base_of, base_rows, f
 from identification.estimators.linear.scatter import covariances, joint_noise
 from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _PASSES = 2  # weights need the gains, and gains hardly need the weights: a third pass changes nothing
 

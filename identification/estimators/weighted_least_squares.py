@@ -19,11 +19,9 @@ from identification.estimators.linear.least_squares import Solution, base_of, so
 from identification.estimators.linear.scatter import joint_noise, leverage
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # In a fit without weights a joint of small torque gets the residual of the others, and keeps much of it in the first
 # fit with weights: fits go on until no joint's noise moves by a tenth against the others'.

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.loops.singularity import distance_from_singularity
 from phantom_dyn.loops.solver import closed_each
 from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 CLEAR = 0.25
 """Distance from a singularity that a designed motion keeps: that of a four-bar at a transmission angle of 20 degrees,

@@ -11,14 +11,12 @@ import numpy as np
 import pinocchio as pin
 
 from identification.excitation.closable import configurations_in, ordinary_postures, solved_numerically
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.random_streams import random_stream
 from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
-
-Array = np.ndarray
 
 CLEARANCE = 0.01
 """Distance [m] that bodies keep by default: hulls lie outside of the shapes, robots do not track perfectly."""

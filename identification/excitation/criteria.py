@@ -11,10 +11,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
 
 _NOTHING = 1e-200  # square of the norm of a column of a motion that does not move: its inverse is no overflow
 _ZERO = 1e-15

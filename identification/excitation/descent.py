@@ -11,10 +11,8 @@ from identification.excitation.criteria import Criterion
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.limited_quantities import Bounds
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
-
-Array = np.ndarray
 
 MARGIN = 0.01
 """Share of a bound's size that is kept free: motions peak between samples, and a round ends a little outside."""

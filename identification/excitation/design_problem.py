@@ -17,13 +17,11 @@ from identification.excitation.motion_shapes import Shapes
 from identification.excitation.moved_tree import TreePulls, clear_of, pulled_to_active
 from identification.excitation.regressor_slope import regressor_slope
 from phantom_dyn._kernels import rigid_body
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_friction, tree_motion
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _REACH = (np.pi, 0.5)
 """Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""

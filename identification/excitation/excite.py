@@ -27,13 +27,11 @@ from identification.excitation.starts import (
     random_weights,
 )
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _DENSE = 10
 """Samples of the last check per sample of the design."""

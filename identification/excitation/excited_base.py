@@ -10,7 +10,7 @@ import numpy as np
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.errors import ParameterError
@@ -18,8 +18,6 @@ from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _ORDINARY = 400  # samples that any motion is compared to
 

@@ -11,12 +11,10 @@ import pinocchio as pin
 from identification.excitation.closable import largest_slope, solved_numerically
 from identification.excitation.collisions import CLEARANCE, distances
 from identification.excitation.limits import Limits
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints, read_only
-
-Array = np.ndarray
 
 NEAR = 0.01
 """A limit counts as reached within this share of its size."""

@@ -14,14 +14,12 @@ import numpy as np
 
 from identification.excitation.closable import CLEAR
 from identification.excitation.collisions import Collisions
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints, read_only
 
 _HUGE = 1e6  # files write numbers of this size, up to the largest of all, for "none"
-
-Array = np.ndarray
 
 SPEED = {False: 1.0, True: 0.25}
 """Speed [rad/s, or m/s where True: linear] that a joint keeps whose robot file states none."""

@@ -14,11 +14,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 SAMPLES_PER_PERIOD = 30
 """Of the fastest part of a motion: between two of them a sine rises half a per cent above the larger one."""

@@ -26,9 +26,7 @@ import pinocchio as pin
 
 from identification.excitation.slope_loop import slope_loop
 from phantom_dyn._kernels.jit import compiles
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3 ..."]:

@@ -9,11 +9,9 @@ import numpy as np
 from identification.excitation.closable import closable, ordinary_postures, solved_numerically, with_start_between
 from identification.excitation.descent import MARGIN, descend
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 POSTURES = 300
 """Random postures that are tried."""

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices.cable_friction import CableFriction
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
-
-Array = np.ndarray
 
 _SURE = 2.0
 """Deviations that a part without pretension must reach to differ from none."""

@@ -15,12 +15,10 @@ from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass
 from identification.excitation.motion_shapes import Sine, Triangle, Wave, wave_motion
 from identification.experiments.linear_fit import LinearFit, fit_linear
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _MOTION_BAND = 2.5  # positions are low-passed this many times above the band, as in `identification.data.signals`
 _CANDIDATES = 40  # drawn motions of which the best is taken; more lower the condition number by little

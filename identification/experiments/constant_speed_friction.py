@@ -15,10 +15,8 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import LogError
-
-Array = np.ndarray
 
 _STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
 _MOVES = 0.05  # of the fastest speed: a joint, or a joint at a time, that is slower holds still

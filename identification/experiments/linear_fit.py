@@ -12,10 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
-
-Array = np.ndarray
 
 _SINGULAR = 1e-10  # of the largest singular value of columns of norm one: below, rounding decides
 

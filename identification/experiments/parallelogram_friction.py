@@ -23,11 +23,9 @@ import numpy as np
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.constant_speed_friction import fit_steady
 from identification.experiments.linear_fit import LinearFit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 MOVING: Mapping[str, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
 """Numbers of the active joints (q1, q2, q5) that move in each test, and whose torque tells something."""

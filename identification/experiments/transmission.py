@@ -16,11 +16,9 @@ import numpy as np
 from identification.data.signals import differentiate
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 _STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
 

@@ -14,7 +14,7 @@ from identification.csv_cells import header_line
 from identification.file_sets import renamed_together
 from identification.files import require_ending, temporary_beside
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.maps.map_figures import figure
@@ -23,7 +23,6 @@ from phantom_dyn.maps.operational_map import OperationalMap, arrays, dataset
 if TYPE_CHECKING:
     from xarray import Dataset
 
-Array = np.ndarray
 NETCDF = "map.nc"
 
 

@@ -14,12 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from identification.geometry.pins import Loops
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.loops.chain import Constraints, constraints_of, error_and_slope
 from phantom_dyn.loops.solver import SINGULAR
 from phantom_dyn.motion import configurations
-
-Array = np.ndarray
 
 _STEPS = 20
 _LAST_STEP = 1e-11

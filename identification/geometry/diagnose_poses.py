@@ -34,10 +34,9 @@ from identification.geometry.result import (
 from identification.geometry.told_frames import problem_of
 from identification.geometry.whitened import SEEN
 from identification.notes import Code, Note
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
 FEWEST = 20

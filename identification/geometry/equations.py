@@ -19,11 +19,9 @@ from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
 from identification.geometry.pins import Loops, is_carried, move_frame
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
-
-Array = np.ndarray
 
 BASE, TOOL, DELAY = "base", "tool", "delay"
 

@@ -12,9 +12,7 @@ from identification.geometry.equations import Equations, Estimate, PoseProblem
 from identification.geometry.fit import fitted, start_of
 from identification.geometry.terms import PoseTerm, bounds_of
 from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, whitened
-from phantom_dyn.array_types import Bool, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Int
 
 CHANCE = 0.005
 """Share of robots without a gap on which chance alone may put the best of all terms above its price."""

@@ -20,10 +20,8 @@ from identification.geometry.equations import (
     tree_positions,
 )
 from identification.geometry.measured import Measured
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import configurations
-
-Array = np.ndarray
 
 _STEPS = 30
 _HALVINGS = 6

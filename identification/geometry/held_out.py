@@ -9,9 +9,7 @@ import numpy as np
 
 from identification.engine.products.block_products import BlockProducts, block_products, left_of_each
 from identification.geometry.whitened import Whitened
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,8 @@ from identification.geometry.explained import ExplainedPoses
 from identification.geometry.held_out import Blocks
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
 from identification.geometry.terms import ELASTIC, ZERO, PoseTerm
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _NEAR = 15.0  # squares: what fits worse than that weighs less than a thousandth
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution

@@ -10,15 +10,13 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-
-Array = np.ndarray
 
 MOST = 1200
 """Poses of a recording that are used; of more, evenly spread ones: neighbours in time say the same."""

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.geometry.explained import ExplainedPoses
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _SAME = 1e-4  # [rad or m]: joints this near have the same pose, to what encoders repeat
 _FEWEST = 6  # degrees of freedom that say something of a noise

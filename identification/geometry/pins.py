@@ -15,14 +15,12 @@ from itertools import combinations
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.loops.chain import Anchor, ClosedChain, constraints_of, error_and_slope
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _POSTURES = 12
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from identification.engine.claims import Claim
 from identification.notes import Said
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 
 @dataclass(frozen=True)

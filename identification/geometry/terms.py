@@ -16,10 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from identification.geometry.pins import Loops, around
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 ZERO, LINK, ELASTIC = "encoder_offset", "link_geometry", "joint_elasticity"
 BASE_POSE, TOOL_POSE = "base_pose", "tool_pose"

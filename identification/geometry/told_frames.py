@@ -21,8 +21,6 @@ from identification.geometry.pins import Loops
 from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, pose_terms, terms_of
 from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
-
 _LITTLE = 1e-3
 """Share of the largest motion of a frame per unit of a place, below which another place moves it not at all."""
 _CHANCE = 1e-4

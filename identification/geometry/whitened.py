@@ -14,9 +14,7 @@ from identification.engine.autocorrelation import lagged_products, positive_sequ
 from identification.engine.numerics.spans import orthonormal, without
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 SEEN = 1e-5
 """A column counts if this share of it is left beside the nuisances: angles in robot files have nine digits at best."""

@@ -17,14 +17,12 @@ from identification.estimators.fit import Fit
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor
 from identification.reporting.charts.thinning import gap_starts
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.spectra import power_density
-
-Array = np.ndarray
 
 SHARE = 0.2
 """Of a single recording its last fifth is held out."""

@@ -17,8 +17,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-Array = np.ndarray
-
 SURE = 2.0
 """A value this many standard deviations from zero counts as identified: about 95 % of values that are zero do not."""
 

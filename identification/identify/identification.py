@@ -6,11 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 Share = Literal["alone", "combination", "none"]
 

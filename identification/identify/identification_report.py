@@ -17,10 +17,8 @@ from identification.identify.identification_words import error_percent
 from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, short_name
 from identification.reporting.charts.svg import INK, draw_curve, draw_legend, drawn_svg
 from identification.reporting.charts.thinning import eventful_stretch
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
-
-Array = np.ndarray
 
 _DECADES = 5  # of a spectrum
 

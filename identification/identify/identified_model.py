@@ -12,14 +12,12 @@ import pinocchio as pin
 from identification.estimators.consistent.full_parameters import full_parameters
 from identification.estimators.fit import Fit
 from identification.regression.regressor import EffectOnJoint
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, ParameterError, UsageError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 TERMS = {
     "viscous": "viscous_friction",

@@ -34,11 +34,9 @@ from identification.regression.triangular import one_blas_thread
 from identification.stages import Announcement, Progress, Stage
 from identification.words.note_words import sentence
 from phantom_dyn import __version__
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _SHOWN = 6  # names in a warning
 _FAR = 2.0  # standard deviations: a warning says if a base parameter was moved further to make bodies possible

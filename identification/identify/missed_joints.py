@@ -18,14 +18,12 @@ from identification.identify.hold_out import Split
 from identification.identify.identification import JointError
 from identification.identify.identification_words import error_percent
 from identification.regression.regressor import EffectOnJoint, Regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import EstimationError, IdentifiabilityError, listed
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 MISSED = 0.3
 """Relative error on held-out data above which a joint's parameters are not to be relied on."""

@@ -22,8 +22,6 @@ from identification.next_experiment.trials import Trial, ranked_trials
 from identification.notes import Code, Note
 from phantom_dyn.errors import ChainError, ParameterError, RobotError
 
-Array = np.ndarray
-
 REFERENCE = "next.csv"
 # Findings whose rivals are to be separated, the largest first.
 _FINDINGS = 3

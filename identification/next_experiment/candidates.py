@@ -20,12 +20,10 @@ from identification.excitation.limits import Limits, require_excitable, stated_l
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
 from identification.excitation.moved_tree import clear_of
 from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # A joint goes at most this share of its recorded range beyond either end of it.
 _BEYOND = 0.5

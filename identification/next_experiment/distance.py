@@ -8,9 +8,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.engine import contract_levels
 from identification.engine.numerics.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:

@@ -13,9 +13,7 @@ from identification.diagnosis.result import EffectAt, Finding
 from identification.diagnosis.search.containment import contains, with_term
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 # Shapes of one law that are kept: a rival may take another one to fit what another has made.
 _VARIANTS = 3

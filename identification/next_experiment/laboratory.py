@@ -14,12 +14,10 @@ from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filter
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Samples per period of the band's edge that a planned motion is looked at with.
 _SAMPLES = 4.0

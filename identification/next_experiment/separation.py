@@ -13,10 +13,8 @@ from identification.diagnosis.search.search import Search
 from identification.engine.products.blocks import held_out_share
 from identification.next_experiment.distance import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 from identification.next_experiment.hypotheses import Hypothesis, Model, model_of, union_of
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 # Draws of what the recordings leave possible, the fit itself beside them.
 _DRAWS = 7

@@ -21,7 +21,7 @@ from identification.excitation.limits import Limits
 from identification.next_experiment.candidates import Candidate, candidates, design_of, exciting, lively, varied
 from identification.next_experiment.laboratory import Laboratory
 from identification.next_experiment.separation import Rivalry, separation
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.model.inertia import payload_body, tip_of
@@ -30,8 +30,6 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
-
-Array = np.ndarray
 
 SHARES = (0.5, 0.2, 0.1, 0.05)
 """Known masses in the order of trial, as shares of the mass of the link that carries them, to one digit."""

@@ -14,10 +14,8 @@ import numpy as np
 
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import dependent_columns, r_factor
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
 
 RANK_TOLERANCE = 1e-6
 """A column counts if it adds this share of the largest column of the same unit. Angles in robot files are often given

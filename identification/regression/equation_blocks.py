@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from identification.data.log import Log
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.rival import Signature
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 BandedEffect = tuple[list[int], Float[Array, "n _ _"]]
 """Joints that an effect acts on, ``m`` of them, and its ``k`` columns in the band of the log, shape ``(n, m, k)``."""

@@ -19,11 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.regression.triangular import ROWS, absorb, dependent_columns, one_blas_thread, triangular
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _EXACT = 1e-10
 """A column is left out if the others make it up to this share of the largest column of its unit: ten thousand times

@@ -18,7 +18,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, motion_slice, touched_columns
 from identification.regression.reduction import Reduction, reduce_blocks
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -27,8 +27,6 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
 """An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.

@@ -8,10 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
 
 ROWS = 1024
 """Rows taken in at once: with 70 columns they are 0.6 MB, which stays in the second cache."""

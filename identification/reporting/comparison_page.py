@@ -19,8 +19,6 @@ from identification.reporting.plain_page import figure, page, table
 from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
 from identification.words.numbers_and_names import NO_BREAK, number
 
-Array = np.ndarray
-
 _SIZE = (4.6, 2.3)  # of a figure [inch]
 _LETTERS = 42  # below the axis of a figure
 _WIDE = 9.4  # of the figure of all joints [inch]

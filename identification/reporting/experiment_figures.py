@@ -10,10 +10,8 @@ from matplotlib.figure import Figure
 from identification.experiments.constant_speed_friction import FrictionTest
 from identification.experiments.linear_fit import LinearFit
 from identification.experiments.transmission import Loop
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.figures.canvas import COLORS, key, panels
-
-Array = np.ndarray
 
 _POINTS = 2000  # drawn of a test
 _ABREAST = 3  # panels in a row

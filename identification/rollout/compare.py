@@ -15,11 +15,9 @@ from identification.rollout.joint_limits import Engaged, Simulated, limit_notes,
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
 # The noise of the start may leave this share of what the given model misses, or of how far the joints move.

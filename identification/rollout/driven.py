@@ -8,14 +8,12 @@ from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
-
-Array = np.ndarray
 
 SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
 STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase

@@ -11,8 +11,6 @@ from identification.data.log import Log
 from identification.diagnosis.evidence import Evidence, Followed
 from identification.rollout.compare import Rollout
 
-Array = np.ndarray
-
 
 def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
     """Evidence with the simulated motion of both models; as it is where no motion was simulated.

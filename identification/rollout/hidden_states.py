@@ -17,12 +17,10 @@ from identification.data.log import Log
 from identification.rollout.driven import moved, pull, pulling
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import LEAD, Model
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.simulation.control import torque_over_time
 from phantom_dyn.simulation.simulate import Simulation
-
-Array = np.ndarray
 
 # Readings that free motion is laid through [s], and the fewest of them. Over longer stretches an error of the model
 # takes the motion away, over shorter ones the noise of the readings is felt.

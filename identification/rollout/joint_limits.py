@@ -10,10 +10,8 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Past a limit, or clear of it, is by more than this share of the range: stops give, and encoders have offsets.
 _PAST = 0.005

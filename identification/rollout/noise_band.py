@@ -18,10 +18,8 @@ from identification.rollout.compare import Rollout
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot, under_torque
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 # Probability that a right model strays further on some joint: most of the 5 % in all is for torques.
 _LEVEL = 0.01

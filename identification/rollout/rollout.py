@@ -23,11 +23,9 @@ from identification.rollout.rollout_starts import Window, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn._kernels.jit import compiles
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
-
-Array = np.ndarray
 
 _MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # windows
 _STEPS = 60_000  # joint steps of one model over all windows: about a third of a second where steps are compiled

@@ -13,12 +13,10 @@ from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass, motion_edge
 from identification.engine.products.blocks import Block
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _WINDOW = 50  # samples over which scatter is looked at
 _LEAST = 1e-9  # of a state's deviation [rad or m]: numbers themselves are no better

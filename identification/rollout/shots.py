@@ -11,14 +11,12 @@ from identification.rollout.driven import STEP, moved, pull, pulling, simulated
 from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late_references
 from phantom_dyn.simulation.simulate import Cause
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

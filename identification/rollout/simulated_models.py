@@ -11,7 +11,7 @@ from identification.diagnosis.columns.nuisances import ARRIVAL, SOFTNESS, moves_
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
@@ -22,8 +22,6 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.simulate import Cause
 from phantom_dyn.simulation.stepping import longest_step, machine_of
-
-Array = np.ndarray
 
 _LARGEST = 1e12  # of a parameter: beyond, it was divided by what is nothing but rounding
 LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]

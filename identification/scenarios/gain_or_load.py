@@ -19,11 +19,9 @@ from identification.engine import contract_levels
 from identification.engine.resampling import probabilities
 from identification.notes import Code, Note
 from identification.scenarios.motion_only import commanded_torque
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _MOST = 10.0  # times the masses of the model: more is no load but another robot
 _BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent

@@ -17,13 +17,11 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.data.stretches import busiest
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller, Robot
-
-Array = np.ndarray
 
 _FEWEST = 100  # rows
 _LEAST = 1e-9  # [rad or m]: a reference that is nearer is the reading itself

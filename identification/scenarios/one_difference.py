@@ -23,8 +23,6 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
-
 # One sigma of the links as a share of the given ones: a weak model, where the recordings show nothing else.
 _WEAK = 0.5
 _OFFSET = "torque_offset"

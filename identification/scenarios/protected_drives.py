@@ -16,10 +16,8 @@ from identification.data.recording import Recording
 from identification.diagnosis.columns.operations import operate
 from identification.diagnosis.columns.session import Session
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def protection_notes(session: Session) -> tuple[Note, ...]:

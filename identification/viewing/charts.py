@@ -10,9 +10,7 @@ import numpy as np
 from identification.reporting.charts.chart import AFTER, BEFORE
 from identification.reporting.charts.thinning import thinned
 from identification.viewing.replay import CORRECTED, GIVEN, MEASURED, Replay
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 MOST_POINTS = 1500
 """Samples of a curve that are sent at once: more than a chart has points."""

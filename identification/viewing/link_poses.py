@@ -6,11 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def link_poses(robot: Robot, q: Float[Array, "n nv"]) -> Float[Array, "n J 7"]:

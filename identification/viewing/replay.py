@@ -26,10 +26,8 @@ from identification.words.diagnosis_words import effect_at, joints_words
 from identification.words.effect_words import is_between_joints, words_of
 from identification.words.note_words import sentences
 from identification.words.user_words import user_words
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 FRAME_HZ = 50.0
 """Frames per second of the recording at most: more than an eye follows, and than a browser is sent."""

@@ -18,11 +18,9 @@ from identification.rollout.rollout_starts import States, window_at
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.errors import PhantomDynError
-
-Array = np.ndarray
 
 _FEWEST = 3
 """Samples of a stretch that is simulated: a shorter one at the end belongs to the one before."""

@@ -9,11 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from identification.viewing.replay import Replay
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
-
-Array = np.ndarray
 
 _FACES = 12_000
 """Triangles of the links of one copy."""

@@ -11,10 +11,8 @@ from identification.data.signals import within_limits
 from identification.diagnosis.columns.operations import operate
 from identification.diagnosis.columns.session import session_of_logs
 from identification.diagnosis.columns.terms import KnownEffect
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 WINDOW_S = 0.2
 """Time [s] over which a residual is averaged for its colour: at each zero crossing the colour would flicker."""

@@ -33,10 +33,9 @@ from typing import Literal
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 
-Array = np.ndarray
 Side = Literal["left", "right"]
 Angles = Float[Array, "N 6"]
 Points = Float[Array, "N 7 3"]

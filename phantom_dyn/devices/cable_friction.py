@@ -22,10 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
-
 
 JOINTS = ("q1", "q2", "q5")
 """Active joints; q3, q4, q6 follow them, and q7 is the joint at which the loop is cut."""

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices.cea import (
     COULOMB_FRICTION,
     COULOMB_RANGE_N,
@@ -37,8 +37,6 @@ from phantom_dyn.devices.cea import (
 )
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 NAMES = tuple(INERTIAL)
 """Parameters of Table 4."""

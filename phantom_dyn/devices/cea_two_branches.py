@@ -22,13 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices.cea import GRAVITY
 from phantom_dyn.devices.urdf_elements import add_joint, add_link, branch_elements, urdf_text
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 UPPER, LOWER = "upper_", "lower_"
 """Before the names of the links and joints of either branch."""

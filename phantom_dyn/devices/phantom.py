@@ -22,9 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 JOINTS = ("theta1", "theta2", "theta3")
 

@@ -12,13 +12,11 @@ from typing import Literal
 import numpy as np
 
 from phantom_dyn._kernels import rigid_body
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_motion
 from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _DIFFERENCE = 1e-5
 """Step of a central difference [rad or m]: the error of the step squared equals that of rounding over the step."""

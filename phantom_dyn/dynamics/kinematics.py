@@ -8,13 +8,11 @@ from typing import Literal
 import numpy as np
 
 from phantom_dyn._kernels import rigid_body
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 
 def frame_index(robot: Robot, frame: str) -> int:

@@ -13,13 +13,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
-
-Array = np.ndarray
 
 
 def place_on_base(robot: Robot, frame: str) -> pin.SE3:

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion, configurations
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

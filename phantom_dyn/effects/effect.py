@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
@@ -23,7 +23,6 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-Array = np.ndarray
 # Parameters as a finding or a file states them, by name: numbers, or lists of an effect that takes lists.
 Stated = Mapping[str, float | list[float]]
 

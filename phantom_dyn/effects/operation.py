@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import (
     inverse_dynamics,
     inverse_dynamics_derivatives,
@@ -19,8 +19,6 @@ from phantom_dyn.dynamics.dynamics import (
 from phantom_dyn.effects.references import References
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-
-Array = np.ndarray
 
 # Cached quantities that neither a fit nor what it leaves changes.
 _OF_THE_MOTION = ("own_friction", "transmitted", "inertia", "steepest")

@@ -12,12 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import related
 from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
 # What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
 Shape = tuple[float, ...]
 # What columns are computed from besides positions and velocities:

@@ -8,10 +8,9 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
 F = TypeVar("F", bound=Callable[..., Any])
 
 _MARK = "_channel_of_a_simulation"

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import ParameterError
-
-Array = np.ndarray
 
 _MOST_SAMPLES = 10**8
 """Samples of one experiment at most: they fill a gigabyte for each column."""

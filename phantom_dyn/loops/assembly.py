@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.chain import (
     ClosedChain,
@@ -20,8 +20,6 @@ from phantom_dyn.loops.chain import (
     sentence_of_worst,
 )
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
-
-Array = np.ndarray
 
 _HINT = "give start: {joint: position} near a position that closes the loop"
 

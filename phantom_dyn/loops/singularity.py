@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def distance_from_singularity(inverse: Float[Array, "N nz m"]) -> Float[Array, " N"]:

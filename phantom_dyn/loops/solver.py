@@ -20,7 +20,7 @@ from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, anchors_of, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import (
     ClosedChain,
@@ -31,8 +31,6 @@ from phantom_dyn.loops.chain import (
     nearest,
     sentence_of_worst,
 )
-
-Array = np.ndarray
 
 CLOSED = 1e-6
 """Frames this close [m, rad] count as together: robot files carry about six digits."""

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices import cea, phantom
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.maps.map_model import MapModel
 from phantom_dyn.model.robot import Robot, tree_position_limits
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

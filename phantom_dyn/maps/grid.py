@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import ParameterError, known_names
 
-Array = np.ndarray
 TIP_AXES = ("x", "y", "z")
 MOST_POINTS = 20_000_000
 """Points of a grid at most: one matrix over them takes 1.4 GB."""

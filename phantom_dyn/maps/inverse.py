@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 CLOSE = 1e-9
 """Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""

@@ -22,10 +22,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.maps.operational_map import OperationalMap, axis_unit
 from phantom_dyn.maps.quantities import QUANTITIES
 
-Array = np.ndarray
 _LEVELS = 12
 """Lines of equal value at most."""
 _COLORS = "viridis"

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn._kernels import rigid_body
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction, tree_motion
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.solver import REACH
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, linear_joints
-
-Array = np.ndarray
 
 _SLACK = 1e-9
 """How far beyond a joint limit [rad or m] a position still counts as within: rounding of the inverse kinematics."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.large_work import spread, starts_processes, worker_count
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.maps.grid import TIP_AXES, Grid
@@ -17,8 +18,6 @@ from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities,
 
 if TYPE_CHECKING:
     import xarray
-
-Array = np.ndarray
 
 BLOCK = 8192
 """Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""

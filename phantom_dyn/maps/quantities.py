@@ -20,12 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError, known_names
 from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projected_friction
-
-Array = np.ndarray
-
 
 SINGULAR = 1e-6
 """Ratio of the smallest to the largest singular value of J below which a point counts as singular: there the smallest

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import RobotError, printable, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
 
-Array = np.ndarray
 Element = ElementTree.Element
 
 LARGEST = 1e9

@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.assembly import assembled, require_determined
 from phantom_dyn.loops.chain import Anchor, ClosedChain
 from phantom_dyn.model.linear_loops import LinearExpression, followed_joints
 from phantom_dyn.model.robot_config import FrameLoop, LinearLoop, PointLoop, RobotConfig
-
-Array = np.ndarray
 
 
 def closed_chain(

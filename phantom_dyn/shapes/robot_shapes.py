@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.kept_shapes import keep, kept, place_of
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, reduced, surface
 from phantom_dyn.shapes.visuals import visuals
-
-Array = np.ndarray
 
 FACES = 2000
 """Triangles of a whole robot by default: a drawing in a report stays small."""

@@ -11,14 +11,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Int
+from phantom_dyn.array_types import Array, Int
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, joined, moved
 from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
-
-Array = np.ndarray
 
 
 def visuals(robot: Robot) -> list[tuple[int, Mesh]]:

@@ -6,10 +6,8 @@ import itertools
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import power_density
-
-Array = np.ndarray
 
 _BINS_PER_OCTAVE = 6
 # White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.

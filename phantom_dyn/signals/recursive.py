@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def recursive(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]) -> Float[Array, "N k"]:

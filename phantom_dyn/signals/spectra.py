@@ -13,9 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 
-Array = np.ndarray
 Window = Literal["hann", "blackman", "blackmanharris"]
 
 _COSINES: dict[Window, tuple[float, ...]] = {

@@ -11,9 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _DEGREE = 5
 _REACH = 8  # samples from an end from which on all knots near a sample are samples

@@ -10,6 +10,7 @@ import numpy as np
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
+from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
@@ -21,8 +22,6 @@ from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, 
 from phantom_dyn.simulation.compiled.axis_steps import Axis, run_axis
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine
-
-Array = np.ndarray
 
 
 class Compiled(NamedTuple):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError
@@ -26,8 +26,6 @@ from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_fr
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking, with_late_references
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
-
-Array = np.ndarray
 
 Controller = Callable[[float, Array, Array], Array]
 """What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders."""

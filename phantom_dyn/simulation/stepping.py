@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import body_torque_of_tree, link_torque, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
 from phantom_dyn.effects.simulated import Transmission
@@ -26,8 +26,6 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
-
-Array = np.ndarray
 
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 """Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

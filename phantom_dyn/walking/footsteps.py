@@ -7,11 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 Side = Literal["left", "right"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState, Profile, entry, holding_point, pendulum
 from phantom_dyn.walking.footsteps import (
@@ -26,9 +26,6 @@ from phantom_dyn.walking.footsteps import (
     standing,
     stepped,
 )
-
-Array = np.ndarray
-
 
 PREVIEW = 6
 """Steps assumed to follow. What lies behind them counts by exp(-omega T PREVIEW), under 1e-5 at usual gaits."""

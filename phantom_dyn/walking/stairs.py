@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState
@@ -33,8 +33,6 @@ from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum
 from phantom_dyn.walking.walker import Walker
 from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
 from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_of_wrench
-
-Array = np.ndarray
 
 _SIDES: tuple[Side, Side] = ("left", "right")
 _START = 0.2

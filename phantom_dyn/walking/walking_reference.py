@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState
@@ -15,8 +15,6 @@ from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum
 from phantom_dyn.walking.walker import Walker
 from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
 from phantom_dyn.walking.zmp import SupportPolygon, support_polygon, zmp_from_contact_wrench
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker
-
-Array = np.ndarray
 
 TOLERANCE = 1e-10
 """Residual in m and rad at which Newton's method stops: rounding, far below what shows in a zero moment point."""

@@ -25,11 +25,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

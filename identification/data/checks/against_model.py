@@ -14,12 +14,10 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
 _DEGREE = np.pi / 180  # [rad]

@@ -7,10 +7,8 @@ import numpy as np
 from identification.data.checks.smoothed_copy import included
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
-
-Array = np.ndarray
 
 _TURN = 2 * np.pi  # [rad]
 # Share of a recording that lies so far outside: less is a spike or a turn that was miscounted for a while.

@@ -23,12 +23,10 @@ from identification.data.checks.torques.scaled_model import common_ratio, plain_
 from identification.data.checks.torques.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
 from phantom_dyn.errors import ChainError, listed
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of a torque's variance below which a fit is as good as any: real laws of friction leave as much.
 _ENOUGH = 0.005

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from identification.data.checks.against_model import (
     check_degrees,
     check_flipped,
@@ -40,9 +38,8 @@ from identification.data.drives.joint_torque import external_torque
 from identification.data.floating.sensor_checks import check_base
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
+from phantom_dyn.array_types import Array
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ import numpy as np
 from identification.data.drive_loop import DriveLoop
 from identification.data.drives.joint_torque import voltage_bound
 from identification.data.recording import Recording
+from phantom_dyn.array_types import Array
 from phantom_dyn.model.robot import Actuator, Controller, Robot
-
-Array = np.ndarray
 
 _COLUMN = {"u": "voltage", "i": "current", "tau": "torque"}
 _UNIT = {"u": "V", "i": "A", "tau": "N m"}

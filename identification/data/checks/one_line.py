@@ -11,12 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Correlation of two velocities from which on two joints move along one line. Joints that a planner starts and stops
 # together come to 0.6 to 0.9; those that follow one profile, some milliseconds apart, to 0.99 and more.

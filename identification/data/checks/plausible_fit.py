@@ -16,12 +16,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from identification.data.checks.readings import Reading, varies
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Range of an inertia over the modelled one, and of a torque constant over the assumed one.
 _LEAST, _MOST = 0.5, 2.0

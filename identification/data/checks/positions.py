@@ -7,12 +7,10 @@ import numpy as np
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
 from identification.data.times import time_text, when
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
-
-Array = np.ndarray
 
 # No encoder is as noisy as this [rad or m]: what looks like more noise is motion that is sampled too slowly.
 _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005

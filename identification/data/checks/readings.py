@@ -10,12 +10,10 @@ import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.drives.joint_torque import per_speed
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
-
-Array = np.ndarray
 
 _ROWS = 400  # samples in a regression: enough for its thirty coefficients in each half, and quick for many readings
 _FEWEST = 60

@@ -11,9 +11,7 @@ import numpy as np
 from identification.data.checks.smoothed_copy import included
 from identification.data.recording import Fault, Recording
 from identification.data.times import time_text
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 # Pieces into which a recording is cut; the usual size of a motion is that of the middle one.
 _PIECES = 24

@@ -8,12 +8,10 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.data.signals import differentiate
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge
 from phantom_dyn.signals.recursive import low_passed
-
-Array = np.ndarray
 
 _FEWEST = 100  # samples that a spectrum needs
 

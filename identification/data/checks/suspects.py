@@ -24,12 +24,10 @@ from identification.data.checks.readings import (
 )
 from identification.data.readers.map_entries import entries, entries_words, gear_entries
 from identification.data.recording import Fault, Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _DEGREE = np.pi / 180  # [rad]
 _MILLIMETRE = 1e-3  # [m]

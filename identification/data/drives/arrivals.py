@@ -17,10 +17,8 @@ from identification.data.drives.joint_torque import copper_share, per_volt
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Moments of a frame at which a voltage is asked for.
 _FINE = 16

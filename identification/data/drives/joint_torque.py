@@ -10,13 +10,11 @@ import numpy as np
 from identification.data.mending import mended_position
 from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import side_by_side
-
-Array = np.ndarray
 
 # Copper's resistance grows by so much per kelvin.
 _COPPER = 0.00393

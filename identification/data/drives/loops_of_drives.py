@@ -9,10 +9,8 @@ import numpy as np
 from identification.data.drive_loop import DriveLoop, drive_loop
 from identification.data.drives.joint_torque import per_volt, warm_share
 from identification.data.recording import Table
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _ROWS = 60000
 """Rows of a long recording that are enough to read a loop from, in its middle."""

@@ -13,10 +13,9 @@ import numpy as np
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.unpacked_size import require_small_npz, require_small_parquet
 from identification.data.recording import RawTable
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.libraries import is_installed, missing_library
-
-Array = np.ndarray
 
 MOST_IN_LIST = 256
 """Numbers of a list in a column; more are no joints of one robot but an image or a point cloud."""

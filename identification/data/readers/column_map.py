@@ -30,10 +30,9 @@ import numpy as np
 from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
 from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.files.settings_file import describe, read_settings
-
-Array = np.ndarray
 
 _PLACE = "{joint}"
 _NUMBER = "{number}"

@@ -17,9 +17,8 @@ import numpy as np
 from identification.data.readers.array_files import MOST_IN_LIST, numbered
 from identification.data.readers.contract_columns import column_of
 from identification.data.recording import RawTable
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, listed, shortened
-
-Array = np.ndarray
 
 # A list in a cell; what holds no number is found where its parts are read.
 _LIST = re.compile(r"\[([^\[\]]*)\]", re.DOTALL)

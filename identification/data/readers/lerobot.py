@@ -14,15 +14,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from identification.data.readers.array_files import open_parquet, parquet_columns
 from identification.data.recording import RawTable
 from identification.files import EPISODE, LEROBOT_INFO, is_lerobot
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, UsageError, listed, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
-
-Array = np.ndarray
 
 _LARGEST_INFO = 5_000_000
 """Of ``meta/info.json`` [bytes]: a thousand times what a robot with many cameras needs."""

@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.recording import RawTable
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@ from collections.abc import Hashable
 import numpy as np
 
 from identification.diagnosis.columns.session import Session
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Sets of joints that are tried at most: each is a column on all of its joints.
 _MOST = 40

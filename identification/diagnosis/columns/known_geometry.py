@@ -13,10 +13,8 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.measured import load_of
 from identification.geometry.pins import KnownPlaces
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, placed
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 """Effects of poses that no torque law knows; the zero of an encoder is one of both."""

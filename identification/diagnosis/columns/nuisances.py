@@ -10,15 +10,13 @@ import numpy as np
 from identification.data.floating.base_errors import SENSOR_ERRORS, feigned_torque
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import soft_joints, softness
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.inertia import tolerance_directions
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 TIMING = "timing"
 """Kind of the move that shifts all torques in time."""

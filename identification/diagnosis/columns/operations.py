@@ -16,7 +16,7 @@ from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.columns.nuisances import OF_THE_RECORDING, moves_of
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
@@ -27,8 +27,6 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Largest relative decrease of a parameter [1]: tolerances are meant to be small, but a file may state any.
 _LEAST = -0.9

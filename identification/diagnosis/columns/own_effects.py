@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.data.change_kinds import KINDS, Kind
 from identification.data.changes import Change, robot_in
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -21,9 +21,6 @@ from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
-
 
 # What each kind of change may change, by `Effect.changes_with`; an unknown payload is a point mass of its recording.
 _CHANGES: dict[Kind, tuple[str, ...]] = {

@@ -28,7 +28,7 @@ from identification.diagnosis.columns.residual_of_moves import residual_of_moves
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
 from identification.engine.numerics.two_threads import in_two_threads
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -36,8 +36,6 @@ from phantom_dyn.effects.rival import Shape
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _PIECE = 4096  # samples at the full rate whose regressor is held at once
 

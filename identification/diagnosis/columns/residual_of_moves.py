@@ -7,11 +7,9 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis.columns.nuisances import Move, touching
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def residual_of_moves(

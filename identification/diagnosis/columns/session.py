@@ -23,12 +23,11 @@ from identification.diagnosis.columns.own_effects import ALIKE, Differences, dif
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.engine.products.blocks import Block, assign_folds
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EffectError, LogError
 from phantom_dyn.model.robot import Robot
 
-Array = np.ndarray
 # A series of every log, ``(n, nv)`` each; logs differ in length.
 Series = tuple[Float[Array, "_ nv"], ...]
 

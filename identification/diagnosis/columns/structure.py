@@ -12,14 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape, Signature, Source
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
-
-Array = np.ndarray
 
 _SLOW = 3
 # Share of a rhythm that the motion of the joint makes, from which it is no rhythm of its own.

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.columns.structure import STRUCTURES
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation, joined
@@ -18,7 +18,6 @@ from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases
 
-Array = np.ndarray
 # What an operation has one row a sample of.
 SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 
 def free_numbers(

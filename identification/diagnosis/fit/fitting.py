@@ -18,10 +18,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
-
+from phantom_dyn.array_types import Array, Float, Int
 
 # Torque asked for over torque needed below which a row would vanish from a fit.
 _LEAST_GAIN = 0.02

@@ -15,10 +15,8 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.engine.products.blocks import Block
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _FEATURES = 120
 _RIDGES = (1e-4, 1e-2, 1.0)

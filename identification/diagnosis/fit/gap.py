@@ -11,12 +11,10 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,10 @@ from identification.diagnosis.fit.whole_model import (
     linearised,
 )
 from identification.engine.numerics.bounded import bounded_solve, solve
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.rival import OtherLaw
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 # Information on a number, in its own units, below which there is none.
 _NO_TRACE = 1e-200

@@ -12,10 +12,8 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 STEPS = 8
 """Steps from one estimate to the next at most."""

@@ -21,10 +21,8 @@ from identification.diagnosis.columns.terms import Term
 from identification.engine.fits.minimum import Minimum
 from identification.engine.numerics.bounded import bounded_solve, solve
 from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, pseudo_inertia, reference_body
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of a body by which an eigenvalue may lie below zero: rounding of files.
 _ROUNDING = 1e-6

@@ -13,9 +13,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.engine.products.blocks import Block
 from identification.engine.products.grams import Grams, RowGrams, Weights, all_row_grams, summed
 from identification.engine.products.triangles import diagonal
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 # Squares of what all moves make together that no fit contains, each at its bound, in noise of one sample.
 _UNSEEN = 1.0

@@ -20,9 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.fit.whole_model import Linearised, ModelLayout
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 # Groups of equally many samples of a joint's velocity, and of its position and acceleration alike: slow and fast in
 # either direction. The more groups, the less each has in common with other blocks.

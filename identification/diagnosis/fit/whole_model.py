@@ -15,12 +15,10 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.point_mass import load_map
 from identification.diagnosis.fit.problem import Problem
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import OtherLaw, Shape
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,10 @@ from identification.engine.numerics.bounded import solve
 from identification.engine.products.blocks import held_out_share
 from identification.engine.products.triangles import square
 from identification.gates import above_chance, in_band, over_blocks
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Standard normal deviate that is exceeded with 95 % power.
 _POWER = 1.645

@@ -18,11 +18,9 @@ from identification.diagnosis.judge.floors import answers_above, sensors_of
 from identification.diagnosis.result import Burst, JointGap
 from identification.engine import contract_levels
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Two of them that are as close [s] are one.
 _CLOSE = 0.1

@@ -13,11 +13,9 @@ from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
 from identification.engine.claims import GateResult
 from identification.gates.coarse_reading import rounding_matters
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

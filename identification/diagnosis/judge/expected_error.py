@@ -12,9 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from identification.diagnosis import decision_rules as rules
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 # Median of the square of a standard normal number.
 _MEDIAN_SQUARE = 0.4549

@@ -17,10 +17,8 @@ from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from identification.engine import contract_levels
 from identification.engine.resampling import block_counts
 from identification.gates import fair_part
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 ABOVE_BAND, REPETITIONS, PREDICTORS = "above_band", "repetitions", "predictors"
 

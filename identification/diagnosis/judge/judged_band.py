@@ -14,9 +14,7 @@ from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
 from identification.diagnosis.search.search import Search, set_up_search
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

@@ -45,9 +45,7 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
 from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 # Share of the samples below which a regime says nothing of a joint.
 _FEW = 0.01

@@ -31,8 +31,6 @@ from identification.gates.exchange import explains_more_than_others
 from identification.gates.in_band import torque_is_there
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 
-Array = np.ndarray
-
 # Findings without which it is looked what an effect would gain: those of a robot with many joints say little of others.
 _MOST_FINDINGS = 12
 # Effects whose figures are computed in the judged band.

@@ -27,10 +27,8 @@ from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.gates import moved_joints
 from identification.gates.moved_joints import shown_above_noise, shown_by_motion
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import power_density
-
-Array = np.ndarray
 
 # Samples of a spectrum's segment.
 _SEGMENT = 256

@@ -11,9 +11,7 @@ from identification.diagnosis.columns.motion.standstill import near_reversals
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem
-from phantom_dyn.array_types import Bool
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool
 
 
 def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[Array, " n"]]:

@@ -18,9 +18,7 @@ from identification.diagnosis.judge.floors import REPETITIONS, Floor, left_in_do
 from identification.diagnosis.noise.discrepancy import discrepancy
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from identification.engine import contract_levels
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 SENSORS, NONE = "sensors", "none"
 

@@ -16,10 +16,8 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left
 from identification.engine.resampling import block_counts
 from identification.engine.shapley import shapley_values
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 

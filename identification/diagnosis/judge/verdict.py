@@ -18,11 +18,9 @@ from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
 from identification.engine import contract_levels
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def verdict(

@@ -29,10 +29,8 @@ from identification.diagnosis.law.smooth import frequency_answers, input_curves,
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
 from identification.diagnosis.result import JointGap, Judgement, noise_is_all
 from identification.engine.resampling import REPLICATES, block_counts, interval
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _LEAST = 0.4  # of the squares of the rest that a formula has to foresee
 _MOSTLY = 0.5  # share of the replicates that have to choose an input which no formula names

@@ -14,10 +14,8 @@ from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
 from identification.engine.resampling import CHOSEN_AGAIN, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 MOST_TERMS = 4
 _AT_ONCE = 24  # columns at the full rate

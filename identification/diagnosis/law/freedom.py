@@ -15,9 +15,7 @@ from identification.diagnosis.fit.gap import sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,7 @@ import numpy as np
 
 from identification.diagnosis.law.responses import laguerre, laguerre_answer
 from identification.diagnosis.law.rest import Rest, RestLog
-from phantom_dyn.array_types import Complex, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Complex, Float
 
 _CORNERS = (0.05, 0.25)  # of the edge of the judged band
 _ORDER = 5  # series behind each corner

@@ -7,9 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def bristle(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:

@@ -18,8 +18,6 @@ from identification.diagnosis.rest_law import ModelTerm, ResidualModel
 from identification.engine.products.block_products import Free
 from identification.engine.search.stepwise import extended
 
-Array = np.ndarray
-
 _MOST = 6
 _LEAST = 0.3  # of the rest's squares that a model has to foresee to be worth using
 _SLOW = 0.01  # of the fast end of the speeds, below which a direction is rounded off

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.signals.recursive import lagging, recursive
-
-Array = np.ndarray
 
 
 def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Float[Array, "N 2"]:

@@ -15,12 +15,10 @@ from identification.diagnosis.input_names import base_of, frequency_of, is_frequ
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.engine.products.blocks import Block
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _PER_PERIOD = 5.0  # samples a period of the judged band's edge: more say the same again
 _MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and say little more

@@ -22,10 +22,8 @@ from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import block_products
 from identification.engine.resampling import REPLICATES, block_counts, interval
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _PLACES = 7  # of a table over one input
 _RIDGE = 3e-3  # of the samples at a place

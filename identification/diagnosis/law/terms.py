@@ -20,10 +20,10 @@ from identification.diagnosis.input_names import base_of, frequency_of, supply_l
 from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.responses import behind, delayed, resonator
 from identification.diagnosis.law.rest import Rest, RestLog
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.described import FormulaTerm, less
 
-Array = np.ndarray
 Series = Callable[[RestLog], Array]
 
 _SPEEDS = (0.05, 0.15)  # of the fast end of the speeds

@@ -19,12 +19,10 @@ from identification.data.signals import differentiate
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.noise.reading_noise import ReadingNoise
 from identification.diagnosis.noise.sensor_noise import Density
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _START = 1.5  # times the edge of the judged band: from here on hardly anything of the motion is left
 _TOP = 0.2  # of the rate: above, derivatives of a spline lose more than 2 %

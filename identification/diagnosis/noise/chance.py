@@ -14,10 +14,8 @@ from identification.diagnosis.search.search import Search, Threshold, joint_of, 
 from identification.engine.chance import exceeded_by_chance
 from identification.engine.fits.held_out_gains import gains_on_residuals
 from identification.gates import above_chance
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _REPLICATES = 80
 

@@ -13,10 +13,8 @@ from scipy import ndimage
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Series, Session
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,11 @@ from identification.engine.fits.projection import gains_beside
 from identification.engine.products.grams import RowGrams, all_row_grams
 from identification.gates import above_chance
 from identification.gates.coarse_reading import coarser_than_stated
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 # Step of an encoder without noise.
 _FINE = 1e-12

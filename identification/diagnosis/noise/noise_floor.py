@@ -16,9 +16,7 @@ from identification.diagnosis.search.search import Search
 from identification.engine.autocorrelation import autocorrelation_time
 from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.grams import Weights
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:

@@ -13,10 +13,8 @@ from math import comb
 import numpy as np
 
 from identification.data.log import Log
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _ORDERS = (2, 3, 4, 6)  # of differences: each takes off more of the motion, and the least value counts
 _FEWEST = 50  # readings: fewer say little about a joint

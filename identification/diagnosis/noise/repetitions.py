@@ -13,9 +13,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.own_effects import ALIKE
 from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 _MOST = 6  # repetitions of a pair of recordings that are compared
 _UNLIKE = (

@@ -9,10 +9,8 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.noise.discrepancy import shown_error
 from identification.diagnosis.noise.reading_noise import reading_noise
 from identification.diagnosis.noise.sensor_floor import feigned, torque_densities
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 
 def sensed_noise(session: Session, columns: Columns) -> Series:

@@ -18,12 +18,10 @@ from identification.diagnosis.columns.session import Session
 from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, error_of_readings
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _METHOD = 1.25  # times: the density itself differs by as much from that of clean records (benchmarks/noise_floor.py)
 _DRAWS = 4  # of the errors of readings: what they feign in a narrow band is uncertain by a tenth from one

@@ -9,10 +9,8 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import cross_density, power_density
-
-Array = np.ndarray
 
 _BANDS = 4  # parts of the band above
 _TAIL = 2  # the first part of the upper half, in which the noise has to be white

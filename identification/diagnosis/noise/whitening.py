@@ -14,9 +14,7 @@ import numpy as np
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.engine.numerics.two_threads import in_two_threads
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 _ORDER = 8
 _ROWS = 64

@@ -19,9 +19,7 @@ from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
 from identification.gates.over_blocks import in_enough_blocks
 from identification.gates.possible import possible_size
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 # Effects of a set without which it is fitted, those that it would miss least.
 _MOST_TRIED = 12

@@ -12,9 +12,7 @@ from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
 from identification.engine.fits.projection import taken_out
 from identification.gates import rivalry
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def costs_of(

@@ -17,9 +17,8 @@ from identification.engine.fits.bilinear import products_of
 from identification.engine.fits.near_fits import LinearFit, NearFits
 from identification.engine.fits.projection import gains_beside
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 
-Array = np.ndarray
 Chosen = frozenset[Term]
 
 # Moves of the model from which on fits are computed from the nearest one: of few, each is made as quickly by itself.

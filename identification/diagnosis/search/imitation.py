@@ -22,10 +22,8 @@ from identification.diagnosis.search.containment import contains, possible
 from identification.diagnosis.search.rival_sets import Standing
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Effects that imitate one together, at most.
 _MOST = 3

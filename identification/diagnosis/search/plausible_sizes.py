@@ -14,10 +14,8 @@ import numpy as np
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.search.containment import joints_of
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

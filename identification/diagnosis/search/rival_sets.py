@@ -23,9 +23,7 @@ from identification.engine.claims import GateResult, until_failed
 from identification.engine.resampling import probabilities
 from identification.gates import fair_part, rivalry
 from identification.gates.rivalry import likelier_than_rivals, plausible_size
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 NONE_BARRED: frozenset[Place] = frozenset()
 

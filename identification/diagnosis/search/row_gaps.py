@@ -10,9 +10,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
 from identification.gates import fair_part
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,6 @@ def joint_of(term: Term) -> str | None:
     return None if term.joint is None or "+" in term.joint else term.joint
 
 
-Array = np.ndarray
-
 # Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
 _MANY_JOINTS = 10
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.

@@ -10,11 +10,9 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.gates.special_case import differs_from_simpler
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Directions of a covariance that are this much better known than others are more than rounding.
 _RANK = 1e-9

@@ -12,9 +12,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.search import Search
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 
 @dataclass(frozen=True)

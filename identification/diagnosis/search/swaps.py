@@ -15,9 +15,7 @@ from identification.engine.claims import GateResult
 from identification.engine.numerics.bounded import solve
 from identification.gates import above_chance, exchange, fair_part
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 # Swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined, interpreted_as
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 # Below what any of these products is known to; it keeps exact twins solvable.
 _TWINS = 1e-12

@@ -13,9 +13,7 @@ import numpy as np
 
 from identification.engine.numerics.tableau import TWINS, Entering, Tableau
 from phantom_dyn._kernels.jit import fused
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 # Steps at most that take the rounding out of a minimum, and what of a loss the last of these may gain.
 _CORRECTED, _SMALL = 8, 0.01

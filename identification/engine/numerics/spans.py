@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:

@@ -11,9 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.engine.numerics.bounded import bounded_solve
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 # What keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the digits that a solution does.
 TWINS = 1e-11

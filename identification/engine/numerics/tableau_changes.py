@@ -13,9 +13,7 @@ import numpy as np
 from identification.engine.numerics.held_minimum import HeldMinimum, minimum, refined
 from identification.engine.numerics.tableau import Entering, Tableau
 from phantom_dyn._kernels.jit import fused
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 # Steps at most where one bound at a time is met or left, and exchanges of all that is amiss at once in a row that may
 # leave no less amiss than there ever was.

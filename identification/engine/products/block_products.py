@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.numerics.bounded import solve
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 RIDGE = 1e-9
 """Of a column's squares, added to them: keeps twins solvable."""

@@ -13,9 +13,7 @@ from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.blocks import Block
 from identification.engine.products.row_products import RowProducts
 from identification.engine.products.triangles import places_in, square, triangle
-from phantom_dyn.array_types import Bool, Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 
 @dataclass(frozen=True)

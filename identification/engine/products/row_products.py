@@ -14,9 +14,7 @@ import numpy as np
 from identification.engine.products.triangles import diagonal, square
 from identification.engine.products.triangles import place as place_of
 from phantom_dyn._kernels.jit import fused, jit
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 
 def place(i: Int[Array, "..."], j: Int[Array, "..."]) -> Int[Array, "..."]:

@@ -12,9 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 
-Array = np.ndarray
 State = TypeVar("State")
 Chosen = tuple[int, ...]
 

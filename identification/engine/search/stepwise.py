@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.products.block_products import RIDGE, Products
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 
-Array = np.ndarray
 Chosen = tuple[int, ...]
 
 _RANK = 1e-5  # part of a column's squares that has to be left beside those that are in

@@ -25,11 +25,9 @@ from identification.estimators.fit import Estimate, Fit, Status, Values, fit_of
 from identification.estimators.linear.scatter import autocorrelation
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError, ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of a signal by which a parameter or a state is moved for a finite difference: dry friction makes those of less
 # rough.

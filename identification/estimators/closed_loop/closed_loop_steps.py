@@ -15,8 +15,7 @@ from phantom_dyn._kernels.dry_friction import Rubbing, rub
 from phantom_dyn._kernels.followed_loops import rewind
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _TOO_FAST = 1e6
 """Speed [rad/s or m/s] at which the integration has blown up."""

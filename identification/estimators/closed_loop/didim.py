@@ -25,11 +25,9 @@ from identification.estimators.linear.scatter import residual_noise
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
 _HALVINGS = 6  # of a step after which the robot cannot move

@@ -25,12 +25,10 @@ from identification.estimators.linear.least_squares import base_of, base_rows
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _STEP = 5e-4  # longest integration step [s], as in `phantom_dyn.simulation.simulate`
 

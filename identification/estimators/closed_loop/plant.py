@@ -11,13 +11,11 @@ from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, RegressorTerm, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import TreeArrays
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import loops_to_follow
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class Plant(NamedTuple):

@@ -9,10 +9,8 @@ import numpy as np
 from identification.data.signals import align_held_torque
 from identification.estimators.closed_loop.loop import Loop
 from identification.regression.regressor import Regressor
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError
-
-Array = np.ndarray
 
 # Share of a recorded torque that its stated controller may leave: noise of a velocity and a held sample leave less.
 _FOREIGN = 0.5

@@ -31,13 +31,11 @@ from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from identification.regression.triangular import r_factor, triangular
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)

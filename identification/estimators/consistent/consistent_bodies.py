@@ -16,12 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.robot_shapes import robot_shapes
-
-Array = np.ndarray
 
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # order of the six inertia entries
 

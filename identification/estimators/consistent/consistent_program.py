@@ -13,10 +13,8 @@ import numpy as np
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, Region, pseudo_inertia
 from identification.estimators.consistent.stated_program import Shape, Values, stated
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, ParameterError
-
-Array = np.ndarray
 
 FREE = 1e-3
 """Prior distance of a coefficient whose torque is as large as that of all bodies together; that of a body as far from

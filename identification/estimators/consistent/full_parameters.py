@@ -18,12 +18,10 @@ from identification.estimators.consistent.consistent_program import (
 from identification.estimators.fit import Fit
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import RegressorTerm
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _KEPT = 8
 """How many shapes stay stated: one takes some megabytes, and a run asks for two or three."""

@@ -10,10 +10,8 @@ import numpy as np
 
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, term_columns
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
-
-Array = np.ndarray
 
 _POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
 _AT_BOUND = 2.0  # standard deviations from a bound within which a value may as well lie on it

@@ -11,10 +11,8 @@ from scipy.linalg import solve_triangular
 from identification.regression.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import ROWS, absorb, one_blas_thread, triangular
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import IdentifiabilityError
-
-Array = np.ndarray
 
 _KEPT = 5_000_000
 """Entries of the base equations that are kept from one pass to the next (40 MB); of more, they are made again."""

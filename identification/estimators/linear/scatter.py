@@ -13,9 +13,7 @@ from identification.engine.autocorrelation import lagged_products, positive_sequ
 from identification.estimators.linear.least_squares import Solution, base_blocks, base_places
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _FEWEST = 4  # samples that say anything of how they go on
 _STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band

@@ -25,7 +25,7 @@ from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
 from identification.notes import Code, Note
 from identification.words.note_words import sentences
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
@@ -34,8 +34,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _HORIZON = 0.2  # length of a rollout [s]
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.excitation.limits import stated_torque_limits
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.described import Coupling, ModelNumbers
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
@@ -18,8 +18,6 @@ from phantom_dyn.effects.support.rows import driven_rows
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,10 @@ from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
 from identification.export.headers import root_of
 from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
-
-Array = np.ndarray
 
 LEVEL = "level"
 """Link on which a tilted robot stands."""

@@ -17,15 +17,13 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import Program, solve_program
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _SAMPLES = 300
 """Samples of the recorded motion on which possible bodies need the same torques."""

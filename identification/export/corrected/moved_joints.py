@@ -18,14 +18,12 @@ from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.pins import around, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
-
-Array = np.ndarray
 
 _OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
 _FILES = ("corrected.urdf", "corrected.xml")

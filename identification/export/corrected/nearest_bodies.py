@@ -19,12 +19,10 @@ import pinocchio as pin
 
 from identification.estimators.consistent.consistent_bodies import pseudo_inertia, standard_of
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _LEAST = 1e-6
 """Least eigenvalue, as a share of the largest: files and MuJoCo take no body that is only just possible."""

@@ -25,15 +25,13 @@ from identification.export.model_files.reload import (
     torque_of_mujoco,
 )
 from identification.export.model_files.tree import tree_torque
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _STEP = 1e-3  # of a rollout [s]
 _LEAD = 300  # steps before a rollout in which the encoders' joints are led along the recorded motion

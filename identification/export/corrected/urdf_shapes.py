@@ -24,8 +24,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element, read_root
 from phantom_dyn.shapes.visuals import mesh_finder
 
-Array = np.ndarray
-
 _MESHES = (".obj", ".stl", ".msh")
 """Endings of the meshes that MuJoCo reads."""
 _VISUAL = {"group": "2", "contype": "0", "conaffinity": "0"}

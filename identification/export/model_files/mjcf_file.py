@@ -11,13 +11,11 @@ import pinocchio as pin
 from identification.export.model_files.mjcf_loops import add_followers
 from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
 from identification.export.model_files.urdf_file import attribute_text
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import breaks_triangle
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
-
-Array = np.ndarray
 
 _LEAST = 1e-15
 """MuJoCo's least mass [kg] and principal inertia [kg m^2] of a body that moves."""

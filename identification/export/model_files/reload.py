@@ -13,15 +13,13 @@ import pinocchio as pin
 
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.tree import tree_torque
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, configurations
-
-Array = np.ndarray
 
 TOLERANCE = 1e-6
 """Largest difference over the largest torque of the motion: files carry all digits, so more is a mistake."""

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from identification.export.model_files.tree import LinkInertia, bodies, frames
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
-
-Array = np.ndarray
 
 _SCHEMES = tuple(f"{name}://" for name in ("package", "file", "http", "https", "model"))
 

@@ -31,7 +31,7 @@ from identification.export.model_files.reload import robot_with_urdf
 from identification.export.proof.formats import OF_DRIVES, used_numbers
 from identification.export.uses.feedforward import over_samples
 from identification.export.uses.residual_model import loaded as loaded_residual
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
@@ -39,7 +39,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, read_only
 
-Array = np.ndarray
 # Drive torque that is asked for along a log, by the index of the log, ``(N, nv)`` at the full rate.
 Asked = Callable[[int], Float[Array, "N nv"]]
 

@@ -43,12 +43,10 @@ from identification.export.proof.formats import (
     holds,
 )
 from identification.words.numbers_and_names import number
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _LEVEL = 0.05
 """Chance that a file without any difference from the given model is refused, over all its joints together."""

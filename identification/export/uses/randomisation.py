@@ -14,12 +14,10 @@ import numpy as np
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 SIGMAS = 2.0
 """Half width of a range in deviations."""

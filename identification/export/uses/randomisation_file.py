@@ -26,12 +26,10 @@ from identification.export.uses.randomisation import (
     unseen_range,
     unseen_sizes,
 )
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.files.strict_yaml import settings_text
-
-Array = np.ndarray
 
 # Fields of MJCF are element, name, attribute and place among its numbers.
 Field = tuple[str, str, str, int]

@@ -31,8 +31,7 @@ from identification.reporting.charts.chart_marks import (
     ribbon_svg,
     text,
 )
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
 STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]

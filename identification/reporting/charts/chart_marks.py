@@ -7,9 +7,7 @@ from html import escape
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 INK = "currentColor"
 FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0

@@ -14,8 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from identification.reporting.charts.thinning import gap_starts, thinned
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 INK = "#010203"  # stands for the colour of the page's text until the SVG is written
 STYLE = {

@@ -6,10 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 CURVE_POINTS = 500
 CLOUD_POINTS = 3000

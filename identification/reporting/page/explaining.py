@@ -15,13 +15,11 @@ from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.reporting.charts.thinning import bin_numbers, gap_starts
 from identification.words.effect_words import words_of
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 _CLEARLY = 0.03  # a later candidate has to explain this much more of the residual's variance
 _PRESLIDING_WIDTHS = 8.0  # of the breakaway displacement are shown to either side

@@ -22,9 +22,7 @@ from identification.reporting.page.explaining import (
     joint_of,
     strongest_variable,
 )
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Samples of which a median is drawn, each with the dashes of its line.

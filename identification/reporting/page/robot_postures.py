@@ -9,11 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from identification.diagnosis.result import Diagnosis
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 SHOWN = 41
 """Postures of the slider, the middle one among them: a robot of seven joints takes 15 kB of the page for them."""

@@ -15,12 +15,10 @@ from identification.reporting.charts.chart import short_name
 from identification.reporting.page.robot_postures import Postures, postures
 from identification.words.diagnosis_words import finding_name
 from identification.words.numbers_and_names import percent_short_of_all
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
-
-Array = np.ndarray
 
 EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""

@@ -18,9 +18,7 @@ from identification.reporting.page.gap_figures import (
     shown_stretch,
     torque_label,
 )
-from phantom_dyn.array_types import Float, Int
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float, Int
 
 SAMPLES = 30_000
 """Of all joints together: ten bytes each, so that the page stays small."""

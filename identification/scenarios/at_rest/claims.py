@@ -8,9 +8,7 @@ from identification.diagnosis.result import EffectAt
 from identification.engine.claims import Claim, GateResult, until_failed
 from identification.gates.rivalry import likelier_than_rivals
 from identification.scenarios.at_rest.giving_way import WAYS, GivingWay, Way
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def claims_at_rest(joint: str, found: GivingWay, repeat: float) -> tuple[Claim[EffectAt], ...]:

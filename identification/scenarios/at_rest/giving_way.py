@@ -19,10 +19,8 @@ from identification.engine.resampling import block_counts, probabilities, share_
 from identification.gates.above_chance import more_than_chance
 from identification.gates.special_case import both_are_there
 from identification.scenarios.at_rest.rests import Stills
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 # Rests under either sign of load that a judgement needs: less do not show how well they repeat.
 LEAST_RESTS = 3

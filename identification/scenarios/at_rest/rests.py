@@ -9,13 +9,11 @@ import numpy as np
 
 from identification.data.drives.joint_torque import external_torque
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of the largest load below which a loose joint may rest anywhere: friction holds it, not the load.
 LOADED = 0.2

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -29,8 +30,6 @@ from phantom_dyn.effects.support.position_waves import (
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class Cogging(Effect):

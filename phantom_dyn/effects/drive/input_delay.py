@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -19,8 +19,6 @@ from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Time [s] from which on a recorded torque and a motion have nothing to do with each other.
 _LONGEST = 1.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -17,8 +18,6 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.effects.support.rows import inertia_unit, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Acceleration that a drive can give to its own rotor at least [rad/s^2]: a third of the least of public models, which
 # are in docs/plausible_ranges.md.

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -20,8 +21,6 @@ from phantom_dyn.effects.simulated import Law, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class TorqueOffset(Effect):

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -34,8 +34,6 @@ from phantom_dyn.effects.support.position_waves import (
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
-
-Array = np.ndarray
 
 # Share of the load that a drive or gear may ripple by.
 _LARGEST = 0.5

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -27,8 +28,6 @@ from phantom_dyn.effects.support.rows import (
     torque_unit,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
 _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -21,8 +22,6 @@ from phantom_dyn.effects.support.displaced import change_by_reading, displaced, 
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Periods in one turn of the joint.
 ORDER = 1.0

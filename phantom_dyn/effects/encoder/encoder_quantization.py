@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -19,8 +20,6 @@ from phantom_dyn.effects.simulated import Law, Simulated, reading_law
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class EncoderQuantization(Effect):

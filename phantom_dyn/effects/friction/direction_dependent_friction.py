@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -27,8 +28,6 @@ from phantom_dyn.effects.support.rows import (
     torque_unit,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class DirectionDependentFriction(Effect):

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -23,8 +23,6 @@ from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import damping_unit, inertia_unit, row_of, torque_on_rows, torque_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Up to this many joints any two may be coupled; on longer arms a belt spans a joint at most.
 _ALL_PAIRS = 4

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, FormulaTerm
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -19,8 +20,6 @@ from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of its load that a transmission cannot lose.
 _SELF_LOCKING = 1.0

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -27,8 +27,6 @@ from phantom_dyn.effects.support.foreseen import foresees
 from phantom_dyn.effects.support.ranges import dry_range
 from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Positions over the travel, from the first to the last: a bump as wide as a tenth of it has some on it.
 _COUNTS = (5, 9, 14)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -33,8 +33,6 @@ from phantom_dyn.effects.support.rows import (
     velocity_unit,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Keeps the law defined where a fit goes to Coulomb friction [rad or m].
 _LEAST_DISPLACEMENT = 1e-12

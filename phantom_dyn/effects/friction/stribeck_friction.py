@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -26,8 +27,6 @@ from phantom_dyn.effects.support.rows import (
     velocity_unit,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Speed [rad/s, m/s] beyond which no joint is still in mixed lubrication.
 _FASTEST, _FASTEST_LINEAR = 3.0, 0.5

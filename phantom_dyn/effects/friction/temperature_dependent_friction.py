@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -32,8 +32,6 @@ from phantom_dyn.effects.support.rows import (
     torque_unit,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Temperatures that a drive with grease in its gear and magnets in its motor works at [deg C].
 _COLDEST, _HOTTEST = -60.0, 200.0

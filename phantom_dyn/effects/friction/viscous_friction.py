@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -26,8 +27,6 @@ from phantom_dyn.effects.support.rows import (
     torque_on_any_joint,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 class ViscousFriction(Effect):

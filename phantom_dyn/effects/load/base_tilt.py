@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Stated
@@ -25,8 +25,6 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Takes the place of an angle about one of the axes across gravity that leaves no trace: it has no column, and is
 # reported as zero.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
@@ -19,8 +20,6 @@ from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, point_mass_parameters
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Stated
@@ -36,8 +36,6 @@ from phantom_dyn.model.inertia import (
     point_mass_parameters,
 )
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Largest load [kg], and how far from its link [m] one is held.
 _HEAVIEST, _FARTHEST = 1000.0, 3.0

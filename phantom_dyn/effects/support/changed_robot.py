@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def with_friction(robot: Robot, joint: str | None, *, viscous: float = 0.0, coulomb: float = 0.0) -> Robot:

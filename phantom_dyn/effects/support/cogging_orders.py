@@ -16,11 +16,9 @@ from scipy import ndimage
 from scipy.fft import next_fast_len
 from scipy.optimize import minimize_scalar
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import moving_average
-
-Array = np.ndarray
 
 _TURNS = 5  # periods on the whole way of a joint, forth and back
 _SLOW_TURNS = 3  # of these where the joint is so slow that the wave lies in the judged band

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-Array = np.ndarray
 Samples = Float[Array, " N"]
 
 

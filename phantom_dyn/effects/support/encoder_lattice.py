@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # A lattice is believed if this share of the readings lies within a tenth of a step of it; a fifth would by chance.
 _SHARE = 0.98

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 _BLOCKS = 16  # that are held out, every other at a time
 _SAMPLES = 4000  # of these, enough to see what matters

@@ -10,15 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape
 from phantom_dyn.effects.support.cogging_orders import order_range, slowest_order
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Periods in a turn of the joint (rad/m of a linear one): more than a hundred pole pairs behind a gear of a thousand.
 _MOST_TURNS = 1e5

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
-
-Array = np.ndarray
 
 
 def row_of(robot: Robot, joint: str | None) -> int:

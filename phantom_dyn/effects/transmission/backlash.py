@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit, within
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -26,8 +26,6 @@ from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
 _FLIGHTS = np.geomspace(0.008, 0.06, 12)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -19,8 +20,6 @@ from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Largest rest position [rad or m]; its square is a number too.
 _FARTHEST = 1e150

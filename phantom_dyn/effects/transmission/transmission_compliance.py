@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter
@@ -26,8 +27,6 @@ from phantom_dyn.effects.support.rows import branch_rows, row_of, stiffness_unit
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.spectra import power_density
-
-Array = np.ndarray
 
 # Frequencies [Hz] at which the link swings on its spring that are tried; above the last one nothing but the size of
 # the effect depends on the stiffness in the band of a recording.

@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -26,8 +26,6 @@ from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import EffectError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # A neighbour of a value that a search has tried: less and more by so much.
 _LESS, _MORE = 0.85, 1.18

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -23,7 +23,6 @@ from phantom_dyn.errors import EffectError, PhantomDynError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion
 
-Array = np.ndarray
 R = TypeVar("R")
 
 REGIMES = (

@@ -22,13 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.drive.torque_saturation import held_within
 from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.effects.support.position_waves import sum_of_waves
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
-
-Array = np.ndarray
 
 WINDOW = 25
 """Samples that the force is averaged over, as published."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_cycle import (
@@ -36,8 +36,6 @@ from phantom_dyn.haptics.cheap.cheap_cycle import (
     axis_numbers,
 )
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.drives import Winding
 from phantom_dyn.haptics.number_checks import require_numbers, require_positive, require_whole
-
-Array = np.ndarray
 
 _POINTS = 400
 """Points of one switching period that a steady torque is given at."""

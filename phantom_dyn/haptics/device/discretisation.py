@@ -21,13 +21,12 @@ from functools import cached_property
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
 from phantom_dyn.haptics.device.transfer_function import Axis
 from phantom_dyn.motion import read_only
 
-Array = np.ndarray
 Controller = tuple[Array, Array, Array, float]
 """State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""
 

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_not_negative, require_positive
-
-Array = np.ndarray
 
 PUBLISHED_RISE_PULSES, PUBLISHED_RISE_LINEAR = 34.5, 14.5
 """Rise of the casing's temperature [K] after 10 min at 2 N: stock amplifier and linear one (section 5)."""

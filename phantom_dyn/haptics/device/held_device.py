@@ -20,13 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
 from phantom_dyn.haptics.number_checks import require_positive
 
-Array = np.ndarray
 Device = RigidAxis | TwoMassAxis
 
 

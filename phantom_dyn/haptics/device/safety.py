@@ -19,11 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, require_positive
-
-Array = np.ndarray
 
 _ROUNDING = 1e-9
 """Of the time waited, relative: a driver's clock that adds up to the limit has not passed it."""

@@ -7,11 +7,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

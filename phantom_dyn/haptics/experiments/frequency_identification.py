@@ -16,14 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import EstimationError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stiffness", "cable_damping")
 """The six parameters, in the order of the arrays, named as the fields of `TwoMassAxis`."""

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_columns, require_positive
 from phantom_dyn.motion import read_only
 from phantom_dyn.signals.spectra import cross_density, power_density
-
-Array = np.ndarray
 
 _OVERLAP = 1.0 + 2.0 / 36.0
 """Loss of independence of Hann windows at half overlap: correlation of neighbouring segments, 1/6, enters squared."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
@@ -36,8 +36,6 @@ from phantom_dyn.haptics.number_checks import (
     sample_count,
 )
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 _MOST_COHERENT = 1.0 - 1e-9
 """Coherence is kept off one, where the deviations would vanish."""

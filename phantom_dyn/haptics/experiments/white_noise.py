@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.haptics.experiments.relay import held_forces
 from phantom_dyn.haptics.number_checks import require_not_negative, sample_count
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-Array = np.ndarray
+from phantom_dyn.array_types import Array
+
 Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
 # Colours of Okabe and Ito, and a wine red of Tol; markers distinguish the same curves without any colour.

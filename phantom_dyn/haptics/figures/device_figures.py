@@ -7,14 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.device.commutation import BrushMotor, steady_torque
 from phantom_dyn.haptics.device.safety import Guard, GuardTrace
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, MARKERS, beside, panels, shade
 from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
 from phantom_dyn.haptics.stability.force_link import NoiseFelt
-
-Array = np.ndarray
 
 
 def lossy_link_figure(

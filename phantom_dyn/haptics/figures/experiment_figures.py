@@ -21,8 +21,6 @@ from phantom_dyn.haptics.figures.canvas import (
     stiffness_unit,
 )
 
-Array = np.ndarray
-
 _CYCLES = 5
 """Cycles of the oscillation that a time trace and a phase plane show."""
 

@@ -12,8 +12,6 @@ from phantom_dyn.haptics.figures.canvas import COLORS, MARKERS, key, panels
 from phantom_dyn.haptics.sensing.loop_simulation import LoopTrace
 from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures
 
-Array = np.ndarray
-
 _SHOWN, _SHOWN_STEADY = 0.1, 0.04
 """Ends of the accelerated and of the steady motion that the traces show [s]."""
 _PUBLISHED_AFTER = 600.0

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_hardware import Rendered
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, beside, key, panels, shade
 from phantom_dyn.walking.stairs import StairReference
 from phantom_dyn.walking.walking_reference import WalkingReference
-
-Array = np.ndarray
 
 
 def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:

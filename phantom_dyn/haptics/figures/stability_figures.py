@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.figures.canvas import (
     COLORS,
@@ -28,8 +28,6 @@ from phantom_dyn.haptics.figures.canvas import (
 from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, LoopBode, StabilityMap
 from phantom_dyn.haptics.stability.force_feedforward import Transparency
 from phantom_dyn.haptics.stability.sampled_loop import CriticalGain
-
-Array = np.ndarray
 
 _AXES = ("damping", "virtual_damping", "delay", "period")
 """Axes of a stability map."""

@@ -20,11 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers, require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

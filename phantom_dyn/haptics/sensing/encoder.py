@@ -12,11 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole
-
-Array = np.ndarray
 
 PHANTOM_STEP = 0.03e-3
 """Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""

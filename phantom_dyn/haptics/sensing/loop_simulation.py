@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.transfer_function import Axis, StateSpace
@@ -29,8 +29,6 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
     kernel_form,
     next_velocity,
 )
-
-Array = np.ndarray
 
 _SUBSTEPS = 20
 """Steps of a sample: the motion between two is straight, so that an edge is placed to some tens of nanoseconds."""

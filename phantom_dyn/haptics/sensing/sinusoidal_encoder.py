@@ -23,12 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole
 from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder, EncoderRecord, record_motion
-
-Array = np.ndarray
 
 _LARGEST = 0.3
 """Largest error of a signal, as a share of its amplitude: beyond some 0.5 the arc tangent loses a line."""

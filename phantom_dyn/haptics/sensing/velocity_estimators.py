@@ -15,12 +15,10 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
-
-Array = np.ndarray
 
 AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
 """Kinds of estimators, by which compiled steps choose."""

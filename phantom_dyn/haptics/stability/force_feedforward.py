@@ -34,7 +34,7 @@ from typing import cast
 import numpy as np
 from scipy.signal import butter
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import discretise
@@ -47,8 +47,6 @@ from phantom_dyn.haptics.stability.sampled_loop import (
     SampledLoop,
     critical_gain,
 )
-
-Array = np.ndarray
 
 SENSOR_CUTOFF = 2 * math.pi * 200.0
 """First-order low pass of the force sensor [rad/s], (31)."""

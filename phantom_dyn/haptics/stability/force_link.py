@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import Controller, SampledAxis, discretise
@@ -31,8 +31,6 @@ from phantom_dyn.haptics.device.held_device import Device, HeldDevice
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 _MOST_STATES = 60
 """States of a loop whose second moments are solved for: 1830 of them, in a second."""

@@ -15,13 +15,11 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from phantom_dyn.array_types import Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis
 from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
 from phantom_dyn.motion import read_only
-
-Array = np.ndarray
 
 _MARGINAL = 1e-7
 """A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9."""

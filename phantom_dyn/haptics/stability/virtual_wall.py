@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.device.transfer_function import Axis
@@ -34,8 +34,6 @@ from phantom_dyn.haptics.stability.sampled_loop import (
     SampledLoop,
     critical_gain,
 )
-
-Array = np.ndarray
 
 
 def velocity_filter(estimator: Estimator, *, step: float, period: float) -> DigitalFilter:

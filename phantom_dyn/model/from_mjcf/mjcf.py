@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.from_mjcf.mjcf_drives import driven_joints, drives_of
 from phantom_dyn.model.from_mjcf.mjcf_followers import followers_of, play_of
@@ -33,8 +34,6 @@ from phantom_dyn.model.stated_loops import frame_index
 
 if TYPE_CHECKING:
     import mujoco
-
-Array = np.ndarray
 
 _LARGEST_MASS = 1e9
 """In kg; more is no robot in SI units."""

@@ -15,8 +15,6 @@ from phantom_dyn.model.robot_xml import Follower
 if TYPE_CHECKING:
     import mujoco
 
-Array = np.ndarray
-
 _OF_JOINTS, _OF_TENDONS = 2, 3
 """Of mjtEq."""
 _NARROW = {2: 0.02, 3: 0.25}

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from phantom_dyn.array_types import Array
+
 if TYPE_CHECKING:
     import mujoco
 
-Array = np.ndarray
 _AXES = {"RX": (1.0, 0.0, 0.0), "RY": (0.0, 1.0, 0.0), "RZ": (0.0, 0.0, 1.0)}
 _FREE, _BALL, _SLIDE = 0, 1, 2
 """Of mjtJoint; a hinge is 3."""

@@ -13,11 +13,10 @@ import numpy as np
 from phantom_dyn._kernels.dry_friction import Rubbing, rub
 from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
+from phantom_dyn.array_types import Array
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
-
-Array = np.ndarray
 
 
 class Arm(NamedTuple):

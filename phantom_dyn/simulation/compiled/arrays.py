@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.compiled_laws import delay_law, number_of
 from phantom_dyn.effects.simulated import Law
-
-Array = np.ndarray
 
 GIVEN, AT_SAMPLES, AT_STEPS = 0, 1, 2
 """Who says what the drives are asked for: the caller; the tracking law at samples; the same law at every step."""

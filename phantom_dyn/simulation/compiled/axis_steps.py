@@ -14,8 +14,6 @@ from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Moving, Plan, Rows
 from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
 
-Array = np.ndarray
-
 
 class Axis(NamedTuple):
     """One joint.

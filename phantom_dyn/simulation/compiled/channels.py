@@ -5,12 +5,9 @@ Laws of effects are called by their numbers, which are no places in a list: see 
 
 from __future__ import annotations
 
-import numpy as np
-
 from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, reading_of, torque_of
-
-Array = np.ndarray
 
 
 @within

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import listed
 from phantom_dyn.signals.spectra import power_density
-
-Array = np.ndarray
 
 # Two bands of frequencies, in shares of the rate, where no robot moves: noise of sensors is as strong in both, while a
 # low-pass of first order and more leaves far less in the upper one.

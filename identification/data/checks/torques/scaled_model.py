@@ -7,11 +7,9 @@ from scipy.optimize import lsq_linear
 
 from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.readings import Reading, varies
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:

@@ -15,11 +15,9 @@ from identification.data.checks.positions import still_joints
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.checks.torques.torque_lag import jackknife_error
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _ROWS = 400  # samples in the regression
 _BLOCKS = 8  # of the record, left out one at a time (jackknife) for the standard error

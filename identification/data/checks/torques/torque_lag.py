@@ -16,13 +16,11 @@ from scipy import ndimage
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import Cubic, quintic_derivatives
-
-Array = np.ndarray
 
 _ROWS = 400  # samples in the regression of a lag
 _FEWEST = 100  # without which nothing is said

@@ -12,12 +12,10 @@ from identification.data.checks.against_model import Sample, regress_joints
 from identification.data.checks.readings import Reading, with_torques_times
 from identification.data.checks.suspects import Suspect, names
 from identification.data.readers.map_entries import gear_entries
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Logarithm of a factor that no torque constant and no inertia of a plausible size makes.
 _OTHER_UNIT = float(np.log(4.0))

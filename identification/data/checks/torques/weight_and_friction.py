@@ -10,13 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-Array = np.ndarray
 
 # Share of a torque that its best weight leaves, up to which it may have been computed from the position alone; and the
 # same as a share of what inertia and modelled friction need beside any weight. Measured torques leave 50 % and more of

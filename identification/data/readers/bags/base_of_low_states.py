@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
 """In the order of the maker's documentation."""

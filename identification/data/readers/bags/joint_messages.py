@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from identification.data.readers.bags.base_of_low_states import base_of
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"

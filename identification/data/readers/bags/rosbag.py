@@ -29,10 +29,10 @@ from identification.data.readers.contract_columns import JOINT_QUANTITIES
 from identification.data.readers.references import SentReferences, with_references
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
-Array = np.ndarray
 Readers = Mapping[str, Callable[[Any], JointValues]]
 
 # Fields of JointState, for messages about it.

@@ -14,9 +14,7 @@ import numpy as np
 from identification.data.checks.one_line import is_one_sine
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
-from phantom_dyn.array_types import Bool
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool
 
 # Multiple of a sine's frequency that dry friction makes besides: its first harmonic.
 _HARMONIC = 3.0

@@ -14,14 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.log import Band
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
-
-Array = np.ndarray
 
 # Of the law's own size: what a recording shows of it in each of its parts.
 _LEAST, _MOST = 0.5, 1.5

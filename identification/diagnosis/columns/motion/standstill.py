@@ -16,13 +16,11 @@ from scipy import ndimage
 
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Counts: by which splines through rounded readings at uneven times swing over.
 _SWING = 0.2

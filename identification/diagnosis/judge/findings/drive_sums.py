@@ -13,11 +13,9 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def drive_sums(shown: Shown) -> tuple[Note, ...]:

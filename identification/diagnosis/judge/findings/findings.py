@@ -35,11 +35,9 @@ from identification.diagnosis.search.imitation import (
 )
 from identification.gates.least_size import large_enough
 from identification.notes import Said
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:

@@ -15,11 +15,9 @@ from identification.diagnosis.search.swaps import replaced
 from identification.gates import special_case
 from identification.gates.special_case import more_than_a_missing_part
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
-
-Array = np.ndarray
 
 
 def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:

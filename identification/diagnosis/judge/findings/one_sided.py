@@ -14,10 +14,8 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.parameters import base_parameters
 from identification.engine.numerics.bounded import solve
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _DRAWS = 200
 # Width of an interval of bodies that can exist, over that of all, above which it is not called one-sided.

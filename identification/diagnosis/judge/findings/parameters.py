@@ -9,15 +9,13 @@ from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.result import Value
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
-
-Array = np.ndarray
 
 _SAMPLES = 200  # many more rows than a robot has base parameters of one effect
 

@@ -36,8 +36,6 @@ from identification.gates.in_band import closes_for_sure, gap_is_there, visible
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
-Array = np.ndarray
-
 # Sets that are looked at where each says that another effect should lead; then the one with the least doubt is shown.
 _MOST_LEADERS = 8
 

@@ -14,11 +14,9 @@ import numpy as np
 
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.result import Value
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 # Share of what a robot may have, and of the number itself, beyond which a deviation says that it is not known.
 _UNKNOWN = 0.5

@@ -15,9 +15,7 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.search.search import Search, with_wide_tolerances
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 
 def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Term]) -> JointFit:
