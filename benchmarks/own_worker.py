@@ -21,7 +21,7 @@ from identification.data.log import Band, Log
 from identification.data.reading import read_recording
 from identification.data.signals import process
 from identification.estimators.reduced_fit import refit
-from identification.estimators.weighted_least_squares import fit_ols, ols
+from identification.estimators.weighted_least_squares import ols
 from identification.regression.reduction import combined
 from identification.regression.regressor import EffectOnJoint, gap_regressor, torque_regressor
 from phantom_dyn import load_robot
@@ -63,15 +63,15 @@ def terms(robot: Robot, names: str) -> list[EffectOnJoint]:
 
 
 def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
-    """File to base parameters by `fit_ols`, and by reduction alone, which knows the deviations of white noise only."""
+    """File to base parameters by `ols`, and by reduction alone, which knows the deviations of white noise only."""
     given = terms(robot, effects)
     some = read(robot, path, FEW)
-    fit_ols(robot, some, given)
+    ols(torque_regressor(robot, some, given))
     refit(torque_regressor(robot, some, given).reduction)
     bare = memory_mb("VmRSS")
     start = time.process_time()
     log = read(robot, path)
-    found = fit_ols(robot, log, given)
+    found = ols(torque_regressor(robot, log, given))
     middle = time.process_time()
     peak = memory_mb("VmHWM")
     again = refit(torque_regressor(robot, read(robot, path), given).reduction)

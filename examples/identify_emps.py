@@ -10,8 +10,8 @@ from emps_log import write_emps_log
 
 from identification.data.reading import read_recording
 from identification.data.signals import process
-from identification.estimators.cross_validation import cross_validate
-from identification.estimators.weighted_least_squares import fit_ols
+from identification.estimators.weighted_least_squares import ols
+from identification.regression.regressor import torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
@@ -33,14 +33,13 @@ def main(folder: Path) -> None:
     print(f"band 0 to {log.band.cutoff_hz:.1f} Hz, chosen from the data")
     for names, published, published_error in MODELS:
         effects = [(effect_named(name), "axis") for name in names]
-        fit = fit_ols(robot, log, effects)
+        fit = ols(torque_regressor(robot, log, effects))
         print("\n" + ", ".join(names).replace("_", " "))
         for name, value, std, unit, theirs in zip(fit.names, fit.theta, fit.std(), fit.units, published, strict=True):
             print(f"  {name:<54} {value:9.4f} +- {std:7.4f} {unit:<7} published {theirs:9.4f}")
         print(
             f"  {'relative error of the force':<54} {fit.relative_error[0]:9.4f} %{'':<16} published {published_error}"
         )
-        print(f"  {'the same on blocks that no fit has seen':<54} {cross_validate(robot, log, effects)[0]:9.4f} %")
 
 
 if __name__ == "__main__":

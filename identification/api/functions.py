@@ -28,6 +28,7 @@ from identification.api.simulated import causes_of, reference_of, tracking, with
 from identification.data import reading
 from identification.data.checked_file import CheckedRecording, checked_file, checked_recording
 from identification.data.recording import Recording
+from identification.estimators.estimator_list import estimator_named
 from identification.excitation.excite import PlannedRecording
 from identification.excitation.excite import excite as designed
 from identification.excitation.limits import limits_of
@@ -35,7 +36,6 @@ from identification.excitation.motion_shapes import FourierSeries
 from identification.export.corrected.corrected_yaml import known_model
 from identification.identify.identified_model import JointTerms, friction_terms
 from identification.identify.identify import identify as identified
-from identification.identify.identify import usable_estimator
 from identification.reporting import comparison
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.words.stage_words import in_words
@@ -192,8 +192,7 @@ def identify(
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
         recordings: Path or recording, or several; of one its last fifth is held out, of several the last one.
         hold_out: Recordings to judge on instead.
-        estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``,
-            ``cloe``.
+        estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``.
         friction: Terms of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
         rotors: True if rotor inertias are unknowns, too.
         columns: Column map (YAML) of recordings that are paths.
@@ -204,7 +203,7 @@ def identify(
         LogError: If a recording cannot be used, or is certainly wrong.
         IdentifiabilityError: If the recordings excite too little.
     """
-    usable_estimator(estimator)
+    estimator_named(estimator)
     terms = JointTerms(friction_terms([friction] if isinstance(friction, str) else list(friction)), rotors)
     loaded = robot_of(robot, recordings)
     found = identified(

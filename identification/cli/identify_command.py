@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
         "--estimator",
         metavar="NAME",
         default="wls",
-        help="ols, wls (default), irls, consistent; with q_ref and controllers in robot.yaml: iv, didim, cloe",
+        help="ols, wls (default), irls, consistent; with q_ref and controllers in robot.yaml: iv, didim",
     )
     out.add_argument(
         "--friction",
@@ -77,14 +77,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
     from identification.data.reading import read_recording
+    from identification.estimators.estimator_list import estimator_named
     from identification.identify.identification_files import check_folder, write_outputs
     from identification.identify.identification_words import summary
     from identification.identify.identified_model import JointTerms, friction_terms
-    from identification.identify.identify import identify, usable_estimator
+    from identification.identify.identify import identify
     from phantom_dyn.model.loading import load_robot
 
     with Progress(Stage.READING, sys.stderr, stages=IDENTIFICATION) as progress:
-        usable_estimator(arguments.estimator)
+        estimator_named(arguments.estimator)
         friction = friction_terms([word.strip() for word in arguments.friction.split(",")])
         terms = JointTerms(friction, arguments.rotors)
         check_folder(arguments.out, given_files(arguments))

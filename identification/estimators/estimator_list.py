@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
-from identification.estimators.closed_loop.cloe import fit_cloe
-from identification.estimators.closed_loop.didim import fit_didim
-from identification.estimators.consistent.consistent import fit_consistent
+from identification.estimators.closed_loop.didim import didim
+from identification.estimators.consistent.consistent import consistent
 from identification.estimators.fit import Fit
-from identification.estimators.iv import fit_iv
-from identification.estimators.tls import fit_tls
-from identification.estimators.weighted_least_squares import fit_irls, fit_ols, fit_wls
+from identification.estimators.iv import iv
+from identification.estimators.weighted_least_squares import irls, ols, wls
+from identification.regression.regressor import Regressor
 from phantom_dyn.errors import ParameterError
-
-# References q_ref.<joint> in every log, a controller of every driven joint in robot.yaml (or ``feedback=``), a payload
-# of known mass in at least one recording (``payloads=``).
-Need = Literal["references", "controllers", "payload"]
 
 
 @dataclass(frozen=True)
@@ -26,55 +20,23 @@ class Estimator:
 
     Attributes:
         name: As a user gives it.
-        sentence: What it does and when to take it.
-        fit: ``fit(robot, logs, effects)``; what it ``needs`` beyond them comes by keyword.
-        needs: What a robot and its logs must state beside motion and torque.
+        fit: Takes the equations.
+        simulates: True if it simulates the closed loop: every log has references ``q_ref.<joint>``, and ``robot.yaml``
+            states a controller of every driven joint.
     """
 
     name: str
-    sentence: str
-    fit: Callable[..., Fit]
-    needs: tuple[Need, ...] = ()
-
-    @property
-    def plain(self) -> bool:
-        """True if ``fit(robot, logs, effects)`` is enough of a call."""
-        return "payload" not in self.needs
+    fit: Callable[[Regressor], Fit]
+    simulates: bool = False
 
 
 ESTIMATORS: tuple[Estimator, ...] = (
-    Estimator("ols", "Ordinary least squares: every row counts the same.", fit_ols),
-    Estimator("wls", "Weighted least squares: every joint counts by its own noise.", fit_wls),
-    Estimator("irls", "Robust least squares (Huber): outliers are bounded in their pull.", fit_irls),
-    Estimator(
-        "consistent",
-        "Weighted least squares whose bodies could exist: mass, inertia and friction that no physics forbids.",
-        fit_consistent,
-    ),
-    Estimator(
-        "tls",
-        "Total least squares with the gain of every drive, scaled by a payload of known mass.",
-        fit_tls,
-        ("payload",),
-    ),
-    Estimator(
-        "iv",
-        "Instrumental variables: noise of the encoders does not bias it.",
-        fit_iv,
-        ("references", "controllers"),
-    ),
-    Estimator(
-        "didim",
-        "Direct and inverse: the torque of a simulated closed loop is fitted to the measured one.",
-        fit_didim,
-        ("references", "controllers"),
-    ),
-    Estimator(
-        "cloe",
-        "Closed-loop output error: simulated torques and positions are fitted, with the states at the start.",
-        fit_cloe,
-        ("references", "controllers"),
-    ),
+    Estimator("ols", ols),  # every row counts the same
+    Estimator("wls", wls),  # every joint counts by its own noise
+    Estimator("irls", irls),  # outliers are bounded in their pull
+    Estimator("consistent", consistent),  # as wls, with bodies and friction that can exist
+    Estimator("iv", iv, simulates=True),  # noise of the encoders does not bias it
+    Estimator("didim", didim, simulates=True),  # the torque of a simulated loop is fitted to the measured one
 )
 
 

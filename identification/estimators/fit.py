@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -26,26 +25,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 
-class Status(Enum):
-    """How the estimation ended; the value is a sentence with the next step."""
-
-    SOLVED = "The equations were solved."
-    NOT_CONVERGED = "The weights did not settle within the iterations allowed: look for a joint with a gross outlier."
-    NOT_SETTLED = (
-        "The estimates did not settle within the iterations allowed: check references, controllers and the delay."
-    )
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number that was estimated beside the base parameters: a drive gain, a payload, a state at the start."""
-
-    name: str
-    value: float
-    std: float
-    unit: str
-
-
 @dataclass(frozen=True)
 class Fit:
     """Estimated base parameters.
@@ -66,9 +45,7 @@ class Fit:
         effects: The terms that were fitted.
         first_effect: First column that belongs to an effect.
         samples: Number of samples.
-        status: How the estimation ended.
         cautions: What to be careful with.
-        others: What was estimated beside the base parameters.
     """
 
     estimator: str
@@ -85,9 +62,7 @@ class Fit:
     effects: tuple[RegressorTerm, ...]
     first_effect: int
     samples: int
-    status: Status
     cautions: tuple[Caution, ...] = ()
-    others: tuple[Estimate, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -130,19 +105,16 @@ class Fit:
 
     def summary(self) -> str:
         """Table of the estimates and everything that a reader has to know about them."""
-        width = max(len(name) for name in (*self.names, *(other.name for other in self.others)))
+        width = max(map(len, self.names))
         rows = [
             f"{name:<{width}}  {value:12.6g} +- {std:8.2g} {unit:<10} {relative:7.2f} %"
             for name, value, std, unit, relative in zip(
                 self.names, self.theta, self.std(), self.units, self.relative_std(), strict=True
             )
         ]
-        rows += [
-            f"{other.name:<{width}}  {other.value:12.6g} +- {other.std:8.2g} {other.unit}" for other in self.others
-        ]
         head = f"{self.estimator}: {self.rank} base parameters of {len(self.base.names)}, {self.samples} samples, "
         error = ", ".join(f"{e:.3g}" for e in self.relative_error)
-        tail = [f"relative error of the torque: {error} %", self.status.value, *self.warnings]
+        tail = [f"relative error of the torque: {error} %", *self.warnings]
         return "\n".join([head + f"condition {self.cond:.3g}", *rows, *self.base.regroupings(), *tail])
 
 
@@ -254,8 +226,6 @@ def fit_of(
     base: BaseParameters,
     values: Values,
     *,
-    status: Status = Status.SOLVED,
-    others: tuple[Estimate, ...] = (),
     warnings: tuple[str, ...] = (),
 ) -> Fit:
     """The `Fit` of values whose covariance is known.
@@ -265,8 +235,6 @@ def fit_of(
         regressor: The equations.
         base: The unknowns.
         values: Their values.
-        status: How the estimation ended.
-        others: What was estimated beside the base parameters.
         warnings: What the estimator itself has to say, before the sentences that hold for all.
     """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
@@ -290,7 +258,5 @@ def fit_of(
         effects=regressor.terms,
         first_effect=regressor.first_effect,
         samples=regressor.count,
-        status=status,
         cautions=(*map(Caution, (*warnings, *unexplained(regressor.robot, error))), *general),
-        others=others,
     )

@@ -12,24 +12,20 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.special import chdtrc
 
-from identification.data.log import Log
-from identification.estimators.closed_loop.loop import Feedback, resimulated, start_of
-from identification.estimators.fit import Fit, InfluencedValues, Status, fit_of, values_of_influence
+from identification.estimators.closed_loop.loop import Feedback, not_settled, resimulated, start_of
+from identification.estimators.fit import Fit, InfluencedValues, fit_of, values_of_influence
 from identification.estimators.linear.least_squares import base_rows, factor_of, influence_of
 from identification.estimators.linear.scatter import covariances
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.errors import EstimationError, IdentifiabilityError
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.errors import IdentifiabilityError
 
 _SETTLED = 0.05  # standard deviations: where no estimate moves by more, another simulation changes nothing
 _TIED = 1e-9  # instruments that follow the regressor by less than this share are none
@@ -40,49 +36,13 @@ _SAME = 1e-8
 _MATTERS = 0.5  # standard deviations of least squares below which a bias is lost in its interval
 
 
-def fit_iv(
-    robot: Robot,
-    logs: Log | Sequence[Log],
-    effects: Sequence[EffectOnJoint] = (),
-    *,
-    feedback: Feedback | None = None,
-    iterations: int = 20,
-    on_failure: Literal["raise", "return"] = "raise",
-) -> Fit:
-    """Base parameters of the rigid body and the effects by instrumental variables.
-
-    Args:
-        robot: Gives the rigid body and, in its actuators, the controllers.
-        logs: One recording or several, with references.
-        effects: What acts on the joints beside the rigid body.
-        feedback: The controllers, where the robot does not state them.
-        iterations: Most simulations of the recordings there may be.
-        on_failure: What to do where the estimates do not settle.
-
-    Raises:
-        LogError: If a log has no references.
-        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
-        IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the simulated robot cannot move, or the estimates do not settle and ``on_failure`` is
-            ``raise``.
-    """
-    return iv(torque_regressor(robot, logs, effects), feedback=feedback, iterations=iterations, on_failure=on_failure)
-
-
-def iv(
-    regressor: Regressor,
-    *,
-    feedback: Feedback | None = None,
-    iterations: int = 20,
-    on_failure: Literal["raise", "return"] = "raise",
-) -> Fit:
-    """`fit_iv` on equations that are made already (`gap_regressor` for the effects alone).
+def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
+    """Base parameters by instrumental variables.
 
     Args:
         regressor: The equations.
         feedback: The controllers, where the robot does not state them.
         iterations: Most simulations of the recordings there may be.
-        on_failure: What to do where the estimates do not settle.
 
     Raises:
         LogError: If a log has no references.
@@ -100,10 +60,8 @@ def iv(
         # Where there is no noise, what rounding leaves of the torque settles it.
         still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
         if still.all():
-            return fit_of("iv", regressor, base, found, status=Status.SOLVED)
-    if on_failure == "raise":
-        raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} simulations)")
-    return fit_of("iv", regressor, base, found, status=Status.NOT_SETTLED)
+            return fit_of("iv", regressor, base, found)
+    raise not_settled(iterations)
 
 
 def with_instruments(

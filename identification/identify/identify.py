@@ -70,10 +70,10 @@ def identify(
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
         IdentifiabilityError: If the recordings excite too little.
         EstimationError: If the estimator fails.
-        ParameterError: If there is no such estimator, it needs more than recordings, or the robot is not bolted down.
+        ParameterError: If there is no such estimator, or the robot is not bolted down.
     """
     started = time.perf_counter()
-    entry = usable_estimator(estimator)
+    entry = estimator_named(estimator)
     _require_bolted_down(robot)
     require_right((*recordings, *hold_out))
     progress(Announcement(Stage.FILTERING))
@@ -86,9 +86,10 @@ def identify(
     excited = excited_base(fitted, split.train[0], effects)
     require_enough(robot, split, excited.rank)
     progress(Announcement(Stage.ESTIMATION, detail={"estimator": estimator}))
-    fit = entry.fit(fitted, split.train, effects)
+    regressor = torque_regressor(fitted, split.train, effects)
+    fit = entry.fit(regressor)
     # Both sides of the test are at hand where instruments are, and only there: they may fail for other estimators.
-    bias = hausman_test(torque_regressor(fitted, split.train, effects)).sentence() if estimator == "iv" else ""
+    bias = hausman_test(regressor).sentence() if estimator == "iv" else ""
     progress(Announcement(Stage.HELD_OUT))
     evidence = held_out_evidence(robot, fitted, fit, split.test)
     errors = joint_errors(robot, evidence.measured, evidence.predicted, evidence.given, fit.relative_error)
@@ -141,21 +142,6 @@ def identify(
     )
 
 
-def usable_estimator(name: str) -> Estimator:
-    """The estimator of that name, if it works on recordings alone.
-
-    Raises:
-        ParameterError: If there is none, or it has to be told of payloads.
-    """
-    entry = estimator_named(name)
-    if not entry.plain:
-        raise ParameterError(
-            f"The estimator {name} has to be told the mass of a payload, which this command does not take: call "
-            f"fit_{name} in Python, or choose another."
-        )
-    return entry
-
-
 def _require_bolted_down(robot: Robot) -> None:
     """Refuse a robot whose feet need torques that no estimator knows of."""
     if robot.floating:
@@ -168,7 +154,7 @@ def _require_bolted_down(robot: Robot) -> None:
 def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:
     """Refuse measured forces where the loop is simulated: there nothing pushes the robot."""
     pushed = [recording.file for recording in recordings if recording.forces]
-    if pushed and "controllers" in entry.needs:
+    if pushed and entry.simulates:
         raise ParameterError(
             f"{pushed[0]} has measured forces (columns f.), and the estimator {entry.name} simulates the robot without "
             "any: take wls or irls, or a recording without contact."

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.estimators.fit import Fit
-from identification.estimators.weighted_least_squares import fit_wls
+from identification.estimators.weighted_least_squares import wls
 from identification.identify.hold_out import Split
 from identification.identify.identification import JointError
 from identification.identify.identification_words import error_percent
-from identification.regression.regressor import EffectOnJoint, Regressor
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect
@@ -111,7 +111,7 @@ def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: 
 def _fit(robot: Robot, split: Split, effects: Sequence[EffectOnJoint]) -> Fit | None:
     """Weighted least squares; None where it fails."""
     try:
-        return fit_wls(robot, split.train, effects)
+        return wls(torque_regressor(robot, split.train, effects))
     except (EstimationError, IdentifiabilityError):
         return None
 

@@ -11,73 +11,30 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
-
 import numpy as np
 
-from identification.data.log import Log
-from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, resimulated, start_of
+from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, not_settled, resimulated, start_of
 from identification.estimators.closed_loop.stated_controllers import require_own_controllers
-from identification.estimators.fit import Fit, Status, fit_of, values_of_influence
+from identification.estimators.fit import Fit, fit_of, values_of_influence
 from identification.estimators.linear.least_squares import factor_of, influence_of, least_squares
 from identification.estimators.linear.scatter import residual_noise
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
-from phantom_dyn.model.robot import Robot
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
 _HALVINGS = 6  # of a step after which the robot cannot move
 
 
-def fit_didim(
-    robot: Robot,
-    logs: Log | Sequence[Log],
-    effects: Sequence[EffectOnJoint] = (),
-    *,
-    feedback: Feedback | None = None,
-    iterations: int = 20,
-    on_failure: Literal["raise", "return"] = "raise",
-) -> Fit:
-    """Base parameters of the rigid body and the effects from references and torques.
-
-    Args:
-        robot: Gives the rigid body and, in its actuators, the controllers.
-        logs: One recording or several, with references.
-        effects: What acts on the joints beside the rigid body.
-        feedback: The controllers, where the robot does not state them.
-        iterations: Most steps there may be.
-        on_failure: What to do where the estimates do not settle.
-
-    Raises:
-        LogError: If a log has no references, or its torque is not what the stated controllers ask for.
-        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
-        IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the simulated robot cannot move, or the estimates do not settle and ``on_failure`` is
-            ``raise``.
-    """
-    return didim(
-        torque_regressor(robot, logs, effects), feedback=feedback, iterations=iterations, on_failure=on_failure
-    )
-
-
-def didim(
-    regressor: Regressor,
-    *,
-    feedback: Feedback | None = None,
-    iterations: int = 20,
-    on_failure: Literal["raise", "return"] = "raise",
-) -> Fit:
-    """`fit_didim` on equations that are made already (`gap_regressor` for the effects alone).
+def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
+    """Base parameters from references and torques.
 
     Args:
         regressor: The equations.
         feedback: The controllers, where the robot does not state them.
         iterations: Most simulations of the recordings there may be.
-        on_failure: What to do where the estimates do not settle.
 
     Raises:
         LogError: If a log has no references.
@@ -97,10 +54,8 @@ def didim(
         step = found - theta
         theta, simulation = _damped_step(regressor, start.loops, base, theta, step)
         if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
-            return _fit(regressor, base, theta, simulation, weights, Status.SOLVED)
-    if on_failure == "raise":
-        raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} steps)")
-    return _fit(regressor, base, theta, simulation, weights, Status.NOT_SETTLED)
+            return _fit(regressor, base, theta, simulation, weights)
+    raise not_settled(iterations)
 
 
 def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N nv"]:
@@ -130,10 +85,9 @@ def _fit(
     theta: Float[Array, " r"],
     simulation: Resimulation,
     weights: Float[Array, " nv"],
-    status: Status,
 ) -> Fit:
     rows = simulation.rows(base)
     factor = factor_of(rows, weights)
     target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)
     values = values_of_influence(theta, rows, target, influence, factor, regressor.starts)
-    return fit_of("didim", regressor, base, values, status=status)
+    return fit_of("didim", regressor, base, values)

@@ -158,32 +158,19 @@ def loop_of(robot: Robot, log: Log, feedback: Feedback) -> Loop:
     return Loop(log, feedback, max(1, int(np.ceil(dt / _STEP - 1e-9))), robot.torque_hold == "zoh")
 
 
-def simulated(
-    loop: Loop,
-    plant: Plant,
-    start: int = 0,
-    stop: int | None = None,
-    q0: Float[Array, " nv"] | None = None,
-    v0: Float[Array, " nv"] | None = None,
-) -> tuple[Motion, Float[Array, "N nv"]]:
-    """Motion and drive torque [N m or N] of samples ``start`` to ``stop`` of a log.
+def simulated(loop: Loop, plant: Plant) -> tuple[Motion, Float[Array, "N nv"]]:
+    """Motion and drive torque [N m or N] from the first recorded state on.
 
     Args:
         loop: Controllers and references.
         plant: The robot.
-        start: First sample.
-        stop: Last sample and one.
-        q0: Position at the start; that of the log by default.
-        v0: Velocity at the start; that of the log by default.
 
     Raises:
         EstimationError: If the robot cannot move with these parameters.
     """
     log, feedback = loop.log, loop.feedback
-    if log.q_ref is None:
-        raise LogError(f"{log.file} has no references.")
-    at = slice(start, stop)
-    wanted = np.ascontiguousarray(log.q_ref[at])
+    assert log.q_ref is not None
+    wanted = np.ascontiguousarray(log.q_ref)
     controllers = Controllers(
         q_ref=wanted,
         gains=np.array([feedback.kp, feedback.kd, feedback.limit], dtype=float),
@@ -193,17 +180,15 @@ def simulated(
         dt=loop.dt,
         steps=loop.steps,
     )
-    first = log.motion.q[start] if q0 is None else q0
-    speed = log.motion.v[start] if v0 is None else v0
     out = Moved(*(np.zeros(wanted.shape) for _ in range(4)))
-    bad = run(plant, controllers, np.array(first, dtype=float), np.array(speed, dtype=float), out)
+    bad = run(plant, controllers, np.array(log.motion.q[0]), np.array(log.motion.v[0]), out)
     if bad >= 0:
         raise EstimationError(
             f"{log.file}: with the parameters of this step the robot does not move as a robot does after "
-            f"{(start + bad) * loop.dt:.4g} s (an inertia that is not positive, controllers that are not stable, or "
+            f"{bad * loop.dt:.4g} s (an inertia that is not positive, controllers that are not stable, or "
             "links that cannot meet): check the controllers, or use an estimator without simulation, such as wls."
         )
-    return Motion(log.motion.t[at], out.q, out.v, out.a), align_held_torque(out.tau) if loop.align else out.tau
+    return Motion(log.motion.t, out.q, out.v, out.a), align_held_torque(out.tau) if loop.align else out.tau
 
 
 def simulated_log(loop: Loop, plant: Plant) -> Log:
@@ -310,6 +295,13 @@ def start_of(regressor: Regressor, feedback: Feedback | None) -> Start:
     base = base_of(simulation.regressor)
     weights = 1.0 / floored(first.sigma, regressor)
     return Start(loops, simulation, base, base.values(simulation.full), weights)
+
+
+def not_settled(iterations: int) -> EstimationError:
+    """The error of an estimator whose estimates still move after the iterations allowed."""
+    return EstimationError(
+        f"The estimates did not settle within {iterations} simulations: check references, controllers and the delay."
+    )
 
 
 def _simulated(regressor: Regressor, loops: tuple[Loop, ...], first: Fit) -> Resimulation:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from identification.data.log import Log
 from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
 from identification.estimators.consistent.consistent_program import (
     FREE,
@@ -29,13 +28,12 @@ from identification.estimators.linear.cautions import About, Caution
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import base_parameters_of_matrix
-from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.regressor import Regressor
 from identification.regression.triangular import r_factor, triangular
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name
-from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,37 +50,13 @@ class ConsistentFit(Fit):
     held: tuple[str, ...] = ()
 
 
-def fit_consistent(
-    robot: Robot,
-    logs: Log | Sequence[Log],
-    effects: Sequence[EffectOnJoint] = (),
-    *,
-    prior: Prior | None = None,
-    regions: Sequence[Region | None] = (),
-) -> ConsistentFit:
-    """Physically possible parameters of the rigid body and the effects, each joint weighted by its noise.
-
-    Args:
-        robot: Gives the rigid body; its inertias are the reference of the prior.
-        logs: One recording or several.
-        effects: What acts on the joints beside the rigid body; friction and rotor inertia is not negative.
-        prior: How strongly bodies are drawn to the robot's; None only chooses among those that fit equally well.
-        regions: Where the mass of each body is (`body_regions`), one per body; none by default.
-
-    Raises:
-        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
-        EstimationError: If the solver fails.
-    """
-    return consistent(torque_regressor(robot, logs, effects), prior=prior, regions=regions)
-
-
 def consistent(
     regressor: Regressor, *, prior: Prior | None = None, regions: Sequence[Region | None] = ()
 ) -> ConsistentFit:
-    """`fit_consistent` on equations that are made already.
+    """Physically possible parameters, each joint weighted by its noise; friction and rotor inertia is not negative.
 
     Args:
-        regressor: The equations, with the rigid body among the unknowns.
+        regressor: The equations, with the rigid body among the unknowns; its robot is the reference of the prior.
         prior: How strongly bodies are drawn to the robot's; None: only among those that fit equally well.
         regions: Where the mass of each body is, one per body; none by default.
 

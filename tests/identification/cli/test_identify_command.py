@@ -73,7 +73,6 @@ def test_the_written_model_has_the_friction_that_was_there(arm, folder):
     ("words", "message"),
     [
         (("--estimator", "lasso"), "Unknown estimator 'lasso': known estimators are ols"),
-        (("--estimator", "tls"), "has to be told the mass of a payload"),
         (("--estimator", "didim"), "states no controller of shoulder, elbow: add controller"),
         (("--friction", "stribeck"), "unknown term 'stribeck', the terms are viscous"),
         (("--friction", ""), "word 5 of the command is empty"),

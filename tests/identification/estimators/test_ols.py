@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.weighted_least_squares import fit_ols, ols
+from identification.estimators.weighted_least_squares import ols
 from identification.regression.base_parameters import base_parameters
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import standard_parameters
@@ -16,7 +16,7 @@ def test_without_noise_the_truth_comes_back(arm, swing, make_log, friction, rubb
     motion = swing(arm, 400)
     effects = friction(arm)
     log = make_log(arm, motion, rubbing(arm, motion))
-    fit = fit_ols(arm, log, effects)
+    fit = ols(torque_regressor(arm, log, effects))
     truth = np.concatenate([standard_parameters(arm), [0.4, 0.6] * 3])
     np.testing.assert_allclose(fit.theta, base_parameters(torque_regressor(arm, log, effects)).values(truth), atol=1e-7)
 
@@ -25,7 +25,7 @@ def test_with_noise_the_truth_lies_within_four_deviations(arm, swing, make_log, 
     motion = swing(arm, 800)
     effects = friction(arm)
     log = make_log(arm, motion, rubbing(arm, motion) + 0.1 * rng.normal(size=(800, 3)))
-    fit = fit_ols(arm, log, effects)
+    fit = ols(torque_regressor(arm, log, effects))
     truth = fit.base.values(np.concatenate([standard_parameters(arm), [0.4, 0.6] * 3]))
     assert np.all(np.abs(fit.theta - truth) < 4 * fit.std())
 
@@ -48,24 +48,26 @@ def test_the_noise_of_each_joint_is_found(arm, swing, make_log, rubbing, frictio
     motion = swing(arm, 3000)
     noise = np.array([0.3, 0.2, 0.1])
     log = make_log(arm, motion, rubbing(arm, motion) + noise * rng.normal(size=(3000, 3)))
-    np.testing.assert_allclose(fit_ols(arm, log, friction(arm)).sigma, noise, rtol=0.052)
+    np.testing.assert_allclose(ols(torque_regressor(arm, log, friction(arm))).sigma, noise, rtol=0.052)
 
 
 def test_several_logs_are_fitted_together(arm, swing, make_log, rubbing, friction):
     motion = swing(arm, 400)
     tau = rubbing(arm, motion)
-    whole = fit_ols(arm, make_log(arm, motion, tau), friction(arm))
+    whole = ols(torque_regressor(arm, make_log(arm, motion, tau), friction(arm)))
     parts = [
         make_log(arm, Motion(motion.t[s], motion.q[s], motion.v[s], motion.a[s]), tau[s])
         for s in (slice(0, 150), slice(150, 400))
     ]
-    np.testing.assert_allclose(fit_ols(arm, parts, friction(arm)).theta, whole.theta, atol=1e-8)
+    np.testing.assert_allclose(ols(torque_regressor(arm, parts, friction(arm))).theta, whole.theta, atol=1e-8)
 
 
 def test_an_effect_that_cannot_be_told_from_a_link_is_named(pendulum, swing, make_log, rubbing):
     motion = swing(pendulum, 200)
-    fit = fit_ols(
-        pendulum, make_log(pendulum, motion, rubbing(pendulum, motion)), [(effect_named("rotor_inertia"), "pin")]
+    fit = ols(
+        torque_regressor(
+            pendulum, make_log(pendulum, motion, rubbing(pendulum, motion)), [(effect_named("rotor_inertia"), "pin")]
+        )
     )
     assert "Not separable from other parameters in this recording: pin.rotor_inertia.inertia" in fit.summary()
 
@@ -79,6 +81,6 @@ def test_a_motion_at_rest_without_gravity_is_refused(pendulum, make_log):
 
 def test_as_many_equations_as_unknowns_give_no_uncertainty(pendulum, swing, make_log, rubbing):
     motion = swing(pendulum, 1)
-    fit = fit_ols(pendulum, make_log(pendulum, motion, rubbing(pendulum, motion)))
+    fit = ols(torque_regressor(pendulum, make_log(pendulum, motion, rubbing(pendulum, motion))))
     assert np.isnan(fit.cov).all()
     assert "no more equations than unknowns, so that no uncertainty can be given" in fit.summary()

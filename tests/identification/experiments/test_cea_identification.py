@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.weighted_least_squares import fit_ols
+from identification.estimators.weighted_least_squares import ols
 from identification.experiments.cea_identification import (
     Conditions,
     equations,
@@ -14,6 +14,7 @@ from identification.experiments.cea_identification import (
     record,
     simulate_identification,
 )
+from identification.regression.regressor import torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cea import GRAVITY, INERTIAL, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, VALUES, regressor
@@ -97,7 +98,9 @@ def general():
     log = record(exciting_motion(SHORT, rng), SHORT, rng)
     robot = replace(load_robot("cea_branch"), viscous_friction=np.zeros(3), coulomb_friction=np.zeros(3))
     kinds = ("viscous_friction", "coulomb_friction", "torque_offset")
-    fit = fit_ols(robot, log, [(effect_named(kind), joint) for joint in robot.joint_names for kind in kinds])
+    fit = ols(
+        torque_regressor(robot, log, [(effect_named(kind), joint) for joint in robot.joint_names for kind in kinds])
+    )
     friction = [VALUES[NAMES.index(name)] for name in ("FV1", "FS1", "FV2R", "FS2", "OFF2", "FV5R", "FS5R", "OFF5")]
     friction.insert(2, 0.0)
     # The catalogue's offset is a torque that the drive cancels; that of the source is part of the drive's.

@@ -138,11 +138,6 @@ def test_an_unknown_estimator_is_refused(arm, recorded):
         identify(arm, (recorded(arm),), estimator="wols")
 
 
-def test_an_estimator_that_has_to_be_told_of_a_payload_is_refused(arm, recorded):
-    with pytest.raises(ParameterError, match="tls has to be told the mass of a payload"):
-        identify(arm, (recorded(arm),), estimator="tls")
-
-
 @pytest.mark.parametrize("name", ["ols", "irls", "consistent"])
 def test_other_estimators_find_the_same_friction(name, arm, truth, recorded):
     found = identify(arm, (recorded(truth),), estimator=name)

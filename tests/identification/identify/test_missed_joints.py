@@ -9,12 +9,13 @@ import pytest
 
 from identification.data.readers.read_table import read_table
 from identification.data.reading import recording
-from identification.estimators.weighted_least_squares import fit_wls
+from identification.estimators.weighted_least_squares import wls
 from identification.identify.hold_out import held_out_evidence, joint_errors, split_logs
 from identification.identify.identification import JointError
 from identification.identify.identified_model import JointTerms, effects_of, without_estimated
 from identification.identify.identify import identify
 from identification.identify.missed_joints import Shared, missed, missed_sentences, shared_effects
+from identification.regression.regressor import torque_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.loading import load_robot
@@ -84,7 +85,7 @@ def test_the_coupled_wrist_of_the_tx40_is_named(data_folder):
     given = load_robot(data_folder / "tx40" / "robot.urdf")
     split = split_logs(given, (recording(read_table(data_folder / "tx40" / "log.csv"), given),))
     robot, effects = without_estimated(given, JointTerms()), effects_of(given, JointTerms())
-    fit = fit_wls(robot, split.train, effects)
+    fit = wls(torque_regressor(robot, split.train, effects))
     evidence = held_out_evidence(given, robot, fit, split.test)
     errors = joint_errors(given, evidence.measured, evidence.predicted, evidence.given, fit.relative_error)
     assert {joint.joint for joint in missed(errors)} == {"joint_5", "joint_6"}

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from identification.data.log import Band, Log
-from identification.estimators.closed_loop.cloe import cloe
 from identification.estimators.closed_loop.didim import didim
 from identification.estimators.closed_loop.loop import Feedback, feedback_of
 from identification.estimators.iv import iv
@@ -23,7 +22,7 @@ from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, simulate
 from places import ROBOTS
 
-FITS = [iv, didim, cloe]
+FITS = [iv, didim]
 RUBS = 0.6
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from identification.data.log import Band, Log
-from identification.estimators.closed_loop.cloe import cloe
 from identification.estimators.closed_loop.didim import didim
 from identification.regression.regressor import Regressor, gap_regressor
 from phantom_dyn import load_robot
@@ -43,10 +42,9 @@ def equations(robot: Robot, log: Log, kp: float, kd: float) -> Regressor:
     return gap_regressor(stated, (log,), [(effect_named("viscous_friction"), "pin")])
 
 
-@pytest.mark.parametrize("fit", [didim, cloe])
-def test_gains_that_did_not_move_the_robot_are_refused_with_those_that_did(fit, pendulum, moved):
+def test_gains_that_did_not_move_the_robot_are_refused_with_those_that_did(pendulum, moved):
     with pytest.raises(LogError, match=r"made: the stated controller of pin \(kp 20, kd 2\) .*kp = 60 and kd = 8 woul"):
-        fit(equations(pendulum, moved, 20.0, 2.0))
+        didim(equations(pendulum, moved, 20.0, 2.0))
 
 
 def test_a_torque_that_no_gains_give_is_refused_without_gains(pendulum, moved, rng):

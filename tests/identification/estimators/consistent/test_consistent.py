@@ -9,12 +9,11 @@ from scipy.stats import norm
 from identification.estimators.consistent.consistent import (
     consistent,
     consistent_parameters,
-    fit_consistent,
     program_of_factor,
 )
 from identification.estimators.consistent.consistent_bodies import Region, pseudo_inertia
 from identification.estimators.consistent.consistent_program import Prior
-from identification.estimators.weighted_least_squares import fit_wls
+from identification.estimators.weighted_least_squares import wls
 from identification.regression.regressor import gap_regressor, torque_regressor
 from identification.regression.triangular import r_factor
 from phantom_dyn import load_robot
@@ -47,40 +46,49 @@ def noisy(arm, swing, make_log, rubbing, rng):
 
 def test_where_no_constraint_acts_it_is_weighted_least_squares(arm, noisy, friction):
     log = noisy(0.02)
-    weighted, fit = fit_wls(arm, log, friction(arm)), fit_consistent(arm, log, friction(arm))
+    weighted, fit = (
+        wls(torque_regressor(arm, log, friction(arm))),
+        consistent(torque_regressor(arm, log, friction(arm))),
+    )
     np.testing.assert_allclose(fit.theta, weighted.theta, atol=1e-8)
     np.testing.assert_array_equal(fit.cov, weighted.cov)
     assert fit.held == ()
 
 
 def test_base_parameters_are_those_of_the_full_ones(arm, noisy, friction):
-    fit = fit_consistent(arm, noisy(3.0), friction(arm))
+    fit = consistent(torque_regressor(arm, noisy(3.0), friction(arm)))
     np.testing.assert_allclose(fit.base.values(fit.pi), fit.theta, atol=1e-12)
 
 
 def test_bodies_can_exist_whatever_the_noise(arm, noisy, friction):
     # Oracle: eigenvalues of each pseudo-inertia.
-    fit = fit_consistent(arm, noisy(30.0), friction(arm))
+    fit = consistent(torque_regressor(arm, noisy(30.0), friction(arm)))
     assert np.linalg.eigvalsh(pseudo_inertia(fit.pi[:30].reshape(3, 10))).min() > 0
 
 
 def test_bodies_that_are_held_are_named_and_so_is_what_it_means_for_deviations(arm, noisy, friction):
-    fit = fit_consistent(arm, noisy(30.0), friction(arm))
+    fit = consistent(torque_regressor(arm, noisy(30.0), friction(arm)))
     assert any("asks for a body that cannot exist; its mass distribution is held at the edge" in s for s in fit.held)
     assert fit.warnings[-1].startswith("The deviations are those without these constraints")
 
 
 def test_friction_below_zero_is_held_where_it_is_zero_with_the_modelled(pendulum, driven_on):
     # Known truth: a recording that is driven on by 0.3 N m s.
-    fit = fit_consistent(pendulum, driven_on, [(effect_named("viscous_friction"), pendulum.joint_names[0])])
+    fit = consistent(
+        torque_regressor(pendulum, driven_on, [(effect_named("viscous_friction"), pendulum.joint_names[0])])
+    )
     assert fit.pi[-1] == pytest.approx(-pendulum.viscous_friction[0], abs=1e-5)
     assert any("viscous_friction.coefficient is held at its bound of" in sentence for sentence in fit.held)
 
 
 def test_a_value_that_is_held_is_not_called_impossible_too(pendulum, driven_on):
     effects = [(effect_named("viscous_friction"), pendulum.joint_names[0])]
-    assert any("beyond its lower bound" in said for said in fit_wls(pendulum, driven_on, effects).warnings)
-    assert not any("beyond its lower bound" in said for said in fit_consistent(pendulum, driven_on, effects).warnings)
+    assert any(
+        "beyond its lower bound" in said for said in wls(torque_regressor(pendulum, driven_on, effects)).warnings
+    )
+    assert not any(
+        "beyond its lower bound" in said for said in consistent(torque_regressor(pendulum, driven_on, effects)).warnings
+    )
 
 
 def test_the_full_parameters_of_a_ur10_come_back(ur10, make_log, rng):
@@ -89,7 +97,7 @@ def test_the_full_parameters_of_a_ur10_come_back(ur10, make_log, rng):
     log = make_log(ur10, motion, inverse_dynamics(ur10, motion) + 0.5 * motion.a)
     effects = [(effect_named("rotor_inertia"), joint) for joint in ur10.joint_names[1:]]
     tau = log.tau - np.column_stack([0.5 * motion.a[:, 0], np.zeros((200, 5))])
-    fit = fit_consistent(ur10, make_log(ur10, motion, tau), effects)
+    fit = consistent(torque_regressor(ur10, make_log(ur10, motion, tau), effects))
     np.testing.assert_allclose(fit.pi, np.r_[standard_parameters(ur10), np.full(5, 0.5)], atol=1e-5)
 
 
@@ -97,7 +105,10 @@ def test_a_noisy_ur10_is_nearer_to_the_truth_than_weighted_least_squares(ur10, m
     motion = Motion(np.arange(300) * 0.01, *rng.normal(size=(3, 300, 6)))
     tau = inverse_dynamics(ur10, motion)
     log = make_log(ur10, motion, tau + 5 * rng.normal(size=tau.shape))
-    weighted, fit = fit_wls(ur10, log), fit_consistent(ur10, log, prior=Prior(4.0, "entropic"))
+    weighted, fit = (
+        wls(torque_regressor(ur10, log)),
+        consistent(torque_regressor(ur10, log), prior=Prior(4.0, "entropic")),
+    )
     truth = fit.base.values(standard_parameters(ur10))
     size = np.linalg.cholesky(np.linalg.inv(weighted.cov)).T
     assert np.linalg.norm(size @ (fit.theta - truth)) < 0.8 * np.linalg.norm(size @ (weighted.theta - truth))
@@ -106,22 +117,24 @@ def test_a_noisy_ur10_is_nearer_to_the_truth_than_weighted_least_squares(ur10, m
 
 @pytest.mark.parametrize("kind", ["pullback", "entropic"])
 def test_a_strong_prior_keeps_the_given_bodies(arm, noisy, kind):
-    fit = fit_consistent(arm, noisy(3.0), prior=Prior(1e10, kind))
+    fit = consistent(torque_regressor(arm, noisy(3.0)), prior=Prior(1e10, kind))
     np.testing.assert_allclose(fit.pi, standard_parameters(arm), atol=1e-3)
 
 
 def test_a_prior_makes_deviations_smaller_and_a_weak_one_leaves_them(arm, noisy):
     log = noisy(3.0)
-    weighted = fit_wls(arm, log)
-    assert (fit_consistent(arm, log, prior=Prior(400.0)).std() < weighted.std()).all()
-    np.testing.assert_allclose(fit_consistent(arm, log, prior=Prior(1e-8)).std(), weighted.std(), rtol=1e-3)
+    weighted = wls(torque_regressor(arm, log))
+    assert (consistent(torque_regressor(arm, log), prior=Prior(400.0)).std() < weighted.std()).all()
+    np.testing.assert_allclose(
+        consistent(torque_regressor(arm, log), prior=Prior(1e-8)).std(), weighted.std(), rtol=1e-3
+    )
 
 
 def test_a_region_holds_the_centre_of_mass(arm, noisy):
     # All mass of the second link on the other side of its joint, where it is not.
     center = standard_parameters(arm)[11:14] / standard_parameters(arm)[10]
     away = Region(normals=center[None] / np.linalg.norm(center), offsets=np.zeros(1))
-    fit = fit_consistent(arm, noisy(0.02), regions=(None, away, None))
+    fit = consistent(torque_regressor(arm, noisy(0.02)), regions=(None, away, None))
     assert fit.pi[11:14] @ center <= 1e-6
     assert any("asks for mass outside the given region" in sentence for sentence in fit.held)
 
@@ -164,13 +177,13 @@ def test_equations_of_the_gap_alone_are_refused(arm, noisy, friction):
 
 def test_regions_for_other_bodies_are_refused(arm, noisy):
     with pytest.raises(ParameterError, match="2 regions were given for 3 bodies: give one for each, or none"):
-        fit_consistent(arm, noisy(0.1), regions=(None, None))
+        consistent(torque_regressor(arm, noisy(0.1)), regions=(None, None))
 
 
 def test_one_sample_is_refused(pendulum, swing, make_log):
     motion = swing(pendulum, 1)
     with pytest.raises(IdentifiabilityError, match="1 samples leave no equation to judge the noise by"):
-        fit_consistent(pendulum, make_log(pendulum, motion, motion.q))
+        consistent(torque_regressor(pendulum, make_log(pendulum, motion, motion.q)))
 
 
 @pytest.mark.parametrize(("shape", "message"), [((5, 7), "7 columns for 10 parameters and the torque: give 11"),

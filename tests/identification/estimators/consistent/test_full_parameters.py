@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identification.estimators.consistent.full_parameters import full_parameters, selection
-from identification.estimators.weighted_least_squares import fit_ols, ols
-from identification.regression.regressor import gap_regressor
+from identification.estimators.weighted_least_squares import ols
+from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -17,8 +17,10 @@ from phantom_dyn.motion import Motion
 def fitted(arm, swing, make_log, rubbing, friction, rng):
     """A fit of the arm with noise of a given deviation."""
     motion = swing(arm, 400)
-    return lambda sigma: fit_ols(
-        arm, make_log(arm, motion, rubbing(arm, motion) + sigma * rng.normal(size=(400, 3))), friction(arm)
+    return lambda sigma: ols(
+        torque_regressor(
+            arm, make_log(arm, motion, rubbing(arm, motion) + sigma * rng.normal(size=(400, 3))), friction(arm)
+        )
     )
 
 
@@ -37,7 +39,9 @@ def test_a_changed_ur10_predicts_the_torque_of_any_motion(make_log, rng):
     given = load_robot("example:ur10")
     truth = with_parameters(given, 0.2 * standard_parameters(given))
     motion, other = (Motion(np.arange(100) * 0.01, *rng.normal(size=(3, 100, 6))) for _ in range(2))
-    full = full_parameters(given, fit_ols(given, make_log(given, motion, inverse_dynamics(truth, motion))))
+    full = full_parameters(
+        given, ols(torque_regressor(given, make_log(given, motion, inverse_dynamics(truth, motion))))
+    )
     again = with_parameters(given, full.pi - standard_parameters(given))
     np.testing.assert_allclose(inverse_dynamics(again, other), inverse_dynamics(truth, other), atol=1e-5)
 
@@ -58,7 +62,9 @@ def test_selection_is_what_base_parameters_are_made_with(fitted, rng):
 def test_a_pendulum_keeps_what_it_does_not_show(pendulum, swing, make_log):
     # A joint about a fixed axis shows its inertia and first moments about it alone.
     motion = swing(pendulum, 100)
-    full = full_parameters(pendulum, fit_ols(pendulum, make_log(pendulum, motion, inverse_dynamics(pendulum, motion))))
+    full = full_parameters(
+        pendulum, ols(torque_regressor(pendulum, make_log(pendulum, motion, inverse_dynamics(pendulum, motion))))
+    )
     np.testing.assert_allclose(full.pi, standard_parameters(pendulum), atol=1e-6)
 
 
@@ -71,7 +77,7 @@ def test_a_fit_without_the_rigid_body_is_refused(arm, swing, make_log, rubbing, 
 
 def test_a_fit_without_covariance_is_refused(pendulum, swing, make_log):
     motion = swing(pendulum, 2)
-    fit = fit_ols(pendulum, make_log(pendulum, motion, motion.q))
+    fit = ols(torque_regressor(pendulum, make_log(pendulum, motion, motion.q)))
     if np.isfinite(fit.cov).all():
         pytest.fail("two samples left an equation over")
     with pytest.raises(ParameterError, match="has no covariance"):

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.weighted_least_squares import fit_ols, fit_wls, ols
-from identification.regression.regressor import gap_regressor
+from identification.estimators.weighted_least_squares import ols, wls
+from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.loading import load_robot
@@ -115,7 +115,7 @@ def test_a_torque_that_the_fit_misses_altogether_is_named(arm, swing, make_log, 
     motion = swing(arm, 200)
     tau = inverse_dynamics(arm, motion)
     tau[:, 0] += 1e3 * np.abs(tau).max() * rng.normal(size=200)
-    said = " ".join(fit_ols(arm, make_log(arm, motion, tau)).warnings)
+    said = " ".join(ols(torque_regressor(arm, make_log(arm, motion, tau))).warnings)
     joints = [joint for joint in arm.joint_names[1:] if f"The fit misses the torque of {joint} by" in said]
     assert joints
     assert "check its sign and gain, or use an estimator that weighs joints by their noise" in said
@@ -126,5 +126,5 @@ def test_weights_that_settle_keep_a_loud_joint_from_spoiling_the_others(arm, swi
     motion = swing(arm, 400)
     clean = inverse_dynamics(arm, motion)
     noise = np.array([100.0, 0.01, 0.01]) * rng.normal(size=clean.shape)
-    sigma = fit_wls(arm, make_log(arm, motion, clean + noise)).sigma
+    sigma = wls(torque_regressor(arm, make_log(arm, motion, clean + noise))).sigma
     np.testing.assert_allclose(sigma, [100.0, 0.01, 0.01], rtol=0.15)
