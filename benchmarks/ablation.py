@@ -1,0 +1,246 @@
+"""Says of every gate and named number of the diagnosis whether it prevents wrong answers, and what right ones it costs.
+
+    python benchmarks/ablation.py follow --cases CASES.yaml --store DIR    # each case once, all numbers followed
+    python benchmarks/ablation.py vary --cases CASES.yaml --store DIR --minutes 60
+    python benchmarks/ablation.py table --store DIR --page docs/ablation.md
+
+CASES.yaml lists the sets: ``{make: field, sealed: FOLDER, each: 6}`` has ``cases`` and ``answers`` of a draw whose
+answers are open and takes the quickest six of each kind, ``{make: second, given: FOLDER}`` has cases of
+`benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads.
+
+A case is run once with every number followed (`benchmarks/ablation_numbers.py`) and every gate counted. What no
+comparison asks, or what no comparison would turn on with half or twice the number, cannot change that case and is not
+run. A gate is left out where it refused something, one of the search where it alone did. Numbers are changed in groups,
+and a group whose answer differs is halved until the number is found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import re
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.ablation_numbers import CHECKOUT, FACTORS, Named, named_numbers
+from benchmarks.ablation_runs import Case, Variant, cases_of, load_everything, run, stored_result
+from benchmarks.ablation_table import answer_of, base_of, between_markers, tables
+
+FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
+OF_SEARCH = ("possible size", "bodies can exist", "more than chance", "fair part of the gap", "in enough blocks")
+CHANCE = "more than chance"
+STRUCTURAL = ("explains more than others",)  # the comparison of sets itself: without it no search ends
+GROUP = 8  # numbers that are changed in one run at first
+PACKAGES = ("identification", "phantom_dyn")
+# Counts that NumPy and deques ask to be whole numbers and nothing else.
+UNFOLLOWED = {
+    "identification.diagnosis.fit.joint_fit:_DRAWS",
+    "identification.diagnosis.judge.moved_by_noise:_SEGMENT",
+    "identification.diagnosis.noise.sensor_noise:_SEGMENTS",
+    "identification.diagnosis.search.fits:_RECENT",
+}
+
+
+def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
+    """Numbers that could change a case with their factor `FACTORS[k]`, by what was followed."""
+    trace = result["trace"]
+    if trace is None:
+        return list(names)
+    unfollowed = set(result["skip"])
+    return [
+        name for name in names if name in unfollowed or trace["lost"].get(name) or trace["flips"].get(name, (0, 0))[k]
+    ]
+
+
+def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
+    """Gates without which a case could be answered otherwise: by what was followed, else by the stored ledger.
+
+    What chance gives is asked in the next gate too: no ledger says that it alone has refused.
+    """
+    if result.get("trace") is None:
+        return [gate for gate in gates if gate in result.get("refused", ()) and gate not in (*STRUCTURAL, CHANCE)]
+    met = result["trace"]["gates"]
+    return [
+        gate for gate in gates if gate not in STRUCTURAL and met["alone" if gate in OF_SEARCH else "refused"].get(gate)
+    ]
+
+
+def deciding(names: Sequence[str], differs: Callable[[Sequence[str]], bool]) -> list[str]:
+    """Of some numbers those that change an answer by themselves, found by halving groups that do.
+
+    Args:
+        names: Numbers.
+        differs: Whether the answer differs with some of them changed.
+    """
+    if not names or not differs(names):
+        return []
+    if len(names) == 1:
+        return list(names)
+    half = len(names) // 2
+    return [*deciding(names[:half], differs), *deciding(names[half:], differs)]
+
+
+@dataclass(frozen=True)
+class Store:
+    """Results of runs, one file for each case: variant by variant, so that what is there is not run again."""
+
+    folder: Path
+
+    def file(self, key: str) -> Path:
+        """The file of a case."""
+        return self.folder / f"{key}.json"
+
+    def of(self, key: str) -> dict[str, dict]:
+        """Results of a case by variant: ``follow``, ``without GATE``, ``0.5 NUMBER NUMBER``."""
+        path = self.file(key)
+        return json.loads(path.read_text()) if path.is_file() else {}
+
+    def add(self, key: str, variant: str, result: Mapping) -> None:
+        """Keep a result."""
+        path, known = self.file(key), self.of(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        part.write_text(json.dumps({**known, variant: result}, indent=1) + "\n")
+        part.replace(path)
+
+    def cases(self) -> Iterator[tuple[str, dict[str, dict]]]:
+        """All cases that were followed, with their results."""
+        for path in sorted(self.folder.glob("*/*.json")):
+            key = f"{path.parent.name}/{path.stem}"
+            results = self.of(key)
+            if "follow" in results or "stored" in results:
+                yield key, results
+
+
+def follow(case: Case, numbers: Sequence[Named], unfollowed: set[str]) -> dict:
+    """A case with every number followed; one that the code can not take in this form is added to ``unfollowed``."""
+    while True:
+        result = run(case, Variant(numbers=tuple(n for n in numbers if n.key not in unfollowed), follow=True))
+        met = _named_in(result["error"], [n for n in numbers if n.key not in unfollowed]) if result["error"] else []
+        if result["trace"] is not None or not met:
+            return {**result, "kind": case.kind, "skip": sorted(unfollowed)}
+        unfollowed.update(met)
+
+
+def _named_in(error: str, numbers: Sequence[Named]) -> list[str]:
+    """Numbers of the innermost line of a traceback that names some; else all of the modules it ends in."""
+    lines = error.splitlines()
+    frames = [
+        (".".join(Path(line.split('"')[1]).relative_to(CHECKOUT).with_suffix("").parts), lines[k + 1])
+        for k, line in enumerate(lines[:-1])
+        if line.startswith('  File "') and any(Path(line.split('"')[1]).is_relative_to(CHECKOUT / p) for p in PACKAGES)
+    ]
+    for _, text in reversed(frames):
+        named = [n.key for n in numbers if n.name in re.findall(r"\w+", text)]
+        if named:
+            return named
+    return [n.key for n in numbers if n.module in {module for module, _ in frames[-3:]}]
+
+
+def vary_gates(case: Case, gates: Sequence[str], store: Store, until: float) -> None:
+    """Run a case without each gate that may matter in it."""
+    results = store.of(case.key)
+    for gate in gates_to_leave_out(base_of(results), gates):
+        if f"without {gate}" not in results and time.time() < until:
+            store.add(case.key, f"without {gate}", run(case, Variant(gates=(gate,))))
+
+
+def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: float) -> None:
+    """Run a case with half and twice each number that may matter in it, in groups that are halved where they do."""
+    by_key = {n.key: n for n in numbers}
+    base = store.of(case.key)["follow"]
+    for k, factor in enumerate(FACTORS):
+
+        def differs(names: Sequence[str], factor: float = factor) -> bool:
+            variant = " ".join([str(factor), *names])
+            known = store.of(case.key)
+            if variant not in known:
+                if time.time() > until:
+                    raise TimeoutError
+                chosen = tuple(by_key[name] for name in names)
+                store.add(case.key, variant, run(case, Variant(numbers=chosen, factor=factor)))
+            return answer_of(store.of(case.key)[variant]) != answer_of(base)
+
+        names = may_change(base, by_key, k)
+        for start in range(0, len(names), GROUP):
+            deciding(names[start : start + GROUP], differs)
+
+
+def gate_names() -> tuple[str, ...]:
+    """Names of all gates, in their order."""
+    from identification.gates import GATES, gate_name
+
+    return tuple(gate_name(gate) for gate in GATES)
+
+
+def chosen_cases(path: Path) -> list[Case]:
+    """The cases of a list of sets, mixed, so that those of any time are of every set."""
+    cases = [case for entry in yaml.safe_load(path.read_text()) for case in cases_of(entry)]
+    random.Random(3).shuffle(cases)
+    return cases
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Follows, varies, or writes the table."""
+    parser = argparse.ArgumentParser(description="Which gates and numbers of the diagnosis decide, and what they cost.")
+    parser.add_argument("what", choices=("stored", "follow", "gates", "numbers", "table"))
+    parser.add_argument("--cases", type=Path, metavar="FILE", help="list of sets")
+    parser.add_argument("--store", type=Path, required=True, metavar="DIR", help="where results are kept")
+    parser.add_argument("--minutes", type=float, default=60.0, help="no run begins after these; default: 60")
+    parser.add_argument(
+        "--only",
+        nargs="*",
+        default=[],
+        metavar="TEXT",
+        help="numbers whose key holds one of these; gates of these names",
+    )
+    parser.add_argument("--page", type=Path, metavar="FILE", help="page that gets the table between its markers")
+    given = parser.parse_args(words)
+    store, until = Store(given.store), time.time() + 60.0 * given.minutes
+    numbers = named_numbers(FOLDERS)
+    if given.what == "table":
+        text = tables(dict(store.cases()), numbers, gate_names())
+        if given.page is None:
+            print(text)
+        else:
+            given.page.write_text(between_markers(given.page.read_text(), text))
+        return
+    if given.what != "stored":
+        load_everything()
+    numbers = [n for n in numbers if not given.only or any(text in n.key for text in given.only)]
+    gates = [gate for gate in gate_names() if not given.only or gate in given.only]
+    unfollowed = {n.key for n in numbers if n.key in UNFOLLOWED}
+    cases = chosen_cases(given.cases)
+    if given.what == "numbers":  # the quickest first: each takes dozens of runs
+        cases.sort(key=lambda case: store.of(case.key).get("follow", {}).get("seconds", 0.0))
+    for case in cases:
+        known = store.of(case.key)
+        if time.time() > until:
+            break
+        if given.what == "stored" and case.stored is not None and "stored" not in known:
+            store.add(case.key, "stored", stored_result(case.stored, case))
+        elif given.what == "follow" and "follow" not in known:
+            store.add(case.key, "follow", follow(case, numbers, unfollowed))
+        elif given.what == "gates" and known:
+            vary_gates(case, gates, store, until)
+        elif given.what == "numbers" and "follow" in known:
+            try:
+                vary_numbers(case, numbers, store, until)
+            except TimeoutError:
+                break
+        else:
+            continue
+        print(case.key, case.kind, answer_of(base_of(store.of(case.key))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,372 @@
+"""Runs of one case with a gate left out or a number of another value, and what was right or wrong in their answers.
+
+Each run is a child of this process, so that what is loaded is loaded once, and nothing of a run reaches another.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib.util
+import json
+import os
+import pkgutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import given_cases
+from benchmarks.ablation_numbers import Named, Trace, followed, plain, replace_number, scaled
+from benchmarks.blind.makes.real.context import entry_without_context
+from benchmarks.gapbench.cases import robot_and_log
+from benchmarks.gapbench.scoring.judged import judged
+
+TIMEOUT = 240  # s: of a run; a search that a gate has to end may not end without it
+BESIDE_ROBOT = "corrected.yaml"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Whether an answer is right, and whether it says what is not so; one that says nothing may be neither."""
+
+    right: bool
+    wrong: bool
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording with a known answer.
+
+    Attributes:
+        make: Who made it: cases of a make share robots, motions and noise.
+        name: Of its folder.
+        kind: Of its answer: ``null``, ``single``, ``pair``, ``outside``, or the kind of a known load.
+        steps: Words of the command line of each diagnosis, one after the other; ``{out}`` stands for a folder.
+        outcome: Of what was said, which is read from that folder.
+        stored: Folder of the draw that holds a stored diagnosis of it; None if there is none.
+    """
+
+    make: str
+    name: str
+    kind: str
+    steps: tuple[tuple[str, ...], ...]
+    outcome: Callable[[Path], Outcome]
+    stored: Path | None = None
+
+    @property
+    def key(self) -> str:
+        """Make and name, by which it is known."""
+        return f"{self.make}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What is changed: nothing, a gate that lets all pass, or numbers with their factor.
+
+    With ``follow`` the numbers keep their values and are followed, see `ablation_numbers.Followed`.
+    """
+
+    gates: tuple[str, ...] = ()
+    numbers: tuple[Named, ...] = ()
+    factor: float = 1.0
+    follow: bool = False
+
+
+def sealed_case(folder: Path, name: str, make: str) -> Case:
+    """A case of a draw whose answers are open: ``cases``, ``answers`` of a folder."""
+    case, answer = folder / "cases" / name, json.loads((folder / "answers" / f"{name}.json").read_text())
+    found = robot_and_log(case)
+    assert found is not None
+    robot, log = found
+    logs = sorted(str(path) for path in case.glob("log*") if path.suffix == Path(log).suffix)
+    known = ("--with", str(case / BESIDE_ROBOT)) if (case / BESIDE_ROBOT).is_file() else ()
+    words = (str(case / robot), *logs, *known, "--json", "{out}/diagnosis.json")
+
+    def outcome(out: Path) -> Outcome:
+        said = read_or_none(out / "diagnosis.json")
+        one = judged(answer, entry_without_context(answer, {"diagnosis": said, "seconds": 0.0}))
+        right = {"null": not one.false_claim, "single": one.top1, "pair": one.all_named}
+        wrong = one.false_claim if one.kind == "null" else one.extra or one.wrong_but_fits
+        return Outcome(right.get(one.kind, one.verdict == "unknown"), wrong)
+
+    stored = folder if (folder / "results" / f"{name}.json").is_file() else None
+    return Case(make, name, answer["kind"], (words,), outcome, stored)
+
+
+def stored_result(folder: Path, case: Case) -> dict:
+    """What a stored diagnosis of a drawn case says, in the form of `run`, with the gates that refused by its ledger."""
+    entry = json.loads((folder / "results" / f"{case.name}.json").read_text())
+    said = entry["diagnosis"] or {"verdict": "failed", "findings": [], "ledger": []}
+    with tempfile.TemporaryDirectory(prefix="ablation-") as place:
+        (Path(place) / "diagnosis.json").write_text(json.dumps(entry["diagnosis"]))
+        outcome = case.outcome(Path(place))
+    failed = [next((gate["gate"] for gate in one["gates"] if not gate["passed"]), None) for one in said["ledger"]]
+    return {
+        **_said(said, outcome),
+        "kind": case.kind,
+        "seconds": entry["seconds"],
+        "refused": sorted({gate for gate in failed if gate is not None}),
+    }
+
+
+def _said(said: Mapping, outcome: Outcome) -> dict:
+    findings = [_short(one) for one in said["findings"]]
+    return {"right": outcome.right, "wrong": outcome.wrong, "verdict": said["verdict"], "findings": findings}
+
+
+def given_case(folder: Path, make: str) -> Case:
+    """A case of `benchmarks/given_cases.py`."""
+    log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
+    words = (str(folder / "robot.urdf"), str(log), "--json", "{out}/diagnosis.json")
+
+    def outcome(out: Path) -> Outcome:
+        return of_given(given_cases.answered(folder, read_or_none(out / "diagnosis.json")))
+
+    return Case(make, folder.name, given_cases.answered(folder, None).kind, (words,), outcome)
+
+
+def of_given(case: given_cases.Answered) -> Outcome:
+    """The outcome of a given case by its accepted answers."""
+    places = frozenset().union(*case.accepted)
+    findings = [] if case.said is None else case.said["findings"]
+
+    def there(finding: Mapping) -> bool:
+        rivals = [{(at["effect"], at["joint"]) for at in rival["effects"]} for rival in finding["rivals"]]
+        return (finding["effect"], finding["joint"]) in places or any(rival <= places for rival in rivals)
+
+    if case.kind == "null":
+        return Outcome(case.verdict == "no_gap" and not findings, case.verdict not in ("no_gap", "failed"))
+    if case.kind == "outside":
+        return Outcome(case.verdict == "unknown", case.verdict == "explained")
+    claims = set(case.claims)
+    leads = bool(case.claims) and case.claims[0] in places
+    right = leads if case.kind == "single" else all(bool(claims & one) for one in case.accepted)
+    return Outcome(right, not all(there(finding) for finding in findings))
+
+
+def known_load(folder: Path, book: Mapping, make: str) -> Case:
+    """A real recording with a weighed load, scored by what lies beside it."""
+    spec = importlib.util.spec_from_file_location("known_loads_score", folder.parent / "score.py")
+    assert spec is not None
+    assert spec.loader is not None
+    score = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(score)
+    steps = []
+    for step in book["steps"]:
+        logs = [str(folder / log) for log in step["logs"]]
+        words = [str(folder / step["robot"]), *logs, "--robot-config", str(folder / step["config"])]
+        words += ["--out", f"{{out}}/{book['id']}_{step['name']}", *step.get("flags", [])]
+        for other in step.get("with", []):
+            words += ["--with", f"{{out}}/{book['id']}_{other}/corrected.yaml"]
+        if "recordings" in step:
+            words += ["--recordings", str(folder / step["recordings"])]
+        steps.append(tuple(words))
+
+    def outcome(out: Path) -> Outcome:
+        one = score.judge(book, out)
+        return Outcome(bool(one["right"]), bool(one["confident"]) or (book["kind"] == "NULL" and bool(one["false"])))
+
+    return Case(make, book["id"], book["kind"], tuple(steps), outcome)
+
+
+def command_case(folder: Path, entry: Mapping, make: str) -> Case:
+    """A case by its command: ``words``, right ``verdicts``, effects that have to be ``named``, and that ``may`` be."""
+    named, may = set(entry.get("named", ())), set(entry.get("may", ()))
+    files = [str(folder / word) if (folder / word).exists() else word for word in entry["words"]]
+
+    def outcome(out: Path) -> Outcome:
+        said = read_or_none(out / "diagnosis.json") or {"verdict": "refused", "findings": []}
+        each = [
+            {one["effect"], *(at["effect"] for rival in one["rivals"] for at in rival["effects"])}
+            for one in said["findings"]
+        ]
+        right = said["verdict"] in entry["verdicts"] and named <= set().union(*each)
+        return Outcome(right, any(one.isdisjoint(named | may) for one in each))
+
+    return Case(make, entry["name"], "known", ((*files, "--json", "{out}/diagnosis.json"),), outcome)
+
+
+def read_or_none(path: Path) -> dict | None:
+    """What a file of JSON holds; None without one."""
+    return json.loads(path.read_text()) if path.is_file() else None
+
+
+def load_everything() -> None:
+    """Import every module of the packages, so that children find each number and gate where it is used."""
+    import identification
+
+    for found in pkgutil.walk_packages(identification.__path__, "identification."):
+        if not found.name.endswith("__main__"):
+            importlib.import_module(found.name)
+
+
+@dataclass
+class Met:
+    """How often each gate was asked, refused, and was alone in refusing, by name."""
+
+    asked: dict[str, int]
+    refused: dict[str, int]
+    alone: dict[str, int]
+
+
+# Gates that only say what another function has decided: without that function's answer nothing is refused.
+DECIDED_BY: Mapping[str, tuple[str, str, object]] = {
+    "plausible size": ("identification.diagnosis.search.rival_sets", "implausible", lambda *_: None),
+    "likelier than rivals": ("identification.diagnosis.search.rival_sets", "_leader", lambda *_: (None, ())),
+}
+
+
+def leave_out(names: Iterable[str], met: Met | None = None) -> None:
+    """Let gates pass all that they are asked, in this process; or, of all gates, only count what they say."""
+    from identification import gates
+
+    chosen = frozenset(names)
+    for gate in gates.GATES:
+        name = gates.gate_name(gate)
+
+        @functools.wraps(gate)
+        def instead(*given: object, _gate: Callable = gate, _name: str = name, **options: object) -> object:
+            result = _gate(*given, **options)
+            if met is not None:
+                met.asked[_name] = met.asked.get(_name, 0) + 1
+                met.refused[_name] = met.refused.get(_name, 0) + (not result.passed)
+            return replace(result, passed=True) if _name in chosen else result
+
+        for module in list(sys.modules.values()):
+            if module is not gates and module is not None and getattr(module, gate.__name__, None) is gate:
+                setattr(module, gate.__name__, instead)
+    for name in chosen & set(DECIDED_BY):
+        module_name, function, answer = DECIDED_BY[name]
+        setattr(sys.modules[module_name], function, answer)
+
+
+def count_alone(met: Met) -> None:
+    """Ask all gates of the search of every claim, and count those that alone refuse one; the answer stays the same."""
+    from identification.diagnosis.search import claims
+    from identification.engine.claims import until_failed
+
+    def to_the_end(results: Iterable) -> tuple:
+        every = tuple(results)
+        failed = [one.gate for one in every if not one.passed]
+        if len(failed) == 1:
+            met.alone[failed[0]] = met.alone.get(failed[0], 0) + 1
+        return until_failed(every)
+
+    claims.until_failed = to_the_end  # type: ignore[attr-defined]
+
+
+def write_plain_numbers() -> None:
+    """Let results of gates and files hold plain numbers where numbers are followed."""
+    from identification.engine.claims import GateResult
+    from identification.reporting.stored import diagnosis_files
+
+    written = diagnosis_files._plain
+    diagnosis_files._plain = lambda value: written(plain(value))
+
+    made = GateResult.__init__
+
+    def instead(self: object, gate: str, value: object, needed: object, unit: str, passed: object) -> None:
+        made(self, gate, plain(value), plain(needed), unit, bool(passed))  # type: ignore[arg-type]
+
+    GateResult.__init__ = instead  # type: ignore[method-assign]
+
+
+def run(case: Case, variant: Variant) -> dict:
+    """What a variant says of a case, in a child process: outcome, verdict, findings, seconds, and what was traced."""
+    with tempfile.TemporaryDirectory(prefix="ablation-") as place:
+        out, start = Path(place), time.perf_counter()
+        child = os.fork()
+        if child == 0:
+            _child(case, variant, out)
+        signal.signal(signal.SIGALRM, lambda *_: os.kill(child, signal.SIGKILL))
+        signal.alarm(TIMEOUT)
+        _, status = os.waitpid(child, 0)
+        signal.alarm(0)
+        words = case.steps[-1]
+        last = Path(words[words.index("--out") + 1].format(out=out)) if "--out" in words else out
+        said = read_or_none(last / "diagnosis.json") or {"verdict": "failed", "findings": []}
+        outcome = case.outcome(out)
+        return {
+            **_said(said, outcome),
+            "seconds": round(time.perf_counter() - start, 1),
+            "ended": os.waitstatus_to_exitcode(status),
+            "trace": read_or_none(out / "trace.json"),
+            "error": (out / "error.txt").read_text() if (out / "error.txt").is_file() else None,
+        }
+
+
+def _short(finding: Mapping) -> str:
+    at = f"{finding['effect']} {finding['joint'] or ''}".strip()
+    listed = [" & ".join(f"{e['effect']} {e['joint'] or ''}".strip() for e in r["effects"]) for r in finding["rivals"]]
+    return " or ".join([at, *sorted(listed)])
+
+
+def _child(case: Case, variant: Variant, out: Path) -> None:
+    code = 1
+    try:
+        with (out / "said.txt").open("w") as said, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            trace, met = Trace(), Met({}, {}, {})
+            if variant.follow:
+                for named in variant.numbers:
+                    replace_number(named, followed(named, trace))
+                write_plain_numbers()
+                leave_out((), met)
+                count_alone(met)
+            else:
+                for named in variant.numbers:
+                    replace_number(named, scaled(named.value, variant.factor))
+                leave_out(variant.gates)
+            from identification.cli.main import main
+
+            for step in case.steps:
+                code = main(["diagnose", *(word.format(out=out) for word in step)])
+            if variant.follow:
+                (out / "trace.json").write_text(json.dumps({**vars(trace), "gates": vars(met)}))
+    except BaseException:  # a child says what went wrong, and never comes back
+        (out / "error.txt").write_text(traceback.format_exc()[-3000:])
+    finally:
+        os._exit(code)
+
+
+def cases_of(entry: Mapping) -> list[Case]:
+    """The cases of an entry of the list of sets, see `benchmarks/ablation.py`; with ``each`` the first of each kind."""
+    make, each = entry["make"], entry.get("each")
+    if "sealed" in entry:
+        folder = Path(entry["sealed"])
+        cases = [sealed_case(folder, name, make) for name in _one_robot_after_the_other(folder)]
+    elif "given" in entry:
+        cases = [given_case(path.parent, make) for path in sorted(Path(entry["given"]).glob("*/answer.json"))]
+    elif "commands" in entry:
+        cases = [command_case(Path(one["folder"]), one, make) for one in entry["commands"]]
+    else:
+        folder = Path(entry["loads"])
+        cases = [known_load(folder, book, make) for book in json.loads((folder / "cases.json").read_text())["cases"]]
+    taken: Counter[str] = Counter()
+    out = []
+    for case in cases:
+        taken[case.kind] += 1
+        if each is None or taken[case.kind] <= each:
+            out.append(case)
+    return out
+
+
+def _one_robot_after_the_other(folder: Path) -> list[str]:
+    """Names of the cases of a draw: of each robot the quickest to diagnose, then of each the next."""
+    seconds: dict[tuple[str, str], list[tuple[float, str]]] = {}
+    for path in (folder / "results").glob("*.json"):
+        answer = json.loads((folder / "answers" / path.name).read_text())
+        took = json.loads(path.read_text())["seconds"]
+        seconds.setdefault((answer["robot"], answer["kind"]), []).append((took, path.stem))
+    ranked = [
+        (place, robot, name) for (robot, _), some in seconds.items() for place, (_, name) in enumerate(sorted(some))
+    ]
+    return [name for _, _, name in sorted(ranked)]
