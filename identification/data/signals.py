@@ -10,6 +10,7 @@ of motion and torque end in noise.
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from identification.data.drive_loop import read_delays
 from identification.data.drives.arrivals import between_readings
@@ -77,8 +78,6 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
         )
     if np.max(np.abs(steps - step)) > 1e-3 * step:
         grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
-        from scipy.interpolate import CubicSpline
-
         q = CubicSpline(t, q)(grid)
         tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
         t = grid

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
@@ -176,8 +177,6 @@ class BSplines:
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
         """Position, velocity and acceleration of each shape."""
-        from scipy.interpolate import BSpline
-
         knots = np.concatenate([np.zeros(5), np.linspace(0.0, 1.0, self.pieces + 1), np.ones(5)]) * self.duration
         spline = BSpline(knots, np.eye(self.pieces + 5), 5)
 

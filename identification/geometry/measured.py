@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
@@ -14,9 +14,6 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 MOST = 1200
 """Poses of a recording that are used; of more, evenly spread ones: neighbours in time say the same."""
@@ -97,8 +94,6 @@ def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tup
         robot: Gives frames and loads.
         recordings: Those without measured poses are passed over.
     """
-    from scipy.interpolate import CubicSpline
-
     out: list[Measured] = []
     paths: dict[int, Path] = {}
     for number, recording in enumerate(recordings):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from identification.data.recording import Recording, Table
 from phantom_dyn.array_types import Array, Float
@@ -62,8 +63,6 @@ def before_low_pass(
         hertz = table.low_pass.get(joint, table.low_pass.get(""))
         if hertz is None or np.ptp(tau[:, j]) == 0:
             continue
-        from scipy.interpolate import CubicSpline
-
         t = table.columns["t"]
         out[:, j] += CubicSpline(t, tau[:, j])(t, 1) / (2 * np.pi * hertz)
         said.append(f"{hertz:g} Hz of {joint}")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
+from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
@@ -20,7 +21,7 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.signals.splines import Cubic, quintic_derivatives
+from phantom_dyn.signals.splines import quintic_derivatives
 
 _ROWS = 400  # samples in the regression of a lag
 _FEWEST = 100  # without which nothing is said
@@ -151,13 +152,13 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
         rows = at[np.linspace(0, len(at) - 1, min(_ROWS, len(at))).astype(int)]
         needed = rows[:, None] + offsets
         columns = _columns(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
-        measured, t = Cubic.through(tau[:, j], 0.0, smooth.step), motion.t[needed] + stated * smooth.step
+        measured, t = CubicSpline(motion.t, tau[:, j]), motion.t[needed] + stated * smooth.step
         clear = _Clear(
             joint,
             _of_length_one(np.einsum("nmk,m->nk", columns, weights)),
             np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags]),
             measured(t) @ weights,
-            measured.derivative(t) @ weights,
+            measured(t, 1) @ weights,
             2 * smooth.cutoff_hz * smooth.step * len(at),
         )
         if clear.independent >= _PER_COLUMN * np.linalg.matrix_rank(clear.columns, tol=_SAME):
