@@ -1,4 +1,7 @@
-"""The command line: finds the command, hands it its arguments, turns refusals into one sentence."""
+"""The command line: finds the command, hands it its arguments, turns refusals into one sentence.
+
+Completion of commands, options and files in a shell: ``eval "$(register-python-argcomplete phantom-dyn)"``.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,10 @@ import importlib
 import os
 import shlex
 import sys
+from collections.abc import Iterable, Mapping
 from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
-from identification.cli.terminal.completion import complete
 from identification.cli.terminal.interrupts import Interrupted, interruptible
 from identification.cli.terminal.printed import complain, forget, open_streams
 from identification.files import full_words, is_full, unreachable_words
@@ -138,3 +141,38 @@ def _unknown(name: str) -> str:
     nearest = difflib.get_close_matches(name, COMMANDS, n=1)
     hint = f"did you mean {nearest[0]}?" if nearest else "see phantom-dyn --help"
     return f"unknown command {name!r}, wanted one of {', '.join(COMMANDS)}; {hint}"
+
+
+def complete(commands: Mapping[str, tuple[str, str]]) -> None:
+    """Answer the shell that asks what may come next, and leave the process; does nothing without argcomplete.
+
+    Args:
+        commands: Module and purpose of each command by name.
+    """
+    try:
+        argcomplete = importlib.import_module("argcomplete")
+    except ImportError:
+        return
+    argcomplete.autocomplete(every_command(commands))
+
+
+def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentParser:
+    """One parser with all commands, as the shell completes across them."""
+    out = argparse.ArgumentParser(prog="phantom-dyn", add_help=False)
+    below = out.add_subparsers()
+    for name, (module, purpose) in commands.items():
+        own: argparse.ArgumentParser = importlib.import_module(module).parser()
+        below.add_parser(name, parents=[_without_help(own)], help=purpose)
+    return out
+
+
+def _without_help(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """The arguments of a parser without its ``--help``, which the parser below a command has of its own."""
+    out = argparse.ArgumentParser(add_help=False)
+    for action in _given(parser):
+        out._add_action(action)
+    return out
+
+
+def _given(parser: argparse.ArgumentParser) -> Iterable[argparse.Action]:
+    return (action for action in parser._actions if not isinstance(action, argparse._HelpAction))

@@ -1,9 +1,13 @@
-"""From a robot and its recordings to an identification."""
+"""From a robot and its recordings to an identification.
+
+Model files of an identification that would leave more on held-out data than the given model are not handed out.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +15,17 @@ import numpy as np
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
+from identification.diagnosis.columns.blocks import split_blocks
+from identification.diagnosis.replay import Replay
 from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
 from identification.estimators.linear.cautions import About
+from identification.export.proof.judged_files import leaves_more, rms
 from identification.identify.exports import exports, robots_in_files
 from identification.identify.hold_out import caution, held_out_evidence, joint_errors, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
-from identification.identify.identification import IdentifiedModel
+from identification.identify.identification import Export, IdentifiedModel
 from identification.identify.identified_model import (
     FullModel,
     JointTerms,
@@ -28,13 +35,14 @@ from identification.identify.identified_model import (
     without_estimated,
 )
 from identification.identify.missed_joints import missed_sentences, shared_effects
-from identification.identify.worse_files import without_worse_files
 from identification.regression.regressor import Regressor, torque_regressor
 from identification.regression.triangular import one_blas_thread
 from identification.stages import Announcement, Progress, Stage
 from identification.words.note_words import sentence
+from identification.words.numbers_and_names import number
 from phantom_dyn import __version__
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
@@ -175,3 +183,37 @@ def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) 
     """Root mean square, per joint, of the torque by which the full model differs from the fit."""
     off = [Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs]
     return np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0))
+
+
+def without_worse_files(
+    files: tuple[Export, ...], robots: Mapping[str, Robot], given: Robot, logs: tuple[Log, ...], cutoff_hz: float
+) -> tuple[Export, ...]:
+    """The files; of one that leaves more than the given model on any joint the reason in the place of its text.
+
+    Args:
+        files: Model files.
+        robots: What each of them holds, by its name.
+        given: The robot as its file states it.
+        logs: That the fit has not seen.
+        cutoff_hz: Edge of the band of the fit.
+    """
+    weights = tuple(np.repeat(log.valid_in_band[:, None].astype(float), given.nv, axis=1) for log in logs)
+    parts = tuple((block.log, block.core, block.stop) for block in split_blocks(logs, cutoff_hz))
+    replay = Replay(given, logs, (), cutoff_hz, parts, weights)
+    before = replay.squares(lambda k: inverse_dynamics(given, logs[k].motion))
+    out = []
+    for file in files:
+        robot = robots[file.file]
+        left = replay.squares(lambda k, robot=robot: inverse_dynamics(robot, logs[k].motion))
+        worse = leaves_more(left, before)
+        if file.text and worse.any():
+            after, had = rms(left), rms(before)
+            j = int(np.argmax(np.where(worse, after / np.maximum(had, 1e-300), 0.0)))
+            unit = given.torque_units[j]
+            reason = (
+                f"Not written: on {given.joint_names[j]} it would leave {number(after[j])} {unit} on held-out data, "
+                f"where the given model leaves {number(had[j])} {unit}."
+            )
+            file = replace(file, text="", left_out=(reason,))
+        out.append(file)
+    return tuple(out)

@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """All that a replay shows, as arrays: where every link of every copy of the robot is, its colours, and the curves."""
 
 from __future__ import annotations
@@ -5,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
@@ -19,7 +21,6 @@ from identification.rollout.shots import controlled
 from identification.rollout.simulated_models import known_causes, model_of
 from identification.stages import Announcement, Progress, Stage
 from identification.viewing.corrections import Correction
-from identification.viewing.link_poses import link_poses
 from identification.viewing.replayed_motion import replayed_motion
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
 from identification.words.diagnosis_words import effect_at, joints_words
@@ -27,6 +28,7 @@ from identification.words.effect_words import is_between_joints, words_of
 from identification.words.note_words import sentences
 from identification.words.user_words import user_words
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
 FRAME_HZ = 50.0
@@ -196,3 +198,27 @@ def _named(places: list[EffectAt]) -> str:
     if len(joints) < 2 or is_between_joints(places[0].effect):
         return ", ".join(map(effect_at, places))
     return f"{words_of(places[0]).name} on {joints_words(joints)}"
+
+
+def link_poses(robot: Robot, q: Float[Array, "n nv"]) -> Float[Array, "n J 7"]:
+    """Pose of each joint's frame in the root frame: x, y, z [m], then the unit quaternion w, x, y, z.
+
+    Args:
+        robot: Joints are those of Pinocchio's model; the first is the root itself.
+        q: Positions [rad or m].
+
+    Returns:
+        NaN where a position is none, or the loops of a closed chain cannot be closed.
+    """
+    model = robot.model
+    data = model.createData()
+    out = np.full((len(q), model.njoints, 7), np.nan)
+    for row in np.flatnonzero(np.isfinite(q).all(axis=1)):
+        try:
+            pin.forwardKinematics(model, data, robot.configuration(q[row : row + 1])[0])
+        except ChainError:
+            continue
+        for joint, place in enumerate(data.oMi):
+            x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(place)
+            out[row, joint] = x, y, z, qw, qx, qy, qz
+    return out

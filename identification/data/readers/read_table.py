@@ -2,13 +2,18 @@
 
 The libraries behind the formats (pyarrow, rosbags) are imported in the functions that need them: a recording waits for
 those of its own format alone.
+
+Files of one recording side by side: positions in one file and torques in another, row by row.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from identification.data.readers.array_files import read_npz, read_parquet
 from identification.data.readers.bags.rosbag import read_ros1_bag, read_ros2_bag
@@ -18,7 +23,6 @@ from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
 from identification.data.readers.presets import map_of, preset_of
 from identification.data.readers.sage import with_neighbours
-from identification.data.readers.side_by_side import side_by_side
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError, shortened
@@ -157,3 +161,65 @@ def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
     found = {name: f"{name}[{{number}}]" for name in JOINT_QUANTITIES}
     sources = {name: Source(place, 1.0) for name, place in found.items() if matching(place, raw.names)}
     return ColumnMap(raw.file, sources) if sources else None
+
+
+_TIME = "t"
+# Of the median step: by so much times of one row may differ between files.
+_APART = 0.01
+
+
+def side_by_side(first: RawTable, others: Sequence[RawTable]) -> RawTable:
+    """One table of the columns of several files; a name that several have gets that of its file before it.
+
+    So ``joint1`` of ``pos.csv`` and of ``tau.csv`` are ``pos/joint1`` and ``tau/joint1``, which a column map can take.
+
+    Args:
+        first: Its time counts, or that of the first file that has one.
+        others: Of as many rows.
+
+    Raises:
+        LogError: If rows do not belong together.
+    """
+    counts = Counter(name for raw in (first, *others) for name in raw.names)
+    twice = {name for name, count in counts.items() if count > 1 and name != _TIME}
+    out, *others = [_renamed(raw, twice) for raw in (first, *others)]
+    for other in others:
+        rows, own = _rows(out), _rows(other)
+        if rows != own:
+            raise LogError(
+                f"{out.file} has {rows} rows and {other.file} has {own}: files side by side need the same rows; cut "
+                "them alike."
+            )
+        if _TIME in out.columns and _TIME in other.columns:
+            _require_same_times(out, other)
+        out = replace(
+            out,
+            columns={**other.columns, **out.columns},
+            problems={**other.problems, **out.problems},
+            warnings=(*out.warnings, *other.warnings),
+        )
+    return out
+
+
+def _renamed(raw: RawTable, twice: set[str]) -> RawTable:
+    before = raw.file.rpartition(".")[0] or raw.file
+    columns = {f"{before}/{name}" if name in twice else name: values for name, values in raw.columns.items()}
+    problems = {f"{before}/{name}" if name in twice else name: said for name, said in raw.problems.items()}
+    return replace(raw, columns=columns, problems=problems)
+
+
+def _rows(raw: RawTable) -> int:
+    return len(next(iter(raw.columns.values()), ()))
+
+
+def _require_same_times(first: RawTable, other: RawTable) -> None:
+    t, own = first.columns[_TIME], other.columns[_TIME]
+    if len(t) < 2:
+        return
+    apart = np.abs(t - own)
+    if not float(np.max(apart)) <= _APART * abs(float(np.median(np.diff(t)))):
+        row = int(np.argmax(apart))
+        raise LogError(
+            f"{first.file} and {other.file} have different times, {t[row]:g} s and {own[row]:g} s in "
+            f"{first.place(row)}: files side by side need the same rows; bring them to one time first."
+        )

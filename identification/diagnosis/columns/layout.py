@@ -1,17 +1,28 @@
-"""Which effects are tried in a session, with which shapes, and where their columns stand among all columns."""
+"""Which effects are tried in a session, with which shapes, and where their columns stand among all columns.
+
+On which joints one cause may have one number: drives of one kind, one supply, one wrong current scale.
+
+Which joints these are is suggested by what the robot's file says of its drives, and by the recording: joints whose own
+scale comes out alike. Of a number that each joint has by itself, the best groups of any size are runs of the joints in
+the order of that number, so that few of all sets of joints have to be tried.
+"""
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.common_causes import together
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import SERIES, FoundEffect, Term, shapes_of
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
+from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -86,3 +97,73 @@ def _first(operation: Operation) -> Operation:
     base = None if operation.base is None else operation.base.at(slice(8))
     few = Operation(t, q, v, a, operation.robot, tau, expected, logged, base=base)
     return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])
+
+
+# Sets of joints that are tried at most: each is a column on all of its joints.
+_MOST = 40
+# Ratio of the largest to the smallest scale of joints that are tried together.
+_ALIKE = 1.5
+# Share of its fastest speed at which dry friction has come up.
+_SLOW = 0.02
+
+
+def together(session: Session, operation: Operation) -> tuple[str, ...]:
+    """Sets of two or more joints that may have a cause in common, their names joined by ``+`` in the robot's order.
+
+    Args:
+        session: Robot and logs.
+        operation: Of all logs, one after the other, with the torque of the given model.
+    """
+    robot = session.robot
+    if robot.nv < 2:
+        return ()
+    measured = np.concatenate([log.tau for log in session.logs])
+    groups = [*by_drives(robot), *by_scales(scales(measured, operation.tau, operation.v))]
+    unique = dict.fromkeys(tuple(sorted(group)) for group in groups if len(group) > 1)
+    return tuple("+".join(robot.joint_names[row] for row in group) for group in list(unique)[:_MOST])
+
+
+def by_drives(robot: Robot) -> list[tuple[int, ...]]:
+    """All joints together, and those with the same torque limit, gear ratio, rotor or stem of a name."""
+    out = [tuple(range(robot.nv))]
+    keys: list[list[Hashable]] = [
+        [one.torque_limit for one in robot.actuators],
+        [one.gear_ratio for one in robot.actuators],
+        [one.rotor_inertia or None for one in robot.actuators],
+        [one.torque_constant for one in robot.actuators],
+        [re.sub(r"\d+|joint|_", "", name) or None for name in robot.joint_names],
+    ]
+    for key in keys:
+        alike: dict[Hashable, list[int]] = defaultdict(list)
+        for row, value in enumerate(key):
+            if value is not None:
+                alike[value].append(row)
+        out += [tuple(rows) for rows in alike.values()]
+    return out
+
+
+def scales(
+    measured: Float[Array, "N nv"], modelled: Float[Array, "N nv"], v: Float[Array, "N nv"]
+) -> Float[Array, " nv"]:
+    """Measured over modelled torque of each joint beside friction and an offset of any size, ``(nv,)``."""
+    out = np.ones(measured.shape[1])
+    for row in range(len(out)):
+        fast = max(float(np.abs(v[:, row]).max()), 1e-12)
+        columns = np.column_stack(
+            [modelled[:, row], np.tanh(v[:, row] / (_SLOW * fast)), v[:, row] / fast, np.ones(len(v))]
+        )
+        out[row] = np.linalg.lstsq(columns, measured[:, row], rcond=1e-9)[0][0]
+    return out
+
+
+def by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
+    """Runs of joints in the order of their scales, those that differ least first."""
+    order = np.argsort(scale, kind="stable")
+    runs = []
+    for first in range(len(order)):
+        for last in range(first + 1, len(order)):
+            low, high = scale[order[first]], scale[order[last]]
+            if low > 0.0 and high < _ALIKE * low:
+                spread = float(np.log(high / low)) / (last - first)
+                runs.append((spread, tuple(order[first : last + 1].tolist())))
+    return [run for _, run in sorted(runs)]

@@ -2,9 +2,17 @@
 
 The grid of transmission compliance is coarse. A torque rich enough to show a resonance determines the stiffness to a
 few per cent, whatever the model of the links is; the search includes that compliance and scores it like all others.
+
+Frequency response of a joint, from drive torque to motor position, in which a compliant transmission resonates.
+
+Wanted: a rich torque (noise, a chirp) up to well above the resonance while the other joints hold still, and an encoder
+on the motor. Dry friction and cogging lower the coherence; a joint that moves far changes its inertia with its posture,
+which a linear model cannot follow.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +21,12 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.displaced import behind_encoder
-from phantom_dyn.errors import EstimationError, LogError, ParameterError
+from phantom_dyn.errors import EstimationError, LogError, ParameterError, RobotError
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.model.robot import Robot
+
+if TYPE_CHECKING:
+    pass
 
 
 def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
@@ -37,8 +49,6 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
 
 def _stiffness(log: Log, joint: str) -> float | None:
     """Stiffness of one transmission, None where the recording does not show it."""
-    from identification.experiments.transmission_resonance import joint_response
-
     try:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
@@ -50,3 +60,49 @@ def _stiffness(log: Log, joint: str) -> float | None:
             return fit_two_mass_of_instants(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
         return None
+
+
+# A torque "at an instant" is known to a per cent up to this share of the rate.
+_HIGHEST = 0.2
+# Segments of a recording: as many as this at least, each this long at most [s].
+_SEGMENTS = 12
+_LONGEST = 8.0
+
+
+def joint_response(log: Log, joint: str) -> FrequencyResponse:
+    """Empirical transfer function of one joint, torque to position, up to a fifth of the sampling rate.
+
+    Args:
+        log: A recording in which this joint is driven by noise or a chirp.
+        joint: Its name.
+
+    Raises:
+        RobotError: If the recording has no such joint.
+        LogError: If its longest valid stretch is under 256 samples, or its torque is constant.
+    """
+    if joint not in log.joint_names:
+        raise RobotError(f"{log.file} has no joint {joint!r}: it has {', '.join(log.joint_names)}.")
+    column = log.joint_names.index(joint)
+    stretch = _longest_valid(log)
+    count = stretch.stop - stretch.start
+    if count < 256:
+        raise LogError(f"{log.file}: the longest valid stretch has {count} samples: record 256 or more without a gap.")
+    torque = log.tau[stretch, column]
+    if np.ptp(torque) == 0:
+        raise LogError(f"{log.file}: the torque of {joint} never changes: drive it with noise or a chirp.")
+    t = log.motion.t
+    period = float((t[-1] - t[0]) / (len(t) - 1))
+    position = (log.motion.q if log.raw_q is None else log.raw_q)[stretch, column]
+    length = min(count * period / _SEGMENTS, _LONGEST)
+    response = estimate_frequency_response(torque, position, period=period, segment=length)
+    return response.between(0.0, 2 * np.pi * _HIGHEST / period)
+
+
+def _longest_valid(log: Log) -> slice:
+    """The longest run of samples that may be used."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], log.valid, [False]]).astype(int)))
+    if len(edges) == 0:
+        return slice(0, 0)
+    starts, stops = edges[::2], edges[1::2]
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]))

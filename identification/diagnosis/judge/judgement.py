@@ -1,4 +1,8 @@
-"""Gap, findings, detection limits and verdict of an explanation, all measured in the judged band."""
+"""Gap, findings, detection limits and verdict of an explanation, all measured in the judged band.
+
+Moves within tolerance may take up a payload. A load that all links of a linkage share is taken up by many moves at
+once, by more than the tolerance of any one mass, so that a fit beside the moves says how heavy it may be.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,6 @@ from identification.diagnosis.judge.findings.findings import FindingWithout, fin
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_sound
 from identification.diagnosis.judge.floors import Floor, floor_of
-from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise
@@ -39,7 +42,7 @@ from identification.diagnosis.judge.verdict import (
     verdict,
 )
 from identification.diagnosis.noise.discrepancy import slow_samples
-from identification.diagnosis.result import Burst, JointGap, Judgement, Unexplained
+from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
@@ -314,3 +317,34 @@ def evidence_of(
         sample_period=1.0 / float(np.median([log.band.rate_hz for log in logs])),
         valid=np.concatenate([log.valid_in_band for log in logs]),
     )
+
+
+_DEVIATIONS = 2.0
+"""Above the estimate: what 95 % of payloads that look like this one stay below."""
+
+
+def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
+    """The moves with the heaviest payload that could hide behind those of masses that end at their limits.
+
+    Args:
+        moves: As found so far, with the mass that each of them alone takes up.
+        search: Fits a payload beside the moves.
+        chosen: What is shown; a payload among it does not hide.
+    """
+    loads = [term for term in search.terms if term.effect.inertial == "point mass"]
+    masses = [move for move in moves if move.at_limit and _mass(move) is not None]
+    if not loads or not masses or any(term in chosen for term in loads):
+        return moves
+    found = search.evaluate(chosen | {loads[0]})
+    column = loads[0].columns[0]
+    at = int(np.searchsorted(found.active, column))
+    most = float(found.theta[column]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))
+    alone = max(_mass(move) or 0.0 for move in masses)
+    if not (np.isfinite(most) and most > alone):
+        return moves
+    return tuple(replace(move, hides=Hidden("payload", most)) if move in masses else move for move in moves)
+
+
+def _mass(move: Adjusted) -> float | None:
+    """The heaviest payload that a move could hide [kg]; None where it hides none."""
+    return None if move.hides is None or move.hides.kind != "payload" else move.hides.size

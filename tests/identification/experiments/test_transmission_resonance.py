@@ -7,7 +7,7 @@ import pytest
 
 from identification.data.log import Band, Log
 from identification.data.signals import align_held_torque
-from identification.experiments.transmission_resonance import joint_response
+from identification.diagnosis.columns.resonances import joint_response
 from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise

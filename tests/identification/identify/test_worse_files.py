@@ -9,7 +9,7 @@ import pytest
 from identification.data.signals import process_all
 from identification.identify.exports import MJCF, URDF
 from identification.identify.identification import Export
-from identification.identify.worse_files import without_worse_files
+from identification.identify.identify import without_worse_files
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters

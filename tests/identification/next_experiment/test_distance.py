@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.next_experiment.distance import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 from identification.next_experiment.hypotheses import Model
+from identification.next_experiment.separation import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 
 
 def model(

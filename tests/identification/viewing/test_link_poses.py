@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identification.viewing.link_poses import link_poses
+from identification.viewing.replay import link_poses
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identification.viewing.link_poses import link_poses
+from identification.viewing.replay import link_poses
 from identification.viewing.robot_solids import boxes, robot_solids
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.shapes.meshes import Mesh, joined

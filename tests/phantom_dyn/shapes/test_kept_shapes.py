@@ -10,9 +10,8 @@ import pytest
 
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.shapes import robot_shapes as made
-from phantom_dyn.shapes.kept_shapes import KEPT, keep
 from phantom_dyn.shapes.meshes import Mesh, box
-from phantom_dyn.shapes.robot_shapes import Shapes, robot_shapes
+from phantom_dyn.shapes.robot_shapes import KEPT, Shapes, keep, robot_shapes
 
 
 @pytest.fixture

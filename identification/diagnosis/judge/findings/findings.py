@@ -1,4 +1,15 @@
-"""Chosen effects as findings: parameters, share of the gap that each closes, and rivals."""
+"""Chosen effects as findings: parameters, share of the gap that each closes, and rivals.
+
+What a motion shows of a drive that a voltage feeds: back-EMF, viscous friction and a late reference in one sum.
+
+All three are torque per speed while the joint follows its reference. A recording shows their sum; each by itself only
+where constants of the motor, or another gain of its loop, fix the others.
+
+Numbers of bodies on the edge of what can exist: their intervals reach to one side of the estimate alone.
+
+Beyond the edge lie bodies with a negative mass or a negative moment of inertia, or with a centre out of reach. A
+deviation to both sides would call half of what no robot is likely.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +17,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.drives.joint_torque import per_speed
 from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
-from identification.diagnosis.judge.findings.drive_sums import drive_sums
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
-from identification.diagnosis.judge.findings.one_sided import one_sided
-from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
 from identification.diagnosis.judge.findings.shown_numbers import only_shown
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
 from identification.diagnosis.judge.findings.wider_deviations import with_other_causes, with_other_tolerances
@@ -33,11 +44,13 @@ from identification.diagnosis.search.imitation import (
     of_weights,
     on_a_line,
 )
+from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
-from identification.notes import Said
-from phantom_dyn.array_types import Array, Float
+from identification.notes import Code, Note, Said
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.random_streams import random_stream
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
@@ -133,3 +146,106 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
             torque = held_out_torque(problem, others, plain.evaluate(others))
         out.append(FindingWithout(finding, torque, minor=not large.passed))
     return tuple(out)
+
+
+def drive_sums(shown: Shown) -> tuple[Note, ...]:
+    """A note on each joint with a voltage on which viscous friction or a late reference was found.
+
+    Args:
+        shown: The findings, with the fit of all their numbers.
+    """
+    session = shown.problem.session
+    robot, recordings = session.robot, session.recordings
+    out = []
+    for j, joint in enumerate(robot.joint_names):
+        if not recordings or any(one.torque_from.get(joint) != "u" for one in recordings):
+            continue
+        gains = [0.0 if one.follows is None else float(one.follows[j]) for one in recordings]
+        if np.ptp(gains) > 1e-3 * max(gains):
+            # Another gain makes another sum of each recording.
+            continue
+        per_volt_loop = gains[0]
+        found, row = 0.0, np.zeros(0)
+        for term in ordered(shown.named):
+            per_number = _per_speed_of(robot, term, j, per_volt_loop)
+            if per_number is None:
+                continue
+            (value,) = finding_parameters(robot, term, shown.joint_fit).values()
+            assert isinstance(value.value, float)
+            own = per_number * np.array(finding_loadings(robot, term, shown.joint_fit)[0])
+            found, row = found + per_number * value.value, own if not row.size else row + own
+        if not row.size:
+            continue
+        back_emf, modelled = per_speed(robot.actuators[j]), float(robot.viscous_friction[j])
+        numbers = {"sum": back_emf + modelled + found, "std": float(np.linalg.norm(row)), "back_emf": back_emf}
+        unit = "N s/m" if robot.prismatic[j] else "N m s/rad"
+        out.append(Note(Code.DRIVE_SUM, joint, {**numbers, "unit": unit, "late": per_volt_loop > 0}))
+    return tuple(out)
+
+
+def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
+    """Torque per speed of a joint by one unit of an effect's only number; None for any other effect."""
+    effect, joint = term.effect, robot.joint_names[row]
+    if not isinstance(effect, Effect) or term.joint not in (None, joint):
+        return None
+    if effect.inertial is not None or len(effect.parameters(robot, term.joint)) != 1:
+        return None
+    one: Float[Array, " 1"] = np.ones(1)
+    late = effect.simulated(robot, term.joint, one).reference_delay
+    if late is not None:
+        return gain * float(late[row])
+    return effect.model_numbers(robot, term.joint, one).viscous or None
+
+
+_DRAWS = 200
+# Width of an interval of bodies that can exist, over that of all, above which it is not called one-sided.
+_NARROWER = 0.8
+_INTERVAL = (2.5, 97.5)  # per cent
+
+
+def one_sided(shown: Shown) -> tuple[Note, ...]:
+    """A note on each finding of inertial parameters whose intervals end where bodies cease to exist.
+
+    Args:
+        shown: The findings, with the fit of all their numbers.
+    """
+    free = [term for term in ordered(shown.named) if term.effect.inertial == "free"]
+    return tuple(note for term in free if (note := _of(shown, term)) is not None)
+
+
+def _of(shown: Shown, term: Term) -> Note | None:
+    """The note on one finding; None if no interval ends early.
+
+    Its interval is that of the same fit to other draws of the data, each among bodies that can exist.
+    """
+    robot, fitted = shown.problem.session.robot, shown.joint_fit
+    at = fitted.place(term).coefficients
+    own, cov = fitted.x[at], fitted.cov[at, at]
+    squares, axes = np.linalg.eigh(cov)
+    # The symmetric root, which does not turn with the rounding of the matrix as others do.
+    root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
+    drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
+    bodies = places_among(np.array(term.columns), bodies_of_terms(robot, (term,)))
+    precision, anywhere = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
+    nearest = np.array([_nearest(one, precision, anywhere, bodies) for one in drawn])
+    stated, mix = base_parameters(robot, term)
+    (low, high), all_of_them = (np.percentile(some @ mix.T, _INTERVAL, axis=0) for some in (nearest, drawn))
+    width = all_of_them[1] - all_of_them[0]
+    intervals = [
+        (one.name, float(low[k]), float(high[k]), one.unit)
+        for k, one in enumerate(stated)
+        if 0.0 < high[k] - low[k] < _NARROWER * width[k]
+    ]
+    return Note(Code.ONE_SIDED, term.joint, {"intervals": intervals}) if intervals else None
+
+
+def _nearest(
+    drawn: Float[Array, " k"],
+    precision: Float[Array, "k k"],
+    anywhere: Float[Array, " k"],
+    bodies: list[tuple[Body, Int[Array, " 10"]]],
+) -> Float[Array, " k"]:
+    """What a fit among bodies that can exist makes of draws of the data whose fit without that limit is given."""
+    if all(body.exists(drawn[at]) for body, at in bodies):
+        return drawn
+    return possible_minimum(precision, precision @ drawn, (-anywhere, anywhere), drawn, bodies)

@@ -8,8 +8,7 @@ import sys
 
 import pytest
 
-from identification.cli.main import COMMANDS, main
-from identification.cli.terminal.completion import every_command
+from identification.cli.main import COMMANDS, every_command, main
 
 
 @pytest.mark.parametrize(

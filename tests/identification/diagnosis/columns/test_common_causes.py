@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.common_causes import by_drives, by_scales, scales, together
+from identification.diagnosis.columns.layout import by_drives, by_scales, scales, together
 from identification.diagnosis.columns.terms import merged
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.result import EffectAt

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.reporting.page.robot_postures import SHOWN, postures
+from identification.reporting.page.robot_scene import SHOWN, postures
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.loading import load_robot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.scenarios.at_rest.claims import claims_at_rest
+from identification.scenarios.at_rest.diagnose_at_rest import claims_at_rest
 from identification.scenarios.at_rest.giving_way import GivingWay, giving_way
 from identification.scenarios.at_rest.rests import Stills
 from identification.words.ledger_words import REASONS

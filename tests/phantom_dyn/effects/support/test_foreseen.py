@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.support.foreseen import foresees
+from phantom_dyn.effects.friction.position_dependent_friction import foresees
 
 
 @pytest.mark.parametrize(("size", "asked"), [(0.0, False), (0.15, False), (0.6, True), (2.0, True)])

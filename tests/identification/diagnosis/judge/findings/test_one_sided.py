@@ -9,7 +9,7 @@ from typing import cast
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
 from identification.diagnosis.judge.findings.bench import Shown
-from identification.diagnosis.judge.findings.one_sided import one_sided
+from identification.diagnosis.judge.findings.findings import one_sided
 from identification.words.notes_on_findings import FINDING_WORDS
 
 
