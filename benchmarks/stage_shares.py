@@ -3,8 +3,7 @@
     python benchmarks/stage_shares.py            # identify, excite, map and diagnose, on small examples
     python benchmarks/stage_shares.py excite map
 
-Each command runs in a fresh process, behind one run that compiles. Besides the stages it says how far what is shown is
-from the time that has passed, at every announcement: root mean square and most, in points.
+Each command runs in a fresh process, behind one run that compiles.
 """
 
 from __future__ import annotations
@@ -15,18 +14,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from itertools import pairwise
 from pathlib import Path
-
-import numpy as np
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.diagnosis_cost import fresh_process
 from benchmarks.first_run import words_for
-from identification.cli.terminal.percentage import Percentage, Share
 from identification.stages import Announcement, Stage
 from identification.words.stage_words import NAMES
 
@@ -46,45 +43,39 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 
 def watched(words: list[str]) -> None:
-    """Run a command and print what each stage took, and how far what was shown was from the time that had passed."""
+    """Run a command and print what each stage of each of its parts took."""
     from identification.cli.main import main as run
-    from identification.cli.terminal import progress
+    from identification.cli.terminal.progress import Progress
 
-    marks: list[tuple[float, Stage | None, float]] = []
-    stages: tuple[Share, ...] = ()
+    parts: list[tuple[Mapping[Stage, float], list[tuple[float, Stage | None]]]] = []
 
-    class Watched(Percentage):
-        def __init__(self, given: tuple[Share, ...]) -> None:
-            nonlocal stages
-            stages = given
-            super().__init__(given)
+    def noted(function: Callable[..., object]) -> Callable[..., object]:
+        def called(self: Progress, *given: object) -> object:
+            if function.__name__ == "__enter__":
+                parts.append((self._stages, []))
+            stage = given[0].stage if given and isinstance(given[0], Announcement) else None
+            parts[-1][1].append((time.perf_counter(), stage))
+            return function(self, *given)
 
-        def enter(self, announced: Announcement) -> None:
-            marks.append((time.perf_counter(), announced.stage, self.now()))
-            super().enter(announced)
+        return called
 
-        def end(self) -> None:
-            marks.append((time.perf_counter(), None, 100.0))
-            super().end()
-
-    progress.Percentage = Watched
+    for name in ("__enter__", "__exit__", "_take"):
+        setattr(Progress, name, noted(getattr(Progress, name)))
     with redirect_stdout(sys.stderr):
         run(words)
-    print(f"{words[0]}, {marks[-1][0] - marks[0][0]:.1f} s")
-    for share, taken in shares(stages, marks).items():
-        print(f"  {taken:5.1f} %  counted as {share.percent:4.1f} %  {NAMES[share.stage]}")
-    at, shown = np.array([mark[0] for mark in marks]), np.array([mark[2] for mark in marks])
-    beside = np.abs(shown - 100.0 * (at - at[0]) / (at[-1] - at[0]))
-    print(f"  shown beside passed: {np.sqrt(np.mean(beside**2)):.0f} points, at most {beside.max():.0f}")
+    for stages, marks in parts:
+        print(f"{words[0]}, {marks[-1][0] - marks[0][0]:.1f} s")
+        for stage, taken in shares(stages, marks).items():
+            print(f"  {taken:5.1f} %  counted as {stages[stage]:4.1f} %  {NAMES[stage]}")
 
 
-def shares(stages: tuple[Share, ...], marks: list[tuple[float, Stage | None, float]]) -> dict[Share, float]:
+def shares(stages: Mapping[Stage, float], marks: list[tuple[float, Stage | None]]) -> dict[Stage, float]:
     """Part of the time [%] that each stage took: an announcement of none or an earlier one is of the last."""
-    out = dict.fromkeys(stages, 0.0)
-    at, whole = 0, marks[-1][0] - marks[0][0]
-    for (begun, announced, _), (ended, _, _) in pairwise(marks):
-        at = max(at, next((k for k, share in enumerate(stages) if share.stage is announced), 0))
-        out[stages[at]] += 100.0 * (ended - begun) / whole
+    order, at, whole = list(stages), 0, marks[-1][0] - marks[0][0]
+    out = dict.fromkeys(order, 0.0)
+    for (begun, announced), (ended, _) in pairwise(marks):
+        at = max(at, order.index(announced) if announced in order else 0)
+        out[order[at]] += 100.0 * (ended - begun) / whole
     return out
 
 

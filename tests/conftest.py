@@ -135,7 +135,6 @@ def robots() -> Path:
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """No line of progress, however slow the machine is: what a command prints must not depend on that."""
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 1e6)
-    monkeypatch.setattr("identification.cli.terminal.progress.COMPILING_S", 1e6)
 
 
 @pytest.fixture(scope="session", autouse=True)

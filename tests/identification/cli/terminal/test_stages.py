@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from identification.cli.main import main
-from identification.cli.terminal.percentage import EXCITATION, IDENTIFICATION, MAP, Percentage
+from identification.cli.terminal.percentage import EXCITATION, IDENTIFICATION, MAP
+from identification.cli.terminal.progress import Progress
 
 pytestmark = pytest.mark.whole
 
@@ -22,9 +23,9 @@ def test_every_announcement_is_of_a_stage_and_every_stage_is_announced(
 ):
     stages, words = COMMANDS[command]
     announced = []
-    monkeypatch.setattr(Percentage, "enter", lambda self, now: announced.append(now.stage))
+    monkeypatch.setattr(Progress, "_take", lambda self, now: announced.append(now.stage))
     given = {"pendulum": pendulum, "arm": arm, "log": log, "out": tmp_path / "out"}
     assert main([word.format(**given) for word in words]) == 0
-    places = [[share.stage for share in stages].index(stage) for stage in announced]
+    places = [list(stages).index(stage) for stage in announced]
     assert places == sorted(places)
     assert set(places) == set(range(len(stages)))
