@@ -109,11 +109,13 @@ def figures(cases: Sequence[Answered]) -> list[str]:
     events = [case for case in of["outside"] if any(effect in EVENTS for effect, _ in case.truth)]
     quiet = [case for case in cases if case not in events]
     saturated = [case for case in of["single"] if case.truth[0][0] == "torque_saturation"]
+    hidden = [case for case in cases if case.kind in ("single", "pair") and case not in large]
     return [
         _figure("false claims on nulls", nulls, lambda case: bool(case.claims)),
         _figure("no_gap on nulls", nulls, lambda case: case.verdict == "no_gap"),
         _figure("leading effect right", of["single"], _leads),
         _figure("true effect listed", of["single"], lambda case: bool(case.reached & case.accepted[0])),
+        _figure("hidden, and no wrong claim", hidden, lambda case: not case.claims or _leads(case)),
         _figure("both of a pair", of["pair"], lambda case: all(bool(case.reached & right) for right in case.accepted)),
         _figure("unknown outside", of["outside"], lambda case: case.verdict == "unknown"),
         _figure("saturation named", saturated, lambda case: bool(set(case.claims) & case.accepted[0])),

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -70,10 +70,29 @@ class Ground:
     softness: float = 0.02
 
 
-def simulate(
-    robot: Robot, numbers: Numbers, drive: Drive, sensor: Sensor, ground: Ground, task: Task, rng: Rng
-) -> Mapping[str, Array]:
-    """Columns of the log of one run, as the diagnosis reads them.
+@dataclass(frozen=True)
+class Run:
+    """One run: its log, and what nobody measures, at the same times.
+
+    Attributes:
+        log: Columns as the diagnosis reads them.
+        qpos, qvel: Of base and joints, as MuJoCo has them.
+        asked, given: Torque that was commanded and what the drives made of it, their ripple left out [N m], ``(N, n)``.
+        touched: 1 where an end touches, ``(N, ends)``.
+        shaken: What gyroscope and accelerometer read more as they sit on a loose mount [rad/s, m/s^2], ``(N, 6)``.
+    """
+
+    log: Mapping[str, Array]
+    qpos: Array
+    qvel: Array
+    asked: Array
+    given: Array
+    touched: Array
+    shaken: Array
+
+
+def simulate(robot: Robot, numbers: Numbers, drive: Drive, sensor: Sensor, ground: Ground, task: Task, rng: Rng) -> Run:
+    """One run of a robot.
 
     The torque is the one that was commanded, without the ripple of the drives; the inertial sensor averages over the
     time between two samples.
@@ -96,6 +115,8 @@ def simulate(
     names = [f"{q}.{joint}" for q in ("q", "tau", "q_ref") for joint in robot.joints]
     rows, sensed = np.empty((count, 3 * n_joints)), np.empty((count, 6))
     touched = np.empty((count, len(robot.ends)))
+    qpos, qvel = np.empty((count, n_joints + 7)), np.empty((count, n_joints + 6))
+    delivered = np.zeros((count, n_joints))
     sways = rng.uniform(0.2, 0.9, 6), rng.uniform(0, 6.28, 6)
     read, felt, ripple = np.zeros(6), np.zeros(len(robot.ends)), np.zeros(n_joints)
     for n in range(-settle, count):
@@ -105,11 +126,14 @@ def simulate(
         tau = task.stiff * robot.kp * (asked - q) - np.sqrt(task.stiff) * robot.kd * data.qvel[6:]
         if n >= 0:
             rows[n], sensed[n], touched[n] = np.concatenate([q, tau, asked]), read, felt > TOUCHING
+            qpos[n], qvel[n] = data.qpos, data.qvel
         read = np.zeros(6)
         for step in range(inner):
             past = np.roll(past, 1, axis=0)
             past[0] = tau
             given = drive.scale * past[wait, np.arange(n_joints)]
+            if n >= 0:
+                delivered[n] += given / inner
             ripple = RIPPLE * rng.normal(size=n_joints) if step % round(0.001 / STEP) == 0 else ripple
             data.ctrl[:] = given + ripple
             data.qfrc_applied[6:] = -numbers.friction * np.tanh(data.qvel[6:] / CREEPS)
@@ -122,12 +146,15 @@ def simulate(
         if not np.isfinite(data.qpos).all() or upright < 0.5:
             raise FloatingPointError(f"The robot falls after {t:.2f} s.")
     out = {"t": np.arange(count) / task.rate} | dict(zip(names, rows.T, strict=True))
+    firm = read_by(replace(sensor, mount=np.inf), sensed, task.rate)
     sensed = read_by(sensor, sensed, task.rate)
+    shaken = sensed - firm
     sensed[:, :3] += GYROSCOPE * rng.normal(size=(count, 3))
     sensed[:, 3:] += ACCELEROMETER * rng.normal(size=(count, 3))
     for k, (quantity, axis) in enumerate([(q, a) for q in ("w", "sf") for a in "xyz"]):
         out[f"{quantity}.imu.{axis}"] = sensed[:, k]
-    return out | {f"contact.{end.name}": touched[:, k] for k, end in enumerate(robot.ends)}
+    out |= {f"contact.{end.name}": touched[:, k] for k, end in enumerate(robot.ends)}
+    return Run(out, qpos, qvel, rows[:, n_joints : 2 * n_joints], delivered, touched, shaken)
 
 
 def read_by(sensor: Sensor, there: Array, rate: float) -> Array:

@@ -88,6 +88,7 @@ def test_every_figure_counts_its_own_cases(case):
         "no_gap on nulls": "1 of 2",
         "leading effect right": "1 of 2",
         "true effect listed": "1 of 2",
+        "hidden, and no wrong claim": "1 of 1",
         "both of a pair": "0 of 0",
         "unknown outside": "1 of 2",
         "saturation named": "0 of 1",

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -13,6 +15,7 @@ from benchmarks.legged.files import plant, urdf
 from benchmarks.legged.motions import Task
 from benchmarks.legged.robots import arm, biped, quadruped
 from benchmarks.legged.simulate import Drive, Ground, Sensor, read_by, simulate
+from benchmarks.legged.visible import gap_over_floor
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.loading import load_robot
 
@@ -62,7 +65,7 @@ def test_a_weak_drive_lets_the_robot_lag_behind_its_references():
     own = quadruped()
     lags = []
     for drive in (sound(12), Drive(np.full(12, 0.2), np.zeros(12))):
-        log = simulate(own, own.numbers, drive, PERFECT, Ground(), HANGS, np.random.default_rng(3))
+        log = simulate(own, own.numbers, drive, PERFECT, Ground(), HANGS, np.random.default_rng(3)).log
         lags.append(np.mean([np.std(log[f"q_ref.{joint}"] - log[f"q.{joint}"]) for joint in own.joints]))
     assert lags[1] > 1.2 * lags[0]
 
@@ -89,3 +92,28 @@ def test_a_cause_changes_one_joint_alone(name):
         assert np.flatnonzero(getattr(after.numbers, part) - getattr(before.numbers, part)).tolist() in ([], [4])
     for part in ("scale", "delay"):
         assert np.flatnonzero(getattr(after.drive, part) - getattr(before.drive, part)).tolist() in ([], [4])
+
+
+def test_half_a_torque_is_as_many_floors_as_drives_ripple(rng):
+    # Oracle: a run in which one joint lacks a torque that no tolerance makes, over the ripple in the band by its bell.
+    own, rate, size = arm(), 500.0, 0.5
+    run = simulate(own, own.numbers, sound(6), PERFECT, Ground(), HANGS, np.random.default_rng(3))
+    lacks = np.zeros_like(run.given)
+    lacks[:, 5] = size * np.sin(2 * np.pi * 7.0 * run.log["t"])
+    gap = gap_over_floor(own, own.numbers, own.numbers, replace(run, given=run.given - lacks), rate)
+    bell = np.sqrt(2 * np.log(2)) / (2 * np.pi * 20.0)
+    passes = np.exp(-0.5 * (2 * np.pi * 7.0 * bell) ** 2)
+    ripple = 0.1 * np.sqrt(0.001 / (2 * np.sqrt(np.pi) * bell))
+    assert gap == pytest.approx(size * passes / np.sqrt(2) / ripple, rel=0.2)
+
+
+def test_stance_shows_nothing_of_a_gap():
+    own = quadruped()
+    run = simulate(own, own.numbers, sound(12), PERFECT, Ground(), HANGS, np.random.default_rng(3))
+    lacks = np.zeros_like(run.given)
+    lacks[:, 5] = 0.5 * np.sin(2 * np.pi * 7.0 * run.log["t"])
+    stands = np.zeros_like(run.touched)
+    stands[:, 1] = 1.0
+    run = replace(run, given=run.given - lacks)
+    assert gap_over_floor(own, own.numbers, own.numbers, run, 500.0) > 2.0
+    assert gap_over_floor(own, own.numbers, own.numbers, replace(run, touched=stands), 500.0) == 0.0
