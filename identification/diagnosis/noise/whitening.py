@@ -17,21 +17,33 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
 _ORDER = 8
+_LOST = 0.25  # share of the usable samples, at most, that a filter may take for looking back
 _ROWS = 64
 
 
-def noise_filter(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
-    """Finite filter ``1, -a_1 .. -a_8`` that whitens series of one noise, by the Yule-Walker equations."""
+def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Array, " m"]:
+    """Finite filter ``1, -a_1 .. -a_order`` that whitens series of one noise, by the Yule-Walker equations."""
     count = sum(len(part) for part in e)
-    lags = np.zeros(_ORDER + 1)
+    lags = np.zeros(order + 1)
     for part in e:
-        for lag in range(min(_ORDER + 1, len(part))):
+        for lag in range(min(order + 1, len(part))):
             lags[lag] += part[lag:] @ part[: len(part) - lag]
     if count < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
     # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
-    matrix = lags[np.abs(np.subtract.outer(np.arange(_ORDER), np.arange(_ORDER)))] + 1e-6 * lags[0] * np.eye(_ORDER)
+    matrix = lags[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))] + 1e-6 * lags[0] * np.eye(order)
     return np.concatenate([[1.0], -np.linalg.solve(matrix, lags[1:])])
+
+
+def longest_order(usable: list[Bool[Array, " n"]]) -> int:
+    """Order of a filter that leaves most of the usable samples: in a swing of a leg there are few in a row.
+
+    Args:
+        usable: Of one joint, for each log.
+    """
+    ends = [np.flatnonzero(np.diff(np.concatenate([[False], part, [False]]))) for part in usable]
+    runs = np.concatenate([np.diff(at)[::2] for at in ends])
+    return max(m for m in range(_ORDER + 1) if np.minimum(runs, m).sum() <= _LOST * runs.sum())
 
 
 def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
@@ -112,7 +124,10 @@ class Whitening:
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
     """What makes the noise of columns white, see `whitened`; their values are not needed."""
-    kernels = _kernels(noise)
+    kernels = [
+        noise_filter([part[:, j] for part in noise], longest_order([use[:, j] for use in columns.usable]))
+        for j in range(noise[0].shape[1])
+    ]
     return Whitening(kernels, _trust(columns, kernels, noise))
 
 
@@ -144,10 +159,6 @@ def whitened_noise(
 ) -> Series:
     """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
     return whitening_of(columns, noise if like is None else like).series(noise)
-
-
-def _kernels(noise: Series) -> list[Float[Array, " m"]]:
-    return [noise_filter([part[:, j] for part in noise]) for j in range(noise[0].shape[1])]
 
 
 def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
