@@ -37,8 +37,8 @@ _REPEATED = 0.3
 _DROPPED, _SHARE_DROPPED, _OF_ONE_GAIN = 0.7, 0.01, 0.3
 # Rows that are enough to see about which delay a loop has.
 _ROWS_OF_DELAY = 4000
-# Rows that are enough to see a drop in, and usual steps of a position beyond which one row away from both its neighbours
-# is a bad reading.
+# Rows that are enough to see a drop in, and usual steps of a position beyond which one row away from both its
+# neighbours is a bad reading.
 _ROWS_OF_DROP, _JUMP = 4000, 10.0
 # Deviations to either side of a delay that was read, beyond which it is not.
 _DEVIATIONS = 3.0
