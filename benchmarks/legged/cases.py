@@ -143,15 +143,17 @@ def _single(
     """One cause on one joint, the run with it, and its gap; drawn anew while the swings hardly show it."""
     robot, name = healthy.robot, list(CAUSES)[seed // len(ROBOTS) % len(CAUSES)]
     joints = robot.carries if name == "payload" else range(len(robot.parts))
-    for attempt in range(DRAWS):
+    drawn: tuple[list[dict], Run, float] | None = None
+    draws = 0
+    while drawn is None or (drawn[2] < LEAST_FLOORS and draws < DRAWS):
+        draws += 1
         j = int(rng.choice([j for j in joints if task.hangs or j not in robot.slow]))
         changed = CAUSES[name](healthy, j, float(rng.uniform(1.0, 2.0)))
         run = simulate(robot, changed.numbers, changed.drive, sensor, ground, task, rng)
         gap = gap_over_floor(robot, healthy.numbers, changed.numbers, run, task.rate)
-        if gap >= LEAST_FLOORS or attempt == DRAWS - 1:
-            break
-    joint = robot.joints[j]
-    return [{"effect": name, "joint": joint, "accept": _accepted(name, joint)}], run, gap
+        joint = robot.joints[j]
+        drawn = [{"effect": name, "joint": joint, "accept": _accepted(name, joint)}], run, gap
+    return drawn
 
 
 def write_case(folder: Path, kind: str, seed: int) -> None:

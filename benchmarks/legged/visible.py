@@ -62,9 +62,9 @@ def _free(robot: Robot, run: Run, rate: float) -> Array:
     out = np.ones(run.asked.shape, dtype=bool)
     reach = round((_MARGIN + _REACH * _WIDTH) * rate)
     for end, touches in zip(robot.ends, run.touched.T, strict=True):
-        near, part = ndimage.maximum_filter1d(touches > 0, 2 * reach + 1), end.part
+        away, part = ndimage.minimum_filter1d(touches == 0, 2 * reach + 1), end.part
         while part >= 0:
-            out[:, part] &= ~near
+            out[:, part] &= away
             part = robot.parts[part].before
     out[:reach], out[len(out) - reach :] = False, False
     return out

@@ -109,7 +109,9 @@ def balance_parts(
         balance = balance + log.external
     noise = error_of_readings(log, readings, random_stream("errors of readings above the band"))
     feigned = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
-    for a, b in pairwise(low * (high / low) ** (np.arange(count + 1) / count)):
+    # Beside a band of swings, which is wide, encoders hide all but what is next to it.
+    step = (high / low) ** (1 / count) if log.touched is None else _RATIO
+    for a, b in pairwise(low * step ** np.arange(count + 1)):
         whole, encoders = (between(x, rate, a, b) for x in (balance, feigned))
         travels = _travels(log, _AROUND / a)
         for j, parts in enumerate(out):
