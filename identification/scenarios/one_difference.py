@@ -17,7 +17,6 @@ from identification.data.signals import process_all, within_limits
 from identification.diagnosis.columns.prepared import Prepared
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.estimators.consistent.consistent import consistent
-from identification.estimators.consistent.consistent_program import Prior
 from identification.notes import Code, Note
 from identification.regression.regressor import torque_regressor
 from phantom_dyn.dynamics.dynamics import standard_parameters
@@ -70,7 +69,7 @@ def model_in_common(
     logs, _ = process_all(bare, plain)
     logs = tuple(replace(log, tau=within_limits(log.tau, plain)) for log in logs)
     effects = [(effect_named(name), joint) for joint in robot.joint_names for name in (*_FRICTION, _OFFSET)]
-    found = consistent(torque_regressor(plain, logs, effects), prior=Prior(1.0 / _WEAK**2))
+    found = consistent(torque_regressor(plain, logs, effects), prior=1.0 / _WEAK**2)
     count = len(standard_parameters(plain))
     out = with_parameters(plain, found.pi[:count] - standard_parameters(plain))
     offsets = []

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
+from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import (
+    CHOOSING,
     FREE,
-    Prior,
     Program,
     ProgramSolution,
     is_possible,
     nearest_unconstrained,
     solve_program,
 )
-from identification.estimators.consistent.full_parameters import (
-    coefficient_bounds,
-    regions_for,
-    selection,
-)
+from identification.estimators.consistent.full_parameters import coefficient_bounds, selection
 from identification.estimators.fit import Fit
 from identification.estimators.linear.cautions import About, Caution
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
-from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import Regressor
-from identification.regression.triangular import r_factor, triangular
+from identification.regression.triangular import triangular
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
@@ -50,18 +44,16 @@ class ConsistentFit(Fit):
     held: tuple[str, ...] = ()
 
 
-def consistent(
-    regressor: Regressor, *, prior: Prior | None = None, regions: Sequence[Region | None] = ()
-) -> ConsistentFit:
+def consistent(regressor: Regressor, *, prior: float | None = None) -> ConsistentFit:
     """Physically possible parameters, each joint weighted by its noise; friction and rotor inertia is not negative.
 
     Args:
         regressor: The equations, with the rigid body among the unknowns; its robot is the reference of the prior.
-        prior: How strongly bodies are drawn to the robot's; None: only among those that fit equally well.
-        regions: Where the mass of each body is, one per body; none by default.
+        prior: How strongly bodies are drawn to the robot's, see `Program`; None: only among those that fit equally
+            well.
 
     Raises:
-        ParameterError: If the rigid body is not among the unknowns, or there is not one region per body.
+        ParameterError: If the rigid body is not among the unknowns.
         IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
         EstimationError: If the solver fails.
     """
@@ -71,72 +63,19 @@ def consistent(
     kept = free.base.independent
     weighted = regressor.reduction.weighted(1 / floored(free.sigma, regressor))
     factor = triangular(np.concatenate(weighted.rows(kept)))[: len(kept), : len(kept)]
-    program = _program(regressor, factor @ selection(free.base), factor @ free.theta, prior, regions)
-    solution = consistent_parameters(program, chosen_only=prior is None)
+    robot = regressor.robot
+    bounds = coefficient_bounds(robot, regressor.terms, regressor.names[regressor.first_effect :])
+    bodies = reference_bodies(standard_parameters(robot))
+    weight = CHOOSING if prior is None else prior
+    program = Program(factor @ selection(free.base), factor @ free.theta, bodies, *bounds, weight)
+    nearest = nearest_unconstrained(program)
+    chosen = prior is None and is_possible(program, nearest)
+    solution = ProgramSolution(nearest) if chosen else solve_program(program)
     return _moved(free, regressor, program, solution, prior)
 
 
-def program_of_factor(
-    regressor: Regressor,
-    factor: Float[Array, "k q"],
-    *,
-    prior: Prior | None = None,
-    regions: Sequence[Region | None] = (),
-) -> Program:
-    """The program of the triangular factor of ``[W y]``; the recording itself is no longer needed.
-
-    Args:
-        regressor: Says what the columns are.
-        factor: Of the rows in units of their noise (`identification.regression.triangular.r_factor`), ``p + 1``
-        columns, the
-            last one that of the torque.
-        prior: How strongly bodies are drawn to the robot's; None: only among those that fit equally well.
-        regions: Where the mass of each body is, one per body; none by default.
-
-    Raises:
-        ParameterError: If the factor has other columns than the regressor and the torque, or holds values that are not
-            finite, or there is not one region per body.
-    """
-    p = len(regressor.names)
-    if factor.shape[1] != p + 1:
-        raise ParameterError(
-            f"The factor has {factor.shape[1]} columns for {p} parameters and the torque: give {p + 1} columns."
-        )
-    base = base_parameters_of_matrix(factor[:, :p], regressor.names, regressor.units)
-    if not np.isfinite(factor[:, p]).all():
-        raise ParameterError("The torque of the factor holds values that are not finite: give finite torque.")
-    small = r_factor([factor[:, [*base.independent, p]]])[: base.rank]
-    return _program(regressor, small[:, : base.rank] @ selection(base), small[:, base.rank], prior, regions)
-
-
-def consistent_parameters(program: Program, *, chosen_only: bool = False) -> ProgramSolution:
-    """Solution of a program; where its equations have a possible one, that in closed form.
-
-    Args:
-        program: What is asked for.
-        chosen_only: True if the prior only chooses among what fits equally well.
-
-    Raises:
-        EstimationError: If the solver fails.
-    """
-    if chosen_only:
-        nearest = nearest_unconstrained(program)
-        if is_possible(program, nearest):
-            return ProgramSolution(nearest)
-    return solve_program(program)
-
-
-def _program(
-    regressor: Regressor, factor: Array, target: Array, prior: Prior | None, regions: Sequence[Region | None]
-) -> Program:
-    robot = regressor.robot
-    lower, upper = coefficient_bounds(robot, regressor.terms, regressor.names[regressor.first_effect :])
-    bodies = reference_bodies(standard_parameters(robot))
-    return Program(factor, target, bodies, regions_for(robot, regions), lower, upper, prior or Prior())
-
-
 def _moved(
-    free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: Prior | None
+    free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: float | None
 ) -> ConsistentFit:
     """The unconstrained fit, moved to the solution of the program."""
     held = _held_sentences(regressor, solution)
@@ -175,7 +114,7 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     :math:`S (A + H)^{-1} (A_\theta C A_\theta + H) (A + H)^{-1} S^T`.
     """
     free_columns = program.factor.shape[1] - 10 * len(program.bodies)
-    metrics = [np.sqrt(program.prior.weight) * body.metric for body in program.bodies]
+    metrics = [np.sqrt(program.weight) * body.metric for body in program.bodies]
     prior = np.asarray(block_diag(*metrics, np.zeros((0, free_columns))))
     equations = program.factor * program.scale
     finite = FREE * np.eye(len(program.scale))[10 * len(program.bodies) :]
@@ -199,11 +138,6 @@ def _held_sentences(regressor: Regressor, solution: ProgramSolution) -> tuple[st
         f"{body_name(robot, at + 1)}: the recording alone asks for a body that cannot exist; its mass distribution is "
         "held at the edge of the possible."
         for at in solution.held_bodies
-    ]
-    out += [
-        f"{body_name(robot, at + 1)}: the recording alone asks for mass outside the given region; it is held at its "
-        "edge."
-        for at in solution.held_regions
     ]
     out += [
         f"{names[at]} is held at its bound of {coefficients[at] if abs(coefficients[at]) > 1e-9 else 0:g}: the "

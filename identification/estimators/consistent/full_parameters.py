@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
+from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import (
-    Prior,
     Program,
     is_possible,
     nearest_unconstrained,
@@ -45,28 +44,21 @@ class FullParameters:
         return self.pi[:first_effect].reshape(-1, 10)
 
 
-def full_parameters(
-    robot: Robot, fit: Fit, *, prior: Prior | None = None, regions: Sequence[Region | None] = ()
-) -> FullParameters:
+def full_parameters(robot: Robot, fit: Fit) -> FullParameters:
     """Possible parameters that fit base parameters best in the sense of their covariance, then nearest to the robot's.
 
     Args:
         robot: The robot that was fitted; its inertias are the reference.
         fit: Of `torque_regressor` equations.
-        prior: How strongly parameters are drawn to the robot's; None only chooses among those that fit equally well.
-        regions: Where the mass of each body is, one per body; none by default.
 
     Raises:
-        ParameterError: If the fit has no rigid body or no covariance, or not one region per body is given.
+        ParameterError: If the fit has no rigid body or no covariance.
         EstimationError: If there are none.
     """
     root = covariance_root(fit)
-    program = _program(robot, fit, regions, root, prior)
-    if prior is None:
-        nearest = nearest_unconstrained(replace(program, factor=selection(fit.base), target=fit.theta))
-        if is_possible(program, nearest):
-            return _full(fit, nearest)
-    return _full(fit, solve_program(program).pi)
+    program = _program(robot, fit, root)
+    nearest = nearest_unconstrained(replace(program, factor=selection(fit.base), target=fit.theta))
+    return _full(fit, nearest if is_possible(program, nearest) else solve_program(program).pi)
 
 
 def covariance_root(fit: Fit) -> Float[Array, "r r"]:
@@ -115,19 +107,7 @@ def coefficient_bounds(
     return pairs[:, 0], pairs[:, 1]
 
 
-def regions_for(robot: Robot, regions: Sequence[Region | None]) -> tuple[Region | None, ...]:
-    """One region per body; None everywhere if none is given.
-
-    Raises:
-        ParameterError: If there are some, but not one per body.
-    """
-    bodies = robot.model.njoints - 1
-    if len(regions) not in (0, bodies):
-        raise ParameterError(f"{len(regions)} regions were given for {bodies} bodies: give one for each, or none.")
-    return tuple(regions) if len(regions) else (None,) * bodies
-
-
-def _program(robot: Robot, fit: Fit, regions: Sequence[Region | None], root: Array, prior: Prior | None) -> Program:
+def _program(robot: Robot, fit: Fit, root: Array) -> Program:
     standard = standard_parameters(robot)
     if fit.first_effect != len(standard):
         raise ParameterError(
@@ -135,15 +115,7 @@ def _program(robot: Robot, fit: Fit, regions: Sequence[Region | None], root: Arr
             "robot with its rigid body among the unknowns."
         )
     lower, upper = coefficient_bounds(robot, fit.effects, fit.base.names[fit.first_effect :])
-    return Program(
-        root @ selection(fit.base),
-        root @ fit.theta,
-        reference_bodies(standard),
-        regions_for(robot, regions),
-        lower,
-        upper,
-        prior or Prior(),
-    )
+    return Program(root @ selection(fit.base), root @ fit.theta, reference_bodies(standard), lower, upper)
 
 
 def _full(fit: Fit, pi: Array) -> FullParameters:

@@ -34,15 +34,11 @@ class Shape:
         unknowns: Number of coordinates.
         bodies: The first coordinate that has to do with each body, of which each has a matrix that is not negative.
         inequalities: Number of linear inequalities.
-        equations: Number of squares in the cost where there are log-determinants.
-        entropic: Weight of the log-determinants, or None where the cost is the square of the coordinates.
     """
 
     unknowns: int
     bodies: tuple[int, ...]
     inequalities: int
-    equations: int
-    entropic: float | None
 
 
 @dataclass(frozen=True)
@@ -50,8 +46,6 @@ class Values:
     """Numbers of a program in its coordinates ``u``.
 
     Attributes:
-        equations: Rows of the squares, ``(equations, unknowns)``.
-        left: What they leave at ``u = 0``.
         rows: Of the inequalities ``rows @ u >= least``.
         least: Their least values.
         slopes: Of each body's matrix, row by row ``(bodies, 16, unknowns)``.
@@ -59,8 +53,6 @@ class Values:
         margins: What it has to exceed, ``(bodies, 4, 4)``.
     """
 
-    equations: Array
-    left: Array
     rows: Array
     least: Array
     slopes: Array
@@ -119,8 +111,6 @@ class Stated:
 def _numbers(shape: Shape, values: Values) -> list[Array]:
     """Those that a program of this shape has, in the order in which `stated` asks for them."""
     out = [values.rows, values.least] if shape.inequalities else []
-    if shape.entropic is not None and shape.equations:
-        out += [values.equations, values.left]
     for at, first in enumerate(shape.bodies):
         out += [values.slopes[at][:, first:], values.constants[at], values.margins[at]]
     return out
@@ -142,16 +132,9 @@ def stated(shape: Shape) -> Stated:
         return parameters[-1]
 
     limits = asked(shape.inequalities, shape.unknowns) @ u >= asked(shape.inequalities) if shape.inequalities else None
-    cost: Any = 0.5 * cp.sum_squares(u)
-    if shape.entropic is not None:
-        cost = 0.0
-        if shape.equations:
-            cost = 0.5 * cp.sum_squares(asked(shape.equations, shape.unknowns) @ u + asked(shape.equations))
     bodies = []
     for first in shape.bodies:
         matrix = cp.reshape(asked(16, shape.unknowns - first) @ u[first:], (4, 4), order="C") + asked(4, 4)
         bodies.append(matrix >> asked(4, 4))
-        if shape.entropic is not None:
-            cost += shape.entropic * (cp.trace(matrix) - cp.log_det(matrix))
-    problem = cp.Problem(cp.Minimize(cost), [*([] if limits is None else [limits]), *bodies])
+    problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(u)), [*([] if limits is None else [limits]), *bodies])
     return Stated(shape, problem, u, limits, bodies, parameters)

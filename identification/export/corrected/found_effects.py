@@ -141,5 +141,5 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     _, sizes, rows = np.linalg.svd(rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale)
     seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
     none = np.zeros(0)
-    found = solve_program(Program(seen, seen @ wanted, bodies, (None,) * len(bodies), none, none, exact=True))
+    found = solve_program(Program(seen, seen @ wanted, bodies, none, none, exact=True))
     return with_parameters(robot, found.pi - wanted)

@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.estimators.consistent.consistent import (
-    consistent,
-    consistent_parameters,
-    program_of_factor,
-)
-from identification.estimators.consistent.consistent_bodies import Region, pseudo_inertia
-from identification.estimators.consistent.consistent_program import Prior
+from identification.estimators.consistent.consistent import consistent
+from identification.estimators.consistent.consistent_bodies import pseudo_inertia
 from identification.estimators.weighted_least_squares import wls
 from identification.regression.regressor import gap_regressor, torque_regressor
-from identification.regression.triangular import r_factor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -107,7 +101,7 @@ def test_a_noisy_ur10_is_nearer_to_the_truth_than_weighted_least_squares(ur10, m
     log = make_log(ur10, motion, tau + 5 * rng.normal(size=tau.shape))
     weighted, fit = (
         wls(torque_regressor(ur10, log)),
-        consistent(torque_regressor(ur10, log), prior=Prior(4.0, "entropic")),
+        consistent(torque_regressor(ur10, log), prior=4.0),
     )
     truth = fit.base.values(standard_parameters(ur10))
     size = np.linalg.cholesky(np.linalg.inv(weighted.cov)).T
@@ -115,40 +109,16 @@ def test_a_noisy_ur10_is_nearer_to_the_truth_than_weighted_least_squares(ur10, m
     assert all_possible(fit.pi[:60])
 
 
-@pytest.mark.parametrize("kind", ["pullback", "entropic"])
-def test_a_strong_prior_keeps_the_given_bodies(arm, noisy, kind):
-    fit = consistent(torque_regressor(arm, noisy(3.0)), prior=Prior(1e10, kind))
+def test_a_strong_prior_keeps_the_given_bodies(arm, noisy):
+    fit = consistent(torque_regressor(arm, noisy(3.0)), prior=1e10)
     np.testing.assert_allclose(fit.pi, standard_parameters(arm), atol=1e-3)
 
 
 def test_a_prior_makes_deviations_smaller_and_a_weak_one_leaves_them(arm, noisy):
     log = noisy(3.0)
     weighted = wls(torque_regressor(arm, log))
-    assert (consistent(torque_regressor(arm, log), prior=Prior(400.0)).std() < weighted.std()).all()
-    np.testing.assert_allclose(
-        consistent(torque_regressor(arm, log), prior=Prior(1e-8)).std(), weighted.std(), rtol=1e-3
-    )
-
-
-def test_a_region_holds_the_centre_of_mass(arm, noisy):
-    # All mass of the second link on the other side of its joint, where it is not.
-    center = standard_parameters(arm)[11:14] / standard_parameters(arm)[10]
-    away = Region(normals=center[None] / np.linalg.norm(center), offsets=np.zeros(1))
-    fit = consistent(torque_regressor(arm, noisy(0.02)), regions=(None, away, None))
-    assert fit.pi[11:14] @ center <= 1e-6
-    assert any("asks for mass outside the given region" in sentence for sentence in fit.held)
-
-
-def test_a_factor_gives_what_the_recording_gives(arm, noisy, friction):
-    # The factor's rows are weighted with the noise that the fit has found.
-    log = noisy(3.0)
-    regressor = torque_regressor(arm, log, friction(arm))
-    fit = consistent(regressor)
-    noise = fit.sigma
-    rows = np.concatenate([regressor.W, regressor.y[:, :, None]], axis=2) / noise[:, None]
-    point = consistent_parameters(program_of_factor(regressor, r_factor([rows])), chosen_only=True)
-    # The fit's last weights may differ from the noise that it states by a tenth.
-    assert (np.abs(fit.base.values(point.pi) - fit.theta) < 0.3 * fit.std()).all()
+    assert (consistent(torque_regressor(arm, log), prior=400.0).std() < weighted.std()).all()
+    np.testing.assert_allclose(consistent(torque_regressor(arm, log), prior=1e-8).std(), weighted.std(), rtol=1e-3)
 
 
 @pytest.mark.whole
@@ -175,21 +145,7 @@ def test_equations_of_the_gap_alone_are_refused(arm, noisy, friction):
         consistent(gap_regressor(arm, noisy(0.1), friction(arm)))
 
 
-def test_regions_for_other_bodies_are_refused(arm, noisy):
-    with pytest.raises(ParameterError, match="2 regions were given for 3 bodies: give one for each, or none"):
-        consistent(torque_regressor(arm, noisy(0.1)), regions=(None, None))
-
-
 def test_one_sample_is_refused(pendulum, swing, make_log):
     motion = swing(pendulum, 1)
     with pytest.raises(IdentifiabilityError, match="1 samples leave no equation to judge the noise by"):
         consistent(torque_regressor(pendulum, make_log(pendulum, motion, motion.q)))
-
-
-@pytest.mark.parametrize(("shape", "message"), [((5, 7), "7 columns for 10 parameters and the torque: give 11"),
-                                                ((11, 11), "not finite")])  # fmt: skip
-def test_a_factor_of_other_equations_is_refused(pendulum, swing, make_log, shape, message):
-    motion = swing(pendulum, 20)
-    regressor = torque_regressor(pendulum, make_log(pendulum, motion, motion.q))
-    with pytest.raises(ParameterError, match=message):
-        program_of_factor(regressor, np.full(shape, np.nan))

@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identification.estimators.consistent.consistent_bodies import (
-    Region,
     pseudo_inertia,
     reference_bodies,
     reference_body,
@@ -43,24 +42,6 @@ def test_the_pseudo_inertia_is_positive_exactly_where_principal_inertias_are_pos
     assert (np.linalg.eigvalsh(pseudo_inertia(standard))[0] > 0) == possible
 
 
-def test_the_ellipsoid_row_of_points_is_the_mass_inside_less_that_outside(rng):
-    # Closed form: sum m (1 - (x - c)^T E^-1 (x - c)).
-    root = rng.normal(size=(3, 3))
-    region = Region(rng.normal(size=3), root @ root.T + 0.1 * np.eye(3))
-    assert region.shape is not None
-    masses, points = rng.uniform(0.1, 1, 5), rng.normal(size=(5, 3))
-    away = points - region.center
-    expected = masses @ (1 - np.einsum("ki,ij,kj->k", away, np.linalg.inv(region.shape), away))
-    lifted = np.column_stack([points, np.ones(5)])
-    np.testing.assert_allclose(region.rows() @ standard_of(lifted.T * masses @ lifted), [expected], rtol=1e-10)
-
-
-def test_the_hull_rows_are_distances_times_mass():
-    region = Region(normals=np.vstack([np.eye(3), -np.eye(3)]), offsets=np.array([1.0, 2, 3, 1, 2, 3]))
-    standard = body_parameters(2.0, np.array([0.5, -0.5, 4.0]), np.eye(3))
-    np.testing.assert_allclose(region.rows() @ standard, 2 * np.array([0.5, 2.5, -1, 1.5, 1.5, 7]))
-
-
 def test_a_possible_body_is_its_own_reference(rng):
     standard = some_body(rng, (0.1, 0.12, 0.13))
     np.testing.assert_array_equal(reference_body(standard).standard, standard)
@@ -82,16 +63,3 @@ def test_the_reference_has_no_distance_to_itself_and_a_share_of_it_has_that_shar
 def test_a_reference_that_is_not_finite_is_refused():
     with pytest.raises(ParameterError, match="reference body are not finite"):
         reference_bodies(np.full(10, np.nan))
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"center": np.zeros(3)}, "needs center and shape"),
-        ({"center": np.zeros(3), "shape": np.diag([1.0, 1, 0])}, "axis of no length"),
-        ({"center": np.full(3, np.nan), "shape": np.eye(3)}, "not finite"),
-    ],
-)
-def test_a_region_that_cannot_be_is_refused(given, message):
-    with pytest.raises(ParameterError, match=message):
-        Region(**given)

@@ -7,13 +7,13 @@ import pytest
 
 from identification.estimators.consistent.stated_program import Shape, Values, stated
 
-SHAPE = Shape(unknowns=3, bodies=(), inequalities=1, equations=0, entropic=None)
+SHAPE = Shape(unknowns=3, bodies=(), inequalities=1)
 
 
 def half_space(normal, least) -> Values:
     """The point nearest to the origin with ``normal @ u >= least``."""
     none = np.zeros((0, 16, 3)), np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
-    return Values(np.zeros((0, 3)), np.zeros(0), np.array([normal]), np.array([least]), *none)
+    return Values(np.array([normal]), np.array([least]), *none)
 
 
 @pytest.mark.parametrize(("normal", "least"), [([1.0, 0.0, 0.0], 2.0), ([3.0, 0.0, 4.0], 10.0)])
@@ -33,4 +33,4 @@ def test_what_was_solved_before_leaves_no_trace():
 
 
 def test_a_shape_is_stated_once():
-    assert stated(SHAPE) is stated(Shape(3, (), 1, 0, None))
+    assert stated(SHAPE) is stated(Shape(3, (), 1))
