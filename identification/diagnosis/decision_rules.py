@@ -105,9 +105,6 @@ BURST_TIMES = 2.0
 # least: 0.07 to 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
 MODEL_SHARE = 0.001
 
-# share: of a joint's usable time that bursts may last: the median of the rest has to be quiet.
-BURST_TIME = 0.4
-
 # share: of the joint's largest burst, below which another one is what it does to the fits that have seen it.
 BURST_SHARE = 0.15
 

@@ -194,10 +194,7 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
         free[max(first - reach, 0) : last + reach + 1] = False
         ratio = float(np.abs([level[peak] for level in levels]).max())
         found.append((float(excess[peak]), (first, last, ratio)))
-    out = [event for size, event in found if size >= rules.BURST_TIMES * elsewhere]
-    loud = sum(last + 1 - first for _, (first, last, _) in found)
-    # Where most of the time is loud there is no quiet rest to judge it by: that is no event.
-    return out if loud <= rules.BURST_TIME * np.count_nonzero(use) else []
+    return [event for size, event in found if size >= rules.BURST_TIMES * elsewhere]
 
 
 def _level(relative: Array, use: Array, count: int) -> Array:

@@ -76,12 +76,6 @@ def test_what_was_expected_at_that_moment_is_no_event():
     assert bursts_in(T, left, expected, ALL, JOINTS) == ()
 
 
-def test_what_lasts_for_half_of_the_time_is_no_event():
-    left = noise()
-    left[:, 0] += 1.0 * (T > 16)
-    assert bursts_in(T, left, EXPECTED, ALL, JOINTS) == ()
-
-
 def test_samples_that_may_not_be_used_are_no_event():
     left, usable = noise(), ALL.copy()
     here = (T > 12) & (T < 12.6)
