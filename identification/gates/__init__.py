@@ -16,7 +16,7 @@ from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.gates.existing_bodies import bodies_can_exist
 from identification.gates.fair_part import fair_part_of_the_gap
-from identification.gates.in_band import closes_for_sure, gap_is_there, torque_is_there, visible
+from identification.gates.in_band import closes_for_sure, torque_is_there
 from identification.gates.least_size import large_enough
 from identification.gates.moved_joints import shown_above_noise, shown_by_motion
 from identification.gates.over_blocks import in_enough_blocks
@@ -33,9 +33,7 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     explains_more_than_others,
     worth_its_numbers,
     torque_is_there,
-    gap_is_there,
     shown_by_motion,
-    visible,
     closes_for_sure,
     shown_above_noise,
     differs_from_simpler,

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from identification.engine.claims import GateResult, easiest
-from identification.gates.in_band import VISIBLE_GROWTH
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Float
 
 Array = np.ndarray
+
+# share: by which the squared residual of some joint grows without what noise may make.
+VISIBLE_GROWTH = 0.03
 
 # ratio: of the torque's power density to that of what is left, below which what noise moves, and a controller answers,
 # may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.

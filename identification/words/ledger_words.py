@@ -28,10 +28,8 @@ REASONS: dict[str, str] = {
     "explains more than others": "the set with it scores {margin} on data that no fit has seen",
     "worth its numbers": "it explains only {value} more than a simpler law, where the method is right to {needed}",
     "torque is there": "no joint's measured torque is above its noise: the largest is {value} floors",
-    "gap is there": "the given model leaves no more than noise on any joint",
     "shown by motion": "it goes with the motion as noise that moves a joint does, and where the motion is far above "
     "the noise it gains {value} where {needed} is needed",
-    "visible": "without it no joint's squared residual grows by {needed} in the judged band",
     "closes for sure": "in one of forty draws of held-out blocks it closes {value} of what it closes in all, where "
     "{needed} is allowed",
     "shown above noise": "noise may make it: without it no joint is left with more than its noise ({value} where "

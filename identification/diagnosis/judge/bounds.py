@@ -16,8 +16,7 @@ from identification.diagnosis.search.containment import contains
 from identification.diagnosis.search.search import Search, price
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.blocks import held_out_share
-from identification.engine.products.triangles import square
-from identification.gates import above_chance, in_band, over_blocks
+from identification.gates import above_chance, over_blocks
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -35,8 +34,8 @@ def smallest_seen(
     """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
 
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
-    ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim,
-    and what it leaves in the judged band has to be visible there, see `_seen`. An effect that would have to be larger
+    ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim.
+    An effect that would have to be larger
     than the whole measured torque to be seen, or than on any sound device, is not testable.
 
     Args:
@@ -51,7 +50,7 @@ def smallest_seen(
     found = {term.place for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
     base = np.array([*problem.moves, *kept], dtype=int)
-    inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
+    inverse = _inverse(problem, base)
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
     measured = sums(plain.problem, measured_torque(plain.problem)).rms()
@@ -83,17 +82,11 @@ def smallest_seen(
             continue
         probe = probes[term]
         name, direction = probe.parameter, probe.direction
-        narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
         index = np.concatenate([base, term.columns])
         by_block = problem.grams.core_a.squares(index, np.tile(probe.theta[index], (len(problem.blocks), 1)))
         least = least_gain(search, frozenset([term]), chosen, energies[term])
-        size = max(
-            deviations / np.sqrt(held_out * information) if information > 0 else np.inf
-            for deviations, information in (
-                (_claimable(search, term, by_block, least), probe.information),
-                (_seen(plain, term, direction), narrow),
-            )
-        )
+        deviations = _claimable(search, term, by_block, least)
+        size = deviations / np.sqrt(held_out * probe.information) if probe.information > 0 else np.inf
         by_shape = effect.seen_by == "shape"
         # A real play may leave less than its law says, but no less than the share from which on it is taken for one.
         if not size < (term.lower[0] if by_shape else _largest(problem, energy, term, direction)):
@@ -216,21 +209,6 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     share_without_best = float(np.sort(shares)[: -over_blocks.BEST_BLOCKS].sum())
     without_the_best = needed / share_without_best if share_without_best > 0 else np.inf
     return min(from_block_to_block, without_the_best, over_blocks.LARGE_GAIN * needed)
-
-
-def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
-    """Size in standard deviations at which an effect is visible with 95 % power.
-
-    It is visible where its absence makes the squared residual of a joint grow by a given share of the noise there.
-    """
-    energy, samples = [0.0], [0.0]
-    for row in (plain.problem.grams.rows[j] for j in _rows(plain.problem, term)):
-        at = np.flatnonzero(np.isin(row.index, term.columns))
-        part = direction[[term.columns.index(int(row.index[k])) for k in at]]
-        energy.append(float(part @ square(row.a, at).sum(axis=0) @ part))
-        samples.append(float(row.count.sum()))
-    count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
-    return float(np.sqrt(in_band.VISIBLE_GROWTH * count)) + _POWER
 
 
 def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:

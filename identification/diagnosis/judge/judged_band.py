@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from identification.diagnosis.columns.residual_columns import Columns, where_read
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
 from identification.diagnosis.search.search import Search, set_up_search
@@ -34,30 +31,6 @@ class Judge:
     def narrow(self, series: Series) -> Series:
         """Series of each log in the judged band."""
         return self.problem.session.in_judged_band(series)
-
-
-def growth_without(left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term]) -> dict[Term, float]:
-    """Growth of the squared residual without each of some effects, on the joint that needs it most.
-
-    An effect can be significant only above the judged band, where it is of no use and the model of the noise is least
-    known: there it grows by nothing. One that costs the other joints more than it helps counts as minus one.
-
-    Args:
-        left: What a set of them leaves in the judged band.
-        chosen: The effects.
-    """
-    base, growth = np.maximum(left(chosen).rms() ** 2, 1e-300), {}
-    for term in ordered(chosen):
-        ratio = left(chosen - {term}).rms() ** 2 / base
-        growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
-    return growth
-
-
-def growth_of_gap(problem: Problem, noise: Series) -> float:
-    """How far the squared residual of the given model is above that of noise on the joint with most, relative."""
-    floor = judged_noise(problem, noise)
-    given = sums(problem, problem.session.in_judged_band(problem.columns.residual)).rms()
-    return float(np.max(given**2 / floor**2)) - 1.0
 
 
 def narrow_search(search: Search, noise: Series) -> Search:

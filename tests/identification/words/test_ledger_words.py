@@ -126,8 +126,8 @@ def test_what_took_a_place_and_is_not_named_itself_is_said_to_have_taken_it(diag
 
 
 def test_a_gate_is_a_line_with_its_figure_and_what_was_needed():
-    line = gate_line(GateResult("visible", 0.0123, 0.03, "of the squared residual", False))
-    assert line.replace(NO_BREAK, " ") == "failed  visible: 1 %, needed 3 % (of the squared residual)"
+    line = gate_line(GateResult("rounding matters", 0.0123, 0.03, "of the squared noise", False))
+    assert line.replace(NO_BREAK, " ") == "failed  rounding matters: 1 %, needed 3 % (of the squared noise)"
 
 
 def test_claims_of_single_recordings_are_told_one_by_one(diagnosis):

@@ -12,7 +12,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge, growth_of_gap
+from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.moved_by_noise import loud_search
 from identification.diagnosis.search.record import Place, Record
 from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
@@ -112,11 +112,6 @@ class Bench:
     def record(self) -> Record:
         """Where decisions are written down."""
         return self.search.record
-
-    @cached_property
-    def gap(self) -> float:
-        """Growth of the gap over the noise, see `growth_of_gap`."""
-        return growth_of_gap(self.plain.problem, self.noise)
 
     @cached_property
     def again(self) -> tuple[Search, ...]:

@@ -16,7 +16,6 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.missing_parts import missing_shares, named_as_part, payload_of
-from identification.diagnosis.judge.judged_band import growth_without
 from identification.diagnosis.judge.moved_by_noise import (
     accelerates,
     motion_results,
@@ -32,7 +31,7 @@ from identification.diagnosis.search.special_cases import nearest_case, nearest_
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
-from identification.gates.in_band import closes_for_sure, gap_is_there, visible
+from identification.gates.in_band import closes_for_sure
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
@@ -44,8 +43,8 @@ Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
 def in_band(bench: Bench, state: State) -> State:
-    """What shows in the judged band: there is a gap, and each effect is shown by motion and visible."""
-    return _until_all_pass(bench, state, (_gap, _motion, _visible))
+    """What shows in the judged band: each effect is shown by motion."""
+    return _until_all_pass(bench, state, (_motion,))
 
 
 def shown_effects(bench: Bench, state: State) -> Shown:
@@ -55,7 +54,7 @@ def shown_effects(bench: Bench, state: State) -> Shown:
     one should lead, that one is shown whose findings are outdone least, and a finding and the rival that outdoes it
     share what both have.
     """
-    steps = (_gap, _motion, _visible, _sure, _noise, _simpler, _part, _searched_again, _rivals)
+    steps = (_motion, _sure, _noise, _simpler, _part, _searched_again, _rivals)
     return _until_all_pass(bench, state, steps).looked_at[-1]
 
 
@@ -110,22 +109,11 @@ def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
     return replace(state, shown=state.shown - {term}), ()
 
 
-def _gap(bench: Bench, state: State) -> State:
-    return _take_away(bench, state, {term: gap_is_there(bench.gap) for term in ordered(state.shown)}, _hide)
-
-
 def _motion(bench: Bench, state: State) -> State:
     if not any(accelerates(term) for term in state.shown):
         return state
     loud, there = bench.loud(state.found | state.shown)
     return _take_away(bench, state, motion_results(loud, there, state.shown), _hide)
-
-
-def _visible(bench: Bench, state: State) -> State:
-    if not state.shown:
-        return state
-    growth = growth_without(bench.left(state.found | state.shown), state.shown)
-    return _take_away(bench, state, {term: visible(more) for term, more in growth.items()}, _hide)
 
 
 def _sure(bench: Bench, state: State) -> State:

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge, growth_of_gap, growth_without, narrow_search
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.row_gaps import RowGaps
-from identification.diagnosis.search.squares_left import squares_left
-from identification.gates.in_band import gap_is_there, visible
 
 
 def unfiltered(problem: Problem) -> Problem:
@@ -40,34 +38,11 @@ def test_without_any_noise_the_floor_is_a_millionth_of_the_torque(quiet):
     assert floor == pytest.approx([1e-6 * torque[:, 0].std(), 1e-12])
 
 
-@pytest.mark.parametrize(("joint", "square", "there"), [(0, 1.02, False), (0, 1.04, True), (1, 1.04, True)])
-def test_a_gap_is_there_where_a_squared_residual_is_three_per_cent_above_the_noise(quiet, joint, square, there):
-    # By hand: noise of size one everywhere, and a residual of that size or hardly more on one joint.
-    problem = unfiltered(quiet.problem)
-    one = np.ones_like(quiet.noise[0])
-    residual = one.copy()
-    residual[:, joint] *= np.sqrt(square)
-    other = replace(problem, columns=replace(problem.columns, residual=(residual,)))
-    growth = growth_of_gap(other, (one,))
-    assert growth == pytest.approx(square - 1.0)
-    assert gap_is_there(growth).passed is there
-
-
 @pytest.fixture(scope="module")
 def rubbing(lab, planar2):
     """The arm with 0.3 N m of friction on the elbow that its model lacks."""
     motion = lab.motion(2, 4)
     return lab.prepared(planar2, (lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0]),))
-
-
-def test_what_is_not_visible_without_is_no_finding(rubbing):
-    # Known truth: friction on the elbow, and nothing else.
-    friction = rubbing.term("coulomb_friction", "elbow")
-    others = {rubbing.term("torque_offset", joint) for joint in ("shoulder", "elbow")}
-    chosen = frozenset([friction, *others])
-    left = squares_left(narrow_search(rubbing.search, rubbing.noise), chosen)
-    growth = growth_without(left, chosen)
-    assert {term for term in chosen if visible(growth[term]).passed} == {friction}
 
 
 def test_a_plain_search_keeps_thresholds_and_spurious_gains(rubbing):

@@ -193,9 +193,12 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     now, later, latest = (lab.motion(2, 3, rate=500.0, swing=1.5, ahead=lead) for lead in (0.0, 0.007, 0.009))
     asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
     log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
-    monkeypatch.setattr(
-        shown, "growth_without", lambda left, chosen: {term: float(term.joint == "elbow") for term in chosen}
-    )
+
+    def hidden(bench, state):
+        kept = frozenset(term for term in state.shown if term.joint == "elbow")
+        return state if kept == state.shown else replace(state, shown=kept)
+
+    monkeypatch.setattr(shown, "_motion", hidden)
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
     # With three times the tolerances a lag of both drives comes near in some replicates.

@@ -32,13 +32,12 @@ def bench_of(prepared) -> Bench:
 
 
 @pytest.fixture
-def all_visible(monkeypatch):
-    """Every effect is visible and closes for sure, so that the other gates decide."""
-    monkeypatch.setattr(shown_module, "growth_without", lambda left, chosen: dict.fromkeys(chosen, 1.0))
+def all_sure(monkeypatch):
+    """Every effect closes for sure, so that the other gates decide."""
     monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
-def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_visible):
+def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_sure):
     # Known truth: friction on the elbow, and no offset.
     bench, offset = bench_of(rubbing), rubbing.term("torque_offset", "elbow")
     friction = rubbing.term("coulomb_friction", "elbow")
@@ -47,10 +46,9 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, all_visible):
     assert [place.term for place in shown.joint_fit.places] == [friction]
     results = {result.gate: result for result in bench.record.met(offset.place)}
     assert not results["differs from simpler"].passed
-    assert results["visible"].passed
 
 
-def test_a_torque_constant_of_one_is_no_finding(rubbing, all_visible):
+def test_a_torque_constant_of_one_is_no_finding(rubbing, all_sure):
     # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
     assert shown_effects(bench_of(rubbing), State.of(frozenset([friction, ratio]))).chosen == {friction}
@@ -78,7 +76,7 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
         return Standing(0.3, (rival,), frozenset([following]), (likelier_than_rivals(0.3, 0.3 + ahead, leads=False),))
 
     monkeypatch.setattr(shown_module, "stand", next_leads)
-    for step in ("_gap", "_motion", "_visible", "_sure", "_noise", "_simpler", "_part"):
+    for step in ("_motion", "_sure", "_noise", "_simpler", "_part"):
         monkeypatch.setattr(shown_module, step, lambda bench, state: state)
     bench = bench_of(rubbing)
     shown = shown_effects(bench, State.of(frozenset(terms[:1])))
