@@ -44,6 +44,8 @@ class Evidence:
         sample_period: Median time between the samples of the recordings [s], before they were thinned; None: unknown.
         followed: Simulated motion of both models; None where none could be simulated.
         valid: False for samples that must not be used, as within a gap of a recording; None: all may be.
+        touched: True where something touches what a joint carries, so that its row is not judged, ``(N, nv)``; None
+            where nobody knows of contacts.
     """
 
     t: Float[Array, " N"]
@@ -60,6 +62,7 @@ class Evidence:
     sample_period: float | None = None
     followed: Followed | None = None
     valid: Bool[Array, " N"] | None = None
+    touched: Bool[Array, "N nv"] | None = None
 
     @property
     def drawn(self) -> Evidence:
@@ -75,4 +78,5 @@ class Evidence:
             tau_without=tuple(torque[rows] for torque in self.tau_without),
             followed=followed and replace(followed, before=followed.before[rows], after=followed.after[rows]),
             valid=None,
+            touched=None if self.touched is None else self.touched[rows],
         )

@@ -302,6 +302,7 @@ def evidence_of(
         for log, operation in zip(logs, columns.operations, strict=True)
     )
     splits = [regime_split(problem, given, row) for row in range(len(columns.rows))]
+    touched = [log.touched[log.samples] for log in logs if log.touched is not None]
     return Evidence(
         t=np.concatenate(times),
         q=np.concatenate([log.motion.q[log.samples] for log in logs]),
@@ -316,6 +317,7 @@ def evidence_of(
         tau_without=tuple(np.concatenate(judge.narrow(torque)) for torque in without),
         sample_period=1.0 / float(np.median([log.band.rate_hz for log in logs])),
         valid=np.concatenate([log.valid_in_band for log in logs]),
+        touched=np.concatenate(touched) if len(touched) == len(logs) else None,
     )
 
 

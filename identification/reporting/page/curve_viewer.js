@@ -70,9 +70,10 @@
     const steps = Array.from(t.slice(1), (time, k) => time - t[k]).sort((a, b) => a - b);
     const starts = new Set(given.starts), whole = [t[0], t[t.length - 1]];
     const least = Math.min(20 * (steps[steps.length >> 1] || 1), whole[1] - whole[0]);
+    const stands = given.touched ?? [];
     let view = [...given.view];
     place.innerHTML = `<p class="tools"><span class="keys">${KINDS.map((kind) => `<span><i class="${kind}"></i>${kind === "measured"
-      ? kind : `${kind} model`}</span>`).join(" ")}</span><span><button aria-label="earlier">◀</button><button
+      ? kind : `${kind} model`}</span>`).join(" ")}${stands.length ? ' <span><i class="stance"></i>touches something: not judged</span>' : ""}</span><span><button aria-label="earlier">◀</button><button
       aria-label="later">▶</button><button aria-label="closer">+</button><button aria-label="further away">−</button><button>whole
       recording</button></span></p><div class="drawing" tabindex="0"></div><p class="soft reading"></p>`;
     const drawing = place.querySelector(".drawing"), reading = place.querySelector(".reading");
@@ -99,12 +100,14 @@
       const curve = (kind, y, level) => `<path class="curve ${kind}" d="${path(t, y, first, last, x, level, starts)}"/>`;
       const times = ticks(...view, Math.max(2, wide / 80)).map(({ at, text }) =>
         `<path class="tick" d="M${x(at)} ${BOTTOM}v4"/><text x="${x(at)}" y="${BOTTOM + 17}" text-anchor="middle">${text}</text>`);
+      const stances = stands.filter(([from, to]) => to > view[0] && from < view[1]).map(([from, to]) =>
+        `<rect class="stance" x="${x(from).toFixed(1)}" y="${TOP}" width="${(x(to) - x(from)).toFixed(1)}" height="${BOTTOM - TOP}"/>`);
       const inside = `clip-${place.id}`;
       drawing.innerHTML = `<svg viewBox="0 0 ${wide + LEFT + RIGHT} ${HEIGHT}" aria-hidden="true">
         <clipPath id="${inside}"><rect x="${LEFT}" y="0" width="${wide}" height="${HEIGHT}"/></clipPath>
         ${above.drawn}${below.drawn}<path class="tick" d="M${LEFT} ${BOTTOM}h${wide}"/>${times.join("")}
         <text x="${LEFT + wide / 2}" y="${HEIGHT - 3}" text-anchor="middle">time [s]</text><g clip-path="url(#${inside})">
-        ${torques.map((y, k) => curve(KINDS[k], y, above.level)).join("")}
+        ${stances.join("")}${torques.map((y, k) => curve(KINDS[k], y, above.level)).join("")}
         ${residuals.map((y, k) => curve(KINDS[k + 1], y, below.level)).join("")}</g></svg>`;
     };
     const look = (from, to) => {

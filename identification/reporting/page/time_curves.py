@@ -18,7 +18,7 @@ from identification.reporting.page.gap_figures import (
     shown_stretch,
     torque_label,
 )
-from phantom_dyn.array_types import Array, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int
 
 SAMPLES = 30_000
 """Of all joints together: ten bytes each, so that the page stays small."""
@@ -30,6 +30,8 @@ _STEPS = 32_767
 
 def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
     """Torque that was measured and that both models leave, over time, as JSON for ``curve_viewer.js``.
+
+    Of legs the times are with them in which they stand.
 
     Where motion was simulated, positions come first.
 
@@ -69,7 +71,15 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     said = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
     curves = evidence.tau_measured[:, joint], before, after
-    return {**said, "unit": gap.unit, "floor": floor, **_numbers(evidence.t, stretch, rows, curves)}
+    touched = [] if evidence.touched is None else _spans(evidence.t, evidence.touched[:, joint])
+    numbers = _numbers(evidence.t, stretch, rows, curves)
+    return {**said, "unit": gap.unit, "floor": floor, "touched": touched, **numbers}
+
+
+def _spans(t: Float[Array, " N"], there: Bool[Array, " N"]) -> list[list[float]]:
+    """First and last time of every stretch in which something is so."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
+    return np.round(np.column_stack([t[edges[::2]], t[edges[1::2] - 1]]), 4).tolist()
 
 
 def _numbers(

@@ -70,6 +70,7 @@ def shown(made_up, tmp_path_factory):
     same = dataclasses.replace(
         diagnosis.evidence, t=t, tau_measured=wave, tau_before=wave - 0.5, tau_after=0 * wave, v=wave, q=wave, a=wave
     )
+    same = dataclasses.replace(same, touched=(np.abs(t - 20.0) < 4.005)[:, None])
     (curves := tmp_path_factory.mktemp("curves") / "curves.json").write_text(
         time_curves(dataclasses.replace(diagnosis, evidence=same), [0])
     )
@@ -116,3 +117,16 @@ def test_where_many_samples_share_a_pixel_a_spike_of_one_of_them_stays(shown):
 def test_the_values_under_the_pointer_are_told(shown):
     # The left edge of the whole recording: t = 0, the wave at 5.
     assert shown["reading"] == "0.000 s: measured 5.000, given 4.500, corrected 0.000 N m"
+
+
+def test_stance_is_shaded_from_its_first_sample_to_its_last(shown):
+    # By hand: the whole recording of 39.99 s is on 600 pixels behind 64, and the leg stands from 16 s to 24 s.
+    (rect,) = re.findall(r'<rect class="stance" x="([^"]*)" y="8" width="([^"]*)" height="288"/>', shown["drawn"][3])
+    start, width = map(float, rect)
+    assert start == pytest.approx(64 + 600 * 16 / 39.99, abs=0.06)
+    assert width == pytest.approx(600 * 8 / 39.99, abs=0.06)
+
+
+def test_a_robot_of_which_nobody_knows_contacts_has_no_stance(made_up):
+    (entry,) = json.loads(time_curves(made_up(samples=400), [0]))
+    assert entry["touched"] == []
