@@ -24,8 +24,6 @@ from phantom_dyn.model.robot import Robot
 
 # Standard normal deviate that is exceeded with 95 % power.
 _POWER = 1.645
-# Size in SI units that nothing has: an effect that would have to be so large has columns of rounding errors.
-_BEYOND_ALL = 1e9
 
 
 def smallest_seen(
@@ -120,8 +118,6 @@ def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name:
         if one.name == name and one.plausible is not None
         for limit in one.plausible
     ]
-    if size > _BEYOND_ALL:
-        return f"the effect leaves no trace on {joint or 'the robot'} in this motion"
     if limits and size > max(limits):
         unit = "" if effect.probe_unit(robot, joint, name) == "1" else f" {effect.probe_unit(robot, joint, name)}"
         return f"the {name} of a sound device, at most {max(limits):.3g}{unit}, is too small to be seen in this motion"

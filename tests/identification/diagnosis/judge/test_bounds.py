@@ -269,7 +269,6 @@ def test_what_would_have_to_exceed_the_measured_torque_cannot_be_tested(quiet, p
             0.2,
             "the delay of a sound device, at most 0.1 s, is too small to be seen in this motion",
         ),
-        ("viscous_friction", "coefficient", 1e10, "the effect leaves no trace on elbow in this motion"),
     ],
 )
 def test_a_size_that_no_sound_device_has_cannot_be_tested(planar2, effect, name, size, why):
