@@ -51,7 +51,7 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     followers = {}
     for joint in joints:
         mimic = joint.find("mimic")
-        if mimic is not None:
+        if mimic is not None and joint.get("type") != "fixed":  # a fixed joint does not follow: Talos' files have such
             followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
     return RobotXml("urdf", root.get("name", ""), sha256, tuple(bodies), followers)
 

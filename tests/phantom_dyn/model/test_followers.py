@@ -159,3 +159,15 @@ def test_a_second_hinge_that_is_no_play_is_a_joint(tmp_path, text, config):
     if config:
         (tmp_path / "robot.yaml").write_text(config)
     assert load_robot(tmp_path / "leg.xml").joint_names == ("knee", "gap")
+
+
+def test_a_fixed_joint_that_mimics_another_is_no_joint_to_hold(tmp_path):
+    """Talos' reduced files have fixed fingers that keep their ``<mimic>``; Pinocchio has no such joint."""
+    path = tmp_path / "arm.urdf"
+    finger = '<joint name="finger" type="fixed"><parent link="lower"/><child link="finger"/><mimic joint="{}"/></joint>'
+    text, last = ARM.read_text(), load_robot(ARM).joint_names[-1]
+    parent = text.rsplit("<child link=", 1)[1].split('"')[1]
+    finger = finger.format(last).replace('"lower"', f'"{parent}"')
+    path.write_text(text.replace("</robot>", f'<link name="finger"/>{finger}</robot>'))
+    (tmp_path / "robot.yaml").write_text(f"lock: [{last}]\n")
+    assert load_robot(path).locked == (last,)
