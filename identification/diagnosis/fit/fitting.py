@@ -38,7 +38,6 @@ class Fitted:
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
         denied: Loss that bodies which cannot exist would have taken off beyond this fit, in sample.
-        led: What bodies that can exist change of the coefficients of the fit without that limit, ``(K,)``.
     """
 
     problem: Problem
@@ -50,7 +49,6 @@ class Fitted:
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
     denied: float = 0.0
-    led: Float[Array, " K"] | None = None
 
     @property
     def total(self) -> float:
@@ -136,12 +134,10 @@ class Near:
     Attributes:
         theta: All coefficients, NaN where a column is not in it, ``(K,)``.
         payload: Mass and first moments of a payload, ``(4,)``; None if there was none.
-        led: What bodies that can exist changed of its coefficients, ``(K,)``; None where it is not known.
     """
 
     theta: Float[Array, " K"]
     payload: Float[Array, " 4"] | None = None
-    led: Float[Array, " K"] | None = None
 
     @staticmethod
     def nothing(problem: Problem) -> Near:
@@ -155,7 +151,7 @@ class Near:
         for term in terms:
             if term.effect.inertial == "point mass":
                 payload = found.theta[list(term.columns[:4])]
-        return Near(theta, payload, found.led)
+        return Near(theta, payload)
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -326,24 +322,20 @@ def _fit_linear(
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     denied = -found.objective
-    way = None if near.led is None or held_out is not None else near.led[kept]
-    free, places = found.x, places_among(kept, bodies)
-    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places, way)
+    places = places_among(kept, bodies)
+    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
     denied += found.objective
-    theta, led = np.zeros(len(problem.precision)), near.led
+    theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
-    if places and found.x is not free:
-        led = np.zeros(len(problem.precision))
-        led[kept] = found.x - free
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
     if held_out is None:
         none = np.zeros((0, len(active)))
-        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied, led)
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)
     fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied, led)
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:

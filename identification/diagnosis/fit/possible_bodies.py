@@ -1,8 +1,7 @@
-# pyright: reportAttributeAccessIssue=false
 """Least squares with bodies that can exist: pseudo-inertias without a negative eigenvalue, centres within reach.
 
-A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_, by Clarabel's
-interior-point method. Other coefficients that no bound holds are eliminated.
+A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_. Bodies that are
+impossible without that limit are found in the cone, by `cone_minimum`; all else is eliminated.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -18,10 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.fit.cone_minimum import best_bodies
 from identification.engine.fits.minimum import Minimum
 from identification.engine.numerics.bounded import bounded_solve, solve
-from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, pseudo_inertia, reference_body
-from phantom_dyn.array_types import Array, Float, Int
+from identification.estimators.consistent.consistent_bodies import ReferenceBody, pseudo_inertia, reference_body
+from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
 # Share of a body by which an eigenvalue may lie below zero: rounding of files.
@@ -32,19 +32,10 @@ _HELD = 1e-4
 _WIDER, _THINNEST = 1.5, 0.5
 # Reach of a link of a robot without any length [m].
 _SOME_LENGTH = 0.3
-# Accuracy of the solver, in squared deviations and of the cone.
+# Squared deviations that releasing a bound has to gain.
 _ACCURACY = 1e-6
-# Squared deviations that bodies which can exist cost, up to which similar fits go the same way to them.
-_LITTLE_DENIED = 10.0
-# Times that the other coefficients are found again beside the bodies.
-_ROUNDS = 4
-# Parts of a way into the cone that are tried, the closest about its end.
-_PARTS = np.array([0.25, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.02, 1.05, 1.1, 1.2, 1.4, 1.7, 2.0, 3.0, 4.0])
-# Order of the entries of a symmetric matrix in Clarabel's cone: columns of the upper triangle.
-_TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
-_ROOT_TWO = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _TRIANGLE])
-# Ten parameters of a body in the cone's order, ``(10, 10)``.
-_CONE = np.stack([PSEUDO[:, i, j] for i, j in _TRIANGLE], axis=1).T * _ROOT_TWO[:, None]
+# Times that bounds and bodies are exchanged; two or three are enough nearly always.
+_EXCHANGES = 12
 
 
 @dataclass(frozen=True)
@@ -139,12 +130,10 @@ def among_possible_bodies(
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
     bodies: list[tuple[Body, Int[Array, " 10"]]],
-    way: Float[Array, " n"] | None,
 ) -> Minimum:
     """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
 
-    A fit whose bodies exist is the best of all that do, so that nothing is computed there. Where the data hardly show
-    what is impossible, the way to bodies that can exist hardly changes: fits without a fold take that of all blocks.
+    A fit whose bodies exist is the best of all that do, so that nothing is computed there.
 
     Args:
         found: The fit without that limit.
@@ -154,7 +143,6 @@ def among_possible_bodies(
         bounds: Of each coefficient.
         folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
         bodies: Bodies with the places of their changes.
-        way: From a similar fit to one whose bodies can exist, None to search for the nearest one.
     """
 
     def exist(x: Float[Array, " n"]) -> bool:
@@ -163,20 +151,14 @@ def among_possible_bodies(
     if not bodies:
         return found
     with_prior = square + np.diag(precision)
-    x, objective = found.x, found.objective
+    x, objective, without = found.x, found.objective, found.without.copy()
     if not exist(x):
-        before = _loss_of(with_prior, line, x)
-        led = None if way is None or not way.any() else led_into_cone(x, way, bounds, bodies)
-        if led is None or _loss_of(with_prior, line, led) - before > _LITTLE_DENIED:
-            led = possible_minimum(with_prior, line, bounds, x, bodies)
-        x = led
-        objective += _loss_of(with_prior, line, x) - before
-    little, without = objective - found.objective < _LITTLE_DENIED, found.without.copy()
+        x = possible_minimum(with_prior, line, bounds, found.x, bodies)
+        objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
-            led = led_into_cone(without[k], x - found.x, bounds, bodies) if little else None
             less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies) if led is None else led
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies)
     return Minimum(x, objective, without)
 
 
@@ -194,6 +176,10 @@ def possible_minimum(
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, with bodies that can exist.
 
+    Coefficients are held at the bounds that bind, and bodies that cannot exist are found in the cone, with all else
+    eliminated. Bounds and bodies that are then violated are taken in and bounds that pull the wrong way released, until
+    there are none: that is the minimum, as the problem is convex.
+
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
@@ -201,104 +187,47 @@ def possible_minimum(
         x: The minimum within the bounds alone.
         bodies: Each with the places of its changes among the coefficients.
     """
-    at = np.concatenate([places for _, places in bodies])
-    rest = np.ones(len(b), dtype=bool)
-    rest[at] = False
-    others = np.flatnonzero(rest)
     lower, upper = bounds
-    x, near = x.copy(), np.zeros(len(b), dtype=bool)
-    for _ in range(_ROUNDS):
-        at_bound = rest & ((x <= lower) | (x >= upper))
-        if not np.any(at_bound & ~near) and near.any():
-            break
-        near |= at_bound
-        near[at] = True
-        kept, free = np.flatnonzero(near), np.flatnonzero(~near)
-        cross = a[np.ix_(free, kept)]
-        made = solve(a[np.ix_(free, free)], np.column_stack([cross, b[free]]))
-        square, left = a[np.ix_(kept, kept)] - cross.T @ made[:, :-1], b[kept] - cross.T @ made[:, -1]
-        own = [(body, np.searchsorted(kept, places)) for body, places in bodies]
-        x[kept] = _in_cone(square, left, (lower[kept], upper[kept]), own)
-        x[others] = bounded_solve(
-            a[np.ix_(others, others)], b[others] - a[np.ix_(others, at)] @ x[at], lower[others], upper[others]
-        )
+    free_bodies = np.zeros(len(b), dtype=bool)
+    free_bodies[np.concatenate([at for _, at in bodies])] = True
+    held, within = ~free_bodies & ((x <= lower) | (x >= upper)), [not body.exists(x[at]) for body, at in bodies]
+    for _ in range(_EXCHANGES):
+        x = _in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])
+        slope = a @ x - b
+        inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _ACCURACY * np.diag(a))
+        released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
+        wrong = [not taken and not body.exists(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
+        if not released.any() and not outside.any() and not any(wrong):
+            return x
+        x, held = np.clip(x, lower, upper), (held & ~released) | outside
+        within = [taken or new for taken, new in zip(within, wrong, strict=True)]
+    # Near twins can exchange their bounds without end: all bodies in the cone, and the best of the rest beside them.
+    x, others = np.clip(_in_cone(a, b, x, held, bodies), lower, upper), ~free_bodies
+    beside = b[others] - a[np.ix_(others, free_bodies)] @ x[free_bodies]
+    x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
     return x
 
 
-def led_into_cone(
-    x: Float[Array, " k"],
-    way: Float[Array, " k"],
-    bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
-    bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-) -> Float[Array, " k"] | None:
-    """The first coefficients along a way from which on bodies can exist, None if that is too far.
-
-    Args:
-        x: Where it begins, with bodies that cannot exist.
-        way: Straight ahead; its length is a usual one.
-        bounds: Lower and upper bounds of the coefficients, at which those beyond them are held.
-        bodies: Each with the places of its changes among the coefficients.
-    """
-    along = np.clip(x + _PARTS[:, None] * way, *bounds)
-    exist = np.logical_and.reduce([body.exists(along[:, at]) for body, at in bodies])
-    return along[np.argmax(exist)] if exist.any() else None
-
-
 def _in_cone(
-    a: Float[Array, "m m"],
-    b: Float[Array, " m"],
-    bounds: tuple[Float[Array, " m"], Float[Array, " m"]],
+    a: Float[Array, "k k"],
+    b: Float[Array, " k"],
+    x: Float[Array, " k"],
+    held: Bool[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-) -> Float[Array, " m"]:
-    """Changes of bodies that can exist, and other coefficients within bounds, at the minimum of ``x a x / 2 - b x``."""
-    import clarabel
-    from scipy import sparse
-
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
-    held = np.zeros(len(b))
-    for body, at in bodies:
-        scale[at], held[at] = body.given.scale, _HELD
-    square = a * np.outer(scale, scale) + np.diag(held)
-    # In coordinates in which the loss is half their square about the minimum without a cone: what data show well and
-    # what they do not show differ by twelve orders of magnitude.
-    root = np.linalg.cholesky(0.5 * (square + square.T))
-    back = np.linalg.solve(root.T, np.eye(len(b)))
-    start = back @ np.linalg.solve(root, b * scale)
-    rows, least, cones = [], [], []
-    for sign, bound in ((1.0, bounds[0]), (-1.0, bounds[1])):
-        ends = np.flatnonzero(np.isfinite(bound))
-        rows.append(-sign * back[ends])
-        least.append(sign * (start - bound / scale)[ends])
-        cones.append(clarabel.NonnegativeConeT(len(ends)))
-    for body, at in bodies:
-        here = body.given.standard / body.given.scale + start[at]
-        reach = body.reach * body.given.scale
-        reach = reach / np.abs(reach).max(axis=1, keepdims=True)
-        for cone, kind in ((reach, clarabel.NonnegativeConeT(len(reach))), (_CONE, clarabel.PSDTriangleConeT(4))):
-            rows.append(-cone @ back[at])
-            least.append(cone @ here)
-            cones.append(kind)
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _ACCURACY
-    solver = clarabel.DefaultSolver(
-        sparse.identity(len(b), format="csc"),
-        np.zeros(len(b)),
-        sparse.csc_matrix(np.concatenate(rows)),
-        np.concatenate(least),
-        cones,
-        settings,
-    )
-    found = np.array(solver.solve().x)
-    x = start + back @ found if np.isfinite(found).all() else np.zeros(len(b))
-    for body, at in bodies:
-        x[at] = _inside(x[at], body)
-    return x * scale
-
-
-def _inside(x: Float[Array, " 10"], body: Body) -> Float[Array, " 10"]:
-    """The same change of a body, in its units, shortened by what the solver left outside of the cone."""
-    shorter = 1.0
-    while shorter > 0.0 and not body.exists(shorter * x * body.given.scale):
-        shorter = shorter - 1e-4 if shorter > 0.999 else shorter - 0.05
-    return max(shorter, 0.0) * x
+) -> Float[Array, " k"]:
+    """The minimum with some coefficients held and some bodies that can exist, all others free."""
+    at = np.concatenate([places for _, places in bodies])
+    rest = ~held
+    rest[at] = False
+    free, x = np.flatnonzero(rest), x.copy()
+    line = b - a[:, held] @ x[held]
+    cross = a[np.ix_(free, at)]
+    made = solve(a[np.ix_(free, free)], np.column_stack([cross, line[free]]))
+    scale = np.concatenate([body.given.scale for body, _ in bodies])
+    square = (a[np.ix_(at, at)] - cross.T @ made[:, :-1]) * np.outer(scale, scale) + _HELD * np.eye(len(at))
+    reach = np.array([body.reach * body.given.scale for body, _ in bodies])
+    given = np.array([body.given.standard / body.given.scale for body, _ in bodies])
+    reach /= np.abs(reach).max(axis=2, keepdims=True)
+    x[at] = scale * best_bodies(square, (line[at] - cross.T @ made[:, -1]) * scale, given, reach)
+    x[free] = made[:, -1] - made[:, :-1] @ x[at]
+    return x

@@ -30,8 +30,7 @@ _RECENT = 40
 class Fits:
     """The explicit cache of a search: what a set of effects leaves of one problem.
 
-    A fit depends on its set alone and, but for rounding, not on the order of the calls; in sample it does a little
-    where bodies cannot exist, see `Near.led`.
+    A fit depends on its set alone and, but for rounding, not on the order of the calls.
 
     Args:
         problem: What is fitted.
