@@ -20,7 +20,7 @@ from identification.diagnosis.explanation import Explanation, explained
 from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judged
-from identification.diagnosis.result import Diagnosis, Finding, Judgement
+from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.proposal import Proposal
 from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
@@ -83,20 +83,39 @@ def diagnose(
     return with_next_experiment(answer, progress)
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
-@one_blas_thread()
 def with_next_experiment(answer: Answer, progress: Progress = lambda _: None) -> Diagnosis:
     """The diagnosis with the motion that separates most of its rivals, where one can be planned."""
-    found = answer.diagnosis
-    if answer.explanation is None:
+    return with_proposal(answer.diagnosis, planned(answer, progress), answer.started)
+
+
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
+def planned(answer: Answer, progress: Progress = lambda _: None) -> Proposal:
+    """The motion that separates most of the rivals of a diagnosis; nothing where none can be planned."""
+    if answer.explanation is None or not any(finding.rivals for finding in answer.diagnosis.findings):
+        return Proposal()
+    progress(Announcement(Stage.NEXT_EXPERIMENT))
+    from identification.next_experiment.advise import proposed  # with all that plans motions
+
+    return proposed(answer.explanation, answer.diagnosis.findings)
+
+
+def with_proposal(found: Diagnosis, proposal: Proposal, started: float) -> Diagnosis:
+    """A diagnosis with what to record next, where that is anything, and with the time until it is known.
+
+    Args:
+        found: Verdict, findings and all else.
+        proposal: What to record next.
+        started: When the diagnosis began, by `time.perf_counter` [s].
+    """
+    if proposal == Proposal():
         return found
-    proposal = _proposed(answer.explanation, found.findings, progress)
     return replace(
         found,
         next_experiment=proposal.experiment,
         next_motion=proposal.motion,
         notes=(*found.notes, *proposal.notes),
-        seconds=time.perf_counter() - answer.started,
+        seconds=time.perf_counter() - started,
     )
 
 
@@ -212,15 +231,6 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     found = with_poses(found, robot, given.tracked, given.places)
     # How a base that is not bolted down would move under another motion of its joints, nobody knows either.
     return Answer(found, None if between or robot.floating else explanation, given.started)
-
-
-def _proposed(explanation: Explanation, findings: tuple[Finding, ...], progress: Progress) -> Proposal:
-    progress(Announcement(Stage.NEXT_EXPERIMENT))
-    if not any(finding.rivals for finding in findings):
-        return Proposal()
-    from identification.next_experiment.advise import proposed  # with all that plans motions
-
-    return proposed(explanation, findings)
 
 
 def _result(

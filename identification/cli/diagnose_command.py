@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,7 @@ from phantom_dyn.errors import UsageError
 if TYPE_CHECKING:
     from identification.data.recording import Recording
     from identification.diagnosis.columns.terms import KnownEffect
+    from identification.diagnosis.result import Diagnosis
     from identification.pipeline import Answer
     from phantom_dyn.model.robot import Robot
 
@@ -149,9 +151,10 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     """One diagnosis of all recordings."""
     from identification.export.all_files import not_written
     from identification.export.corrected.corrected_yaml import known_model
-    from identification.pipeline import with_next_experiment
+    from identification.pipeline import planned, with_proposal
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
-    from identification.reporting.stored.diagnosis_files import check_targets, write_outputs
+    from identification.reporting.stored.diagnosis_files import check_targets, write_answer, write_outputs
+    from identification.second_process import begun
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -167,11 +170,26 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     diagnosis = answer.diagnosis
     say(summary(diagnosis))
     sys.stdout.flush()
+    if arguments.quick:
+        written = write_answer(
+            replace(diagnosis, command=arguments.command), out=arguments.out, json_file=arguments.json
+        )
+        if times is not None:
+            say(times.table(), file=sys.stderr)
+        say("\n".join(written_lines(written, arguments.out)))
+        return DONE
     notes, not_held = len(diagnosis.notes), list[str]()
+    # The next experiment is planned while the models are made; times of stages are those of one process.
+    plan = partial(planned, answer)
+    proposal = begun(plan) if times is None else cache(plan)
+
+    def completed(found: Diagnosis) -> Diagnosis:
+        return with_proposal(found, proposal(), answer.started)
+
     with Progress(Stage.WRITING, sys.stderr, stages=AFTER_DIAGNOSIS, times=times) as progress:
-        if not arguments.quick:
-            diagnosis = with_next_experiment(answer, progress.show)
-        del answer  # the columns of its explanation take most of the memory
+        if times is not None:
+            progress.show(Announcement(Stage.NEXT_EXPERIMENT))
+            proposal()
         progress.show(Announcement(Stage.WRITING))
         diagnosis = replace(diagnosis, command=arguments.command)
         written = write_outputs(
@@ -182,8 +200,9 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
             known=known,
             config=arguments.robot_config,
             tell=not_held.append,
-            answer_alone=arguments.quick,
+            completed=completed,
         )
+        diagnosis = completed(diagnosis)
     if times is not None:
         say(times.table(), file=sys.stderr)
     proposed = next_experiment_lines(diagnosis)
@@ -192,8 +211,6 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     say("\n".join(written_lines(written, arguments.out)))
     for sentence in not_held:
         say(sentence)
-    if arguments.quick:
-        return DONE
     if arguments.out is not None and not diagnosis.poses_alone and (lacking := not_written(arguments.out, written)):
         say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return DONE

@@ -244,7 +244,7 @@ def write_outputs(
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
     tell: Callable[[str], None] | None = None,
-    answer_alone: bool = False,
+    completed: Callable[[Diagnosis], Diagnosis] = lambda diagnosis: diagnosis,
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
@@ -260,7 +260,7 @@ def write_outputs(
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
         tell: Is told in a sentence each which files could not be written, and what model files do not hold.
-        answer_alone: True to write no file but the JSON.
+        completed: Adds what is to be recorded next, asked when the models are made; by default nothing.
 
     Returns:
         The files written.
@@ -271,14 +271,13 @@ def write_outputs(
     """
     check_targets(out, json_file)
     texts: dict[str, str] = {}
-    if out is not None and answer_alone:
-        texts = {INDEX: json_text(diagnosis)}
-    elif out is not None:
+    if out is not None:
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         if tell is not None:
             for said in sentences(not_held(diagnosis.notes[before:])):
                 tell(said)
+        diagnosis = completed(diagnosis)
         beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
         texts = {REPORT: _report(diagnosis, robot, beside), **models}
         if diagnosis.next_motion is not None:
@@ -288,9 +287,26 @@ def write_outputs(
             diagnosis = _with_digest(diagnosis, texts[NEXT])
         texts = {name: with_run(name, text, diagnosis.run) for name, text in texts.items()}
         texts[INDEX] = json_text(diagnosis)
+    elif json_file is not None:
+        diagnosis = completed(diagnosis)
+    return _written(texts, out, json_file, json_text(diagnosis))
+
+
+def write_answer(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
+    """Write ``diagnosis.json`` alone into a folder, and the JSON to a file; other files of an earlier run are removed.
+
+    Args, result and errors are those of `write_outputs`.
+    """
+    check_targets(out, json_file)
+    text = json_text(diagnosis)
+    return _written({} if out is None else {INDEX: text}, out, json_file, text)
+
+
+def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, json_content: str) -> tuple[Path, ...]:
+    """Write files into a folder and JSON to a file, all or none; their paths."""
     with ExitStack() as renamed:
         if json_file is not None:
-            renamed.enter_context(temporary_beside(json_file)).write_text(json_text(diagnosis), encoding="utf-8")
+            renamed.enter_context(temporary_beside(json_file)).write_text(json_content, encoding="utf-8")
         if out is not None:
             write_together(out, texts, obsolete=(REPORT, NEXT, *MODELS))
     places = [] if out is None else [out / name for name in (INDEX, REPORT, *texts) if name in texts]
