@@ -166,15 +166,5 @@ def write_row(
         line: Receives it for each of the ten parameters.
         start: Where in it.
     """
-    t0 = dot(lx, ly, lz, b[0, 0], b[1, 0], b[2, 0]) + dot(sx, sy, sz, b[3, 0], b[4, 0], b[5, 0])
-    t1 = dot(lx, ly, lz, b[0, 1], b[1, 1], b[2, 1]) + dot(sx, sy, sz, b[3, 1], b[4, 1], b[5, 1])
-    t2 = dot(lx, ly, lz, b[0, 2], b[1, 2], b[2, 2]) + dot(sx, sy, sz, b[3, 2], b[4, 2], b[5, 2])
-    t3 = dot(lx, ly, lz, b[0, 3], b[1, 3], b[2, 3]) + dot(sx, sy, sz, b[3, 3], b[4, 3], b[5, 3])
-    t4 = dot(sx, sy, sz, b[3, 4], b[4, 4], b[5, 4])
-    t5 = dot(sx, sy, sz, b[3, 5], b[4, 5], b[5, 5])
-    t6 = dot(sx, sy, sz, b[3, 6], b[4, 6], b[5, 6])
-    t7 = dot(sx, sy, sz, b[3, 7], b[4, 7], b[5, 7])
-    t8 = dot(sx, sy, sz, b[3, 8], b[4, 8], b[5, 8])
-    t9 = dot(sx, sy, sz, b[3, 9], b[4, 9], b[5, 9])
-    line[start + 0], line[start + 1], line[start + 2], line[start + 3], line[start + 4] = t0, t1, t2, t3, t4
-    line[start + 5], line[start + 6], line[start + 7], line[start + 8], line[start + 9] = t5, t6, t7, t8, t9
+    for c in range(10):
+        line[start + c] = (lx * b[0, c] + ly * b[1, c] + lz * b[2, c]) + (sx * b[3, c] + sy * b[4, c] + sz * b[5, c])
