@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
-from phantom_dyn._kernels.poses import cross, dot, move, place, turned_back
+from phantom_dyn._kernels.poses import cross, move, place, turned_back
 from phantom_dyn._kernels.rigid_body_loops import Room, set_root
 from phantom_dyn._kernels.tree_arrays import Kinematics
 
