@@ -100,41 +100,37 @@ def _follow_path(a: Array, b: Array, most: float, cone: Cone, x: Array, room: Ar
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
     weight = numbers / max(most, _GAP)
     length, least, decrement = 0.0, np.inf, 0.0
+    # Of the loss along a step: the change is small beside the loss, and would be lost in it.
+    slope, bend = 0.0, 0.0
     for _ in range(_STEPS):
-        loss = _loss(length, a, b, x, step)
-        value = weight * loss + _barrier(length, cone, x, step, inverse)
-        if not value <= least - _DECREASE * length * decrement:
+        barrier = _barrier(length, cone, x, step, inverse)
+        change = weight * length * (slope + 0.5 * length * bend)
+        if not change + barrier <= least - _DECREASE * length * decrement:
             length *= _SHORTER
             continue
         for i in range(n):
             x[i] += length * step[i]
-        _set_up(weight, a, b, cone, x, hessian, gradient, inverse)
+        loss = _set_up(weight, a, b, cone, x, hessian, gradient, inverse)
         _factorise(hessian)
         for i in range(n):
             step[i] = -gradient[i]
         _solve(hessian, step)
-        decrement = 0.0
+        decrement, slope, bend = 0.0, 0.0, 0.0
         for i in range(n):
             decrement -= gradient[i] * step[i]
-        length, least = 1.0, value
+            along = pull = 0.0
+            for j in range(n):
+                along += a[i, j] * x[j]
+                pull += a[i, j] * step[j]
+            slope += (along - b[i]) * step[i]
+            bend += pull * step[i]
+        length, least = 1.0, barrier
         if decrement < _ON_PATH:
             if numbers <= weight * _GAP * max(loss + most, 1.0):
                 return
             # The next point of the path is sought from here.
             weight *= _FASTER
             length, least = 0.0, np.inf
-
-
-@inlined
-def _loss(length: float, a: Array, b: Array, x: Array, step: Array) -> float:
-    """Loss where a step leads."""
-    loss = 0.0
-    for i in range(len(x)):
-        xi = x[i] + length * step[i]
-        loss -= b[i] * xi
-        for j in range(len(x)):
-            loss += 0.5 * xi * a[i, j] * (x[j] + length * step[j])
-    return loss
 
 
 @inlined
@@ -179,14 +175,20 @@ def _set_up(
     hessian: Array,
     gradient: Array,
     inverses: Array,
-) -> None:
-    """Write Hessian and gradient of loss and barrier; Cholesky factors of the pseudo-inertias become their inverses."""
+) -> float:
+    """Write Hessian and gradient of loss and barrier; Cholesky factors of the pseudo-inertias become their inverses.
+
+    Returns:
+        The loss.
+    """
+    loss = 0.0
     for i in range(len(x)):
         slope = -b[i]
         for j in range(len(x)):
             slope += a[i, j] * x[j]
             hessian[i, j] = weight * a[i, j]
         gradient[i] = weight * slope
+        loss += 0.5 * x[i] * (slope - b[i])
     start, reach, places = cone
     n = len(places)
     for body in range(len(start)):
@@ -208,6 +210,7 @@ def _set_up(
                 gradient[first + k] -= part
                 for c in range(k + 1):
                     hessian[first + k, first + c] += part * reach[body, r, c] / slack
+    return loss
 
 
 @inlined
