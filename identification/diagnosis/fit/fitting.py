@@ -184,22 +184,29 @@ def fit(
     # A torque constant multiplies everything else on its row: refit about the last gain.
     columns = [term.columns[0] for term in scaled]
     rows = [sorted(problem.touched[column]) for column in columns]
+
+    def about(gains: Float[Array, " s"], theta: Float[Array, " K"]) -> tuple[Scaling, ...]:
+        beside = np.where(np.isin(np.arange(len(theta)), columns), 0.0, np.nan_to_num(theta))
+        return tuple(
+            Scaling(row, column, float(gain), beside)
+            for own, column, gain in zip(rows, columns, gains, strict=True)
+            for row in own
+        )
+
     scalings = () if point is None else point.scalings
     known = {scaling.column: scaling.gain for scaling in scalings}
     gains = np.array([known.get(column, 1.0) for column in columns])
-    for _ in range(0 if scalings else 4):
+    if not scalings and np.isfinite(near.theta[columns]).any():
+        # A similar fit has found gains already.
+        gains = np.maximum(1.0 + np.nan_to_num(near.theta[columns]), _LEAST_GAIN)
+        scalings = about(gains, near.theta)
+    for _ in range(0 if known else 4):
         found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
         # About the next gain hardly any bound binds that did not.
         near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
-        theta = found.theta.copy()
-        theta[columns] = 0.0
-        scalings = tuple(
-            Scaling(row, column, float(gain), theta)
-            for own, column, gain in zip(rows, columns, gains, strict=True)
-            for row in own
-        )
+        scalings = about(gains, found.theta)
         if np.all(np.abs(step) < 1e-3):
             break
     payload = None if point is None else point.payload

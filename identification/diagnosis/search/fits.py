@@ -143,8 +143,8 @@ class Fits:
         return found
 
     def _beginning(self, chosen: Chosen) -> Near:
-        """Where a fit begins: at the bounds that bind in a similar one, as most do in both."""
-        if self._near is not None:
+        """Where a fit begins: at gains and bounds of a similar one, most of which are the same in both."""
+        if self._near is not None and (_linear(chosen) or not self._recent):
             others = ordered(term for term in chosen if _linear(frozenset([term])))
             found = self._near.fit(active_columns(self.problem, others), held_out=False)
             similar = Fitted(self.problem, Point(), *found)
