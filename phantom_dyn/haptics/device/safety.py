@@ -21,7 +21,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, require_positive
+from phantom_dyn.haptics.number_checks import require_numbers, require_positive
 
 _ROUNDING = 1e-9
 """Of the time waited, relative: a driver's clock that adds up to the limit has not passed it."""
@@ -59,30 +59,6 @@ class ThermalMotor:
         """Rise [K] after ``dt`` [s] of a held current [A], from a rise before."""
         kept = math.exp(-dt / self.time_constant)
         return rise * kept + self.steady_rise(current) * -math.expm1(-dt / self.time_constant)
-
-    def continuous_current(self, warmest: float) -> float:
-        """Current [A] that may flow for ever without passing a rise [K]: sqrt(rise / (R_th R)).
-
-        Raises:
-            ParameterError: If the rise is not above 0.
-        """
-        require_positive(warmest_rise=warmest)
-        return math.sqrt(warmest / (self.thermal_resistance * self.resistance))
-
-    def time_to(self, warmest: float, current: float, rise: float = 0.0) -> float:
-        """Time [s] until a current [A] has warmed the motor from one rise to another [K]; infinite if it never does.
-
-        Raises:
-            ParameterError: If the rise to be reached is not above 0, or the one to start from is negative.
-        """
-        require_positive(warmest_rise=warmest)
-        require_not_negative(rise=rise)
-        end = self.steady_rise(current)
-        if rise >= warmest:
-            return 0.0
-        if end <= warmest:
-            return math.inf
-        return self.time_constant * math.log((end - rise) / (end - warmest))
 
 
 @dataclass(frozen=True)

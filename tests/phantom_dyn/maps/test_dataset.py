@@ -9,7 +9,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from phantom_dyn import load_robot
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.map_figures import figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn import load_robot
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.dynamics.kinematics import frame_jacobian, frame_pose
 from phantom_dyn.maps.from_robot import map_model

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn import load_robot
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.dynamics.dynamics import forward_dynamics, mass_matrix
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import RobotError
