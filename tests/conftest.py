@@ -1,7 +1,5 @@
 """Fixtures that every test may use."""
 
-from __future__ import annotations
-
 import os
 
 # One thread each, before numpy loads its linear algebra: the workers of pytest share the machine.

@@ -1,7 +1,5 @@
 """Nobody outside `phantom_dyn.effects` knows single effects, so that a new one is one file and a line in the list."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tests that step MuJoCo leave no log of its warnings in the working folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -3,8 +3,6 @@
 Oracle: the tests themselves, run in a copy of the checkout to which quadratic drag was added in this way.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -25,14 +23,13 @@ LINE = "    QuadraticDrag(),\n"
 # All that goes through the catalogue, but simulations and diagnoses: those take minutes.
 GOING_THROUGH_ALL = (
     "tests/phantom_dyn/effects/test_catalogue.py",
-    "tests/phantom_dyn/effects/test_ranges.py",
     "tests/phantom_dyn/effects/test_relations.py",
     "tests/identification/diagnosis/law/test_library.py",
     "tests/identification/diagnosis/columns/test_structure.py",
     "tests/identification/diagnosis/columns/test_terms.py",
-    "tests/identification/scenarios/test_own_effects.py",
+    "tests/identification/scenarios/test_changes.py",
     "tests/identification/words",
-    "tests/benchmarks/test_blind_names.py",
+    "tests/benchmarks/test_blind_tables.py",
     "tests/test_effect_imports.py",
     "tests/docs/test_site.py::test_the_reference_of_effects_has_the_law_and_the_ranges_of_each",
     "tests/docs/test_site.py::test_the_table_of_effects_has_what_each_is_in_the_order_of_the_catalogue",
@@ -42,7 +39,7 @@ GOING_THROUGH_ALL = (
 OF_THE_EFFECT = (
     "tests/identification/degrade/test_degraded_log.py",
     "tests/identification/reporting/page/test_explaining.py",
-    "tests/phantom_dyn/effects/support/test_displaced.py",
+    "tests/phantom_dyn/effects/support/test_changed_robots.py",
     "tests/phantom_dyn/simulation/compiled/test_compiled_simulation.py",
 )
 

@@ -1,7 +1,5 @@
 """Lets the tests import the benchmarks, no part of the installed packages, and the builders in this folder."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """Robots of the generator, moved without noise, and what Pinocchio says of their motion."""
 
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Answers and diagnoses written by hand, for the tests of what the scorer counts."""
 
-from __future__ import annotations
-
 from benchmarks.gapbench.scoring.judged import judged
 
 PARAMETERS = {

@@ -1,7 +1,5 @@
 """Which numbers and gates may change an answer, and what is counted where they do; oracles are made up by hand."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sealed cases: reproducible, without a hint, unreadable answers, and some through the command line."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

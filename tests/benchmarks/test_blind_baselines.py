@@ -1,7 +1,5 @@
 """The baselines, and the fit that is told the cause: on columns written by hand, and on a pendulum from MuJoCo."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Robots of the second make. Oracles: a pendulum by hand, conservation of energy, Drake's own inverse dynamics."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

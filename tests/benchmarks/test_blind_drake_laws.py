@@ -1,7 +1,5 @@
 """Laws of the second make that need no Drake. Oracles: closed forms of the bristle law, of a lag and of a delay."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """Effects on the moving robots of the sealed cases against the contract's laws and Pinocchio."""
 
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bounds against sealed cases: which effect is put in, how large, and what counts as seen."""
 
-from __future__ import annotations
-
 import json
 import sys
 from types import SimpleNamespace

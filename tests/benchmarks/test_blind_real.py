@@ -1,7 +1,5 @@
 """Sealed cases of real recordings: sizes, parts, context and files. Oracle: closed forms, and what was recorded."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

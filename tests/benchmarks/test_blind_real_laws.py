@@ -1,7 +1,5 @@
 """Effects put into recordings: each law against its closed form on a sine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

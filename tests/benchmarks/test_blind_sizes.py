@@ -1,7 +1,5 @@
 """Sizes of what is wrong in the sealed cases, and what cannot be separated from it: known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of all makes: which value is the worst, and nothing without a run."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Cases as users have them: their mechanics against MuJoCo and closed forms, their files against the readers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import textwrap

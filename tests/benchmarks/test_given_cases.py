@@ -1,7 +1,5 @@
 """Scores of cases with answers, and verdicts that their own figures contradict. Oracle: counted by hand."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Cases of robots on bases that move. Oracles: MuJoCo's mass matrix, Pinocchio's sum of bodies, and the log itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

@@ -1,7 +1,5 @@
 """The propagated noise floor against the true one. Oracle: counted by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from benchmarks.noise_floor import Compared, of_make, summary

@@ -1,7 +1,5 @@
 """Floors with and without an effect, and the slow make. Oracles: counted by hand, the generator's own motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from benchmarks.blind.makes import make_named

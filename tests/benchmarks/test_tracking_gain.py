@@ -1,7 +1,5 @@
 """The benchmark of controllers. Oracles: a perfect model tracks, and a geometric mean by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cases that `make test` leaves to `make nightly`, where one of them already fails for the same mistake."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

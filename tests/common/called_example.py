@@ -1,7 +1,5 @@
 """Runs an example as its user would, without a process of its own: that takes two seconds before it begins."""
 
-from __future__ import annotations
-
 import io
 import os
 import runpy

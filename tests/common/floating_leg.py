@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """A leg of two joints on a base that moves: its file, and logs whose torques Pinocchio computes for a free-flyer."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings of robots whose truth is known, and what a diagnosis makes of them step by step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Made-up diagnoses for everything that writes one down."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.diagnosis.evidence import Evidence

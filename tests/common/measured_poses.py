@@ -4,8 +4,6 @@ Forward kinematics and weights are written again from the URDF with NumPy: a rob
 ``origin`` elements, joints whose encoders read too much, and joints that give way under the weight of the links.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree

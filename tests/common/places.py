@@ -1,7 +1,5 @@
 """Folders of this checkout that tests read, the same from every depth of the tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[2]

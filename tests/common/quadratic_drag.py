@@ -1,7 +1,5 @@
 """A made-up effect, as its author would write it: drag that grows with the square of speed, ``torque = -c v |v|``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Made-up rests: what is left on one joint of a recording, with a law that the test writes itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A rod that swings as a sine, as a recorded part of a sealed case, and what a law adds to it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from benchmarks.blind.makes.real.body import body

@@ -1,7 +1,5 @@
 """A size of any effect of the catalogue, for tests that put each of them into a robot."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from phantom_dyn.effects.effect import Effect

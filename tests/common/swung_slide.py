@@ -1,7 +1,5 @@
 """Recordings of a mass on a slide that is swung by a known force."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.data.recording import Recording

@@ -1,7 +1,5 @@
 """Recordings of the arm whose second joint is ``tilt``, with a torque put into them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from phantom_dyn.effects.operation import Operation

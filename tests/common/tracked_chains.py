@@ -4,8 +4,6 @@ Forward kinematics are those of `tests.common.measured_poses`; SciPy's ``least_s
 Parallelograms that files state by formulas are closed at the pins of their true lengths.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fixtures: recordings of poses that a tracker would measure on a UR10 whose geometry is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 

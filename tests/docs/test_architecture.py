@@ -1,7 +1,5 @@
 """The page on the architecture names what the packages have. Oracle: their files and what these define."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A recording that examples and pages diagnose."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every example runs, and so do those of the README and of docs/; oracles are published values and known truths."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Mutations of files of arrays: NPZ and Parquet whose columns have other kinds, shapes, lengths, names and values."""
 
-from __future__ import annotations
-
 import io
 import random
 import warnings

@@ -1,7 +1,5 @@
 """Cases: hostile files of one kind and the command that reads them."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Callable

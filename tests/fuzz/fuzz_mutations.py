@@ -1,7 +1,5 @@
 """Mutations that know what they change: lines and cells, elements and attributes, keys and values, arrays, bytes."""
 
-from __future__ import annotations
-
 import copy
 import random
 import re

@@ -1,7 +1,5 @@
 """Good files to start from: a robot, its recording in every format, and every YAML and JSON file that commands read."""
 
-from __future__ import annotations
-
 import io
 import shutil
 from dataclasses import dataclass

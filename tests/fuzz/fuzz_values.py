@@ -1,7 +1,5 @@
 """Values that files ought not to hold, and the random choices that mutations are made of."""
 
-from __future__ import annotations
-
 import random
 import struct
 

@@ -5,8 +5,6 @@ file or advice, a number that is not finite or a formula in an output, a control
 terminal. The files of the first case of each are left in ``fuzz_failures/``.
 """
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import random

@@ -3,8 +3,6 @@
 Oracle: the contract (bad input is one clear sentence with exit code 2; every number of an output is finite).
 """
 
-from __future__ import annotations
-
 import random
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small robots, recordings of them whose truth is known, and made-up diagnoses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

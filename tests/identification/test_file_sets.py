@@ -1,7 +1,5 @@
 """Files of a run appear together. Oracles: what stands in the folder, and the system's own locks and links."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

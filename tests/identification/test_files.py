@@ -1,11 +1,26 @@
-from __future__ import annotations
+"""Files are written whole or not at all, in plain forms."""
 
+import csv
 import os
+import weakref
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from identification.csv_cells import header_line, text_cell
+from identification.data.readers.column_map import read_column_map
+from identification.data.readers.read_table import read_raw
+from identification.data.recording import Recording
+from identification.export.corrected.corrected_yaml import read_corrected
 from identification.files import temporary_beside, write_atomically
-from phantom_dyn.errors import UsageError
+from identification.pipeline import diagnose
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from identification.stages import Announcement, Stage
+from phantom_dyn.effects.user.user_effects import effects_in
+from phantom_dyn.errors import PhantomDynError, UsageError
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot_config import read_robot_config
 
 
 def names(folder):
@@ -103,3 +118,76 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
 def test_a_disk_that_fails_while_writing_is_told_in_one_sentence(tmp_path):
     with pytest.raises(UsageError, match=r"cannot write .*: no space left on device"), temporary_beside(tmp_path / "a"):
         raise OSError(28, os.strerror(28))
+
+
+READERS = {
+    "log": read_raw,
+    "column map": read_column_map,
+    "corrected.yaml": read_corrected,
+    "diagnosis.json": read_diagnosis,
+    "robot.yaml": lambda path: read_robot_config(Path(path)),
+    "effects": effects_in,
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_device_without_an_end_is_refused(reader):
+    with pytest.raises(PhantomDynError, match=r"/dev/zero is a device, wanted .*save what it gives"):
+        READERS[reader]("/dev/zero")
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_pipe_that_nobody_writes_to_is_refused(reader, tmp_path):
+    pipe = tmp_path / "log.csv"
+    os.mkfifo(pipe)
+    with pytest.raises(PhantomDynError, match="is a pipe, wanted "):
+        READERS[reader](pipe)
+
+
+@pytest.mark.parametrize("reader", ["column map", "corrected.yaml", "robot.yaml", "effects"])
+def test_a_folder_is_refused(reader, tmp_path):
+    with pytest.raises(PhantomDynError, match="is a folder, wanted "):
+        READERS[reader](tmp_path)
+
+
+def test_a_device_is_no_robot():
+    with pytest.raises(PhantomDynError, match="There is no robot file '/dev/zero'"):
+        load_robot("/dev/zero")
+
+
+@pytest.mark.parametrize("text", ["=1+2", "+1", "-cmd|' /C calc'!A0", "@SUM(A1)", "\t=1", "\r=1"])
+def test_a_text_that_begins_as_a_formula_is_marked_as_text(text):
+    assert text_cell(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("text", ["turn", "1 + 2", "", "a=b", None])
+def test_any_other_text_stays_as_it_is(text):
+    assert text_cell(text) == text
+
+
+def test_names_with_commas_are_one_column_each():
+    names = ["t", "q.a,b", 'q."c"', "tau.d"]
+    assert next(csv.reader([header_line(names)])) == names
+
+
+class Enough(Exception):
+    """Ends a diagnosis where the test has seen enough."""
+
+
+def test_a_long_recording_that_the_diagnosis_reads_is_let_go_before_the_first_fit(planar2):
+    read: list[weakref.ref[Recording]] = []
+
+    def long(_: bool) -> tuple[Recording, ...]:
+        t = np.arange(0.0, 7200.0, 0.05)
+        q = np.column_stack([np.sin(t), np.cos(t)])
+        whole = Recording("long.csv", planar2.joint_names, t, q, np.ones_like(q))
+        read.append(weakref.ref(whole))
+        return (whole,)
+
+    def look(told: Announcement) -> None:
+        if told.stage is Stage.FILTERING:
+            assert read[0]() is None
+            raise Enough
+
+    with pytest.raises(Enough):
+        diagnose(planar2, long, progress=look)

@@ -1,7 +1,5 @@
 """A new effect is one file and one line of the catalogue: `quadratic_drag` goes from its law to a finding in words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

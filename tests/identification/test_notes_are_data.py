@@ -1,7 +1,5 @@
 """No stage reads the sentence of another. Oracle: the syntax trees of all modules."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # pyright: reportMissingImports=false
 """Public recordings of servos and of a brushless motor: their logs, their robot files, and what a diagnosis finds."""
 
-from __future__ import annotations
-
 import csv
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Work in a second process. Oracles: the same work done here, and the process in which it was done."""
 
-from __future__ import annotations
-
 import os
 import signal
 

@@ -1,7 +1,5 @@
 """Two runs that write into one folder at once leave one whole set of one run. Oracle: the files that stand there."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import threading

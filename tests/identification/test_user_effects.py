@@ -1,7 +1,5 @@
 """Effects of a user's own from their law to a finding. Oracle: known truth, put into recordings of the planar arm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

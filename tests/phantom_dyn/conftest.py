@@ -1,7 +1,5 @@
 """A planar arm with rotors that swings under a controller, for tests of simulations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

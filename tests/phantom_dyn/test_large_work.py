@@ -1,7 +1,5 @@
 """Pieces of large work over processes and threads. Oracles: the same calls one after the other; threadpoolctl."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

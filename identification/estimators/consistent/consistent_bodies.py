@@ -5,7 +5,7 @@ A body exists exactly if its pseudo-inertia :math:`P = \int [x; 1][x; 1]^T dm` (
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
        parameter identification, IEEE Robotics and Automation Letters 3(1), 2018. The eigenvalues are checked against
-       central inertias in tests/identification/estimators/consistent/test_consistent_bodies.py.
+       central inertias in tests/identification/estimators/consistent/test_consistent.py.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """The diagnosis that users of Python hold. Known truth: 1.5 N m of Coulomb friction on the pin."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

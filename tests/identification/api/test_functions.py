@@ -1,7 +1,5 @@
 """Each function of the entrance, by the commands' own results, known truths, and what it says of a wrong argument."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

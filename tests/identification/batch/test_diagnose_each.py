@@ -1,7 +1,5 @@
 """Many recordings, each by itself. Oracles: a diagnosis of each alone, known truth, the csv and json libraries."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

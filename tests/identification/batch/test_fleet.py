@@ -1,7 +1,5 @@
 """Who is out of line and what changed in a fleet. Oracles: known truth of made-up sizes, and the level of the tests."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -4,8 +4,6 @@ A worker is killed (SIGKILL, no nanny that would start it again) as soon as the 
 begun, and those that it has finished and not yet handed over, are then lost with it.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

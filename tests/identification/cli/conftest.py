@@ -1,7 +1,5 @@
 """Recordings of known truth, the command run on them, and the contract's schema of what it writes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

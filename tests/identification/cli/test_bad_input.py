@@ -4,8 +4,6 @@ Oracle: the contract, paragraph "Bad input". What holds for every refusal is ass
 test here adds that the sentence names file, column, row and value, and what to do.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,15 +1,15 @@
-"""Bad options of ``phantom-dyn diagnose``: exit code 2, one sentence, nothing written.
+"""Options and robots that are wrong end in one sentence."""
 
-Oracle: the contract, paragraph "Bad input"; what holds for every refusal is asserted by the fixture ``refusal``.
-"""
-
-from __future__ import annotations
-
+import json
 import re
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from identification.cli.main import main
+from places import ROBOTS
 
 
 @pytest.mark.parametrize(
@@ -207,3 +207,134 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_robot_is_loaded(
     monkeypatch.setattr("phantom_dyn.model.loading.load_robot", loaded)
     assert main([word.format(log=log, robot=pendulum) for word in words]) == 2
     assert "log.csv is no folder; name a file in another place" in capsys.readouterr().err
+
+
+PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + bytes(200)
+
+
+def test_a_missing_robot_names_the_nearest(pendulum, tmp_path, log, refusal):
+    (tmp_path / "robot.urdf").write_text(pendulum.read_text())
+    assert re.search(
+        r"no robot file '.*robott\.urdf'.*did you mean .*robot\.urdf\?", refusal(tmp_path / "robott.urdf", log)
+    )
+
+
+def test_a_folder_for_a_robot(pendulum, tmp_path, log, refusal):
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "rod.urdf").write_text(pendulum.read_text())
+    assert re.search(r"robots is a folder, wanted a robot file: .*rod\.urdf", refusal(folder, log))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<mass value="2"/>', '<mass value="-2"/>', r"link rod cannot exist, its mass is -2 kg, below zero: correct"),
+        ('izz="0.01"', 'izz="-0.01"', r"link rod cannot exist, its smallest principal inertia is -0\.01.*: correct"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', r"the axis of joint pin is zero: give its direction"),
+        ('type="revolute"', 'type="floating"', r"pin is a floating base, .*write base: fixed"),
+    ],
+)
+def test_an_impossible_robot(pendulum, tmp_path, log, refusal, old, new, message):
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(pendulum.read_text().replace(old, new))
+    assert re.search(r"robot\.urdf.*" + message, refusal(robot, log))
+
+
+def test_a_robot_file_that_is_cut_off(pendulum, tmp_path, log, refusal):
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(pendulum.read_text()[:500])
+    assert re.search(r"robot\.urdf is not valid XML, or is cut off \(.*line \d+", refusal(robot, log))
+
+
+@pytest.mark.parametrize("content", [b"", PNG, b"t,q.pin\n0,0\n"])
+def test_a_file_that_is_no_robot(tmp_path, log, refusal, content):
+    robot = tmp_path / "robot.urdf"
+    robot.write_bytes(content)
+    assert re.search(r"robot\.urdf is (empty|not valid XML)", refusal(robot, log))
+
+
+def test_an_example_that_does_not_exist(log, refusal):
+    assert re.search(r"There is no example robot 'nosuch'", refusal("example:nosuch", log))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("joints: {pim: {gear_ratio: 3}}", r"joints names the unknown joint 'pim', .*did you mean pin\?"),
+        ("lock: [pim]", r"lock names the unknown joint 'pim'"),
+        ("gravty: [0, 0, -9.81]", r"there is no key gravty, .*did you mean gravity\?"),
+        ("joints: {pin: {gear: 3}}", r"there is no key joints\.pin\.gear, .*did you mean gear_ratio\?"),
+        ("gravity: [0, -9.81]", r"gravity is the list \[0, -9\.81\], wanted three numbers"),
+        ("joints: [pin]", r"joints is the list \['pin'\], wanted joint names"),
+        ("joints: {pin: {gear_ratio: 3", r"is not valid YAML at line 1 .*: correct it there"),
+    ],
+)
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_wrong_configuration(pendulum, tmp_path, log, refusal, text, message, beside):
+    (tmp_path / "robot.urdf").write_text(pendulum.read_text())
+    config = tmp_path / ("robot.yaml" if beside else "other.yaml")
+    config.write_text(text)
+    words = () if beside else ("--robot-config", config)
+    assert re.search(rf"{config.name}.*{message}", refusal(tmp_path / "robot.urdf", log, *words))
+
+
+def test_a_missing_configuration(pendulum, tmp_path, log, refusal):
+    missing = tmp_path / "no.yaml"
+    assert re.search(r"no\.yaml cannot be read \(No such file", refusal(pendulum, log, "--robot-config", missing))
+
+
+ARM = str(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    """A LeRobot dataset of three episodes of one joint, and a map of its columns."""
+    folder = tmp_path / "dataset"
+    (folder / "meta").mkdir(parents=True)
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [1], "names": ["swing.pos"]}
+    info = {"total_episodes": 3, "features": {"observation.state": feature, "action": feature}}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    for k in range(3):
+        t = np.arange(100 + k) / 30
+        lists = (20 * np.sin(3 * t))[:, None].tolist()
+        columns = {"observation.state": lists, "action": lists, "timestamp": t, "episode_index": np.full(len(t), k)}
+        pq.write_table(pa.table(columns), folder / "data" / "chunk-000" / f"episode_{k:06d}.parquet")
+    path = tmp_path / "columns.yaml"
+    path.write_text("t: timestamp\nq.swing: {from: observation.state.swing.pos, unit: deg}\n")
+    return str(folder), str(path)
+
+
+def test_every_episode_of_a_dataset_is_checked_as_a_recording(dataset, capsys):
+    folder, columns = dataset
+    assert main(["check", folder, "--columns", columns]) == 0
+    said = capsys.readouterr().out
+    assert [f"episode_{k:06d}: {100 + k} samples" in said for k in range(3)] == [True, True, True]
+
+
+def test_episodes_are_chosen_by_the_option(dataset, capsys):
+    folder, columns = dataset
+    assert main(["check", folder, "--columns", columns, "--episodes", "1:2"]) == 0
+    said = capsys.readouterr().out
+    assert "episode_000001: 101 samples" in said
+    assert "episode_000000" not in said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--episodes", "3:9"], "has the episodes 0 to 2"),
+        (["--columns", "ur_rtd"], "did you mean ur_rtde?"),
+        ([], "does not say the unit of its joints"),
+    ],
+)
+def test_what_cannot_be_read_ends_with_one_sentence(dataset, capsys, options, said):
+    assert main(["check", dataset[0], *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_command_for_one_recording_asks_for_one_episode(dataset, capsys, tmp_path):
+    words = ["degrade", ARM, dataset[0], "--effect", "backlash", "--joint", "swing", "--set", "gap=0.01"]
+    assert main([*words, "--out", str(tmp_path / "cheap.csv")]) == 2
+    assert "has 3 episodes, wanted one: choose it, as in --episodes 0" in capsys.readouterr().err

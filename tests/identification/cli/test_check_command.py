@@ -1,7 +1,5 @@
 """The command check. Oracle: the contract (what it prints, exit code 2 with one sentence for bad input)."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

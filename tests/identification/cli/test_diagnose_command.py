@@ -4,8 +4,6 @@ Oracles: the contract (files, schema, exit codes) and known truth (a robot with 
 model on every joint).
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

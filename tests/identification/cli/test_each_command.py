@@ -1,10 +1,13 @@
-"""``phantom-dyn diagnose --each``. Oracles: the contract (files, exit codes) and the command on one log alone."""
-
-from __future__ import annotations
+"""phantom-dyn with many recordings, on a full disk, and at the end of a process."""
 
 import csv
+import errno
 import json
+import os
 import re
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,8 +15,7 @@ import pytest
 from identification.cli.main import main
 from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
-
-pytestmark = pytest.mark.whole
+from places import ROBOTS
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +34,7 @@ def finished(tmp_path_factory, pendulum, logs):
     return out, main(["diagnose", str(pendulum), str(logs), "--each", "--jobs", "1", "--out", str(out)])
 
 
+@pytest.mark.whole
 def test_one_refused_recording_is_exit_code_2_and_the_others_are_written(finished):
     out, code = finished
     written = sorted(str(path.relative_to(out)) for path in out.rglob("*.*"))
@@ -39,6 +42,7 @@ def test_one_refused_recording_is_exit_code_2_and_the_others_are_written(finishe
     assert (code, written) == (2, sorted(ours))
 
 
+@pytest.mark.whole
 def test_the_table_has_one_row_a_recording(finished):
     rows = list(csv.DictReader((finished[0] / "diagnoses.csv").open()))
     assert [(Path(row["log"]).name, row["verdict"], row["findings"]) for row in rows] == [
@@ -47,12 +51,14 @@ def test_the_table_has_one_row_a_recording(finished):
     ]
 
 
+@pytest.mark.whole
 def test_the_folder_of_a_recording_holds_what_the_table_says(finished):
     table = json.loads((finished[0] / "diagnoses.json").read_text())
     alone = json.loads((finished[0] / "good" / "diagnosis.json").read_text())
     assert table["recordings"][0]["diagnosis"] == alone
 
 
+@pytest.mark.whole
 def test_recordings_that_are_all_diagnosed_are_exit_code_0(pendulum, logs, capsys):
     assert main(["diagnose", "--each", str(pendulum), str(logs / "good.csv")]) == 0
     shown = capsys.readouterr()
@@ -60,6 +66,7 @@ def test_recordings_that_are_all_diagnosed_are_exit_code_0(pendulum, logs, capsy
     assert shown.err == ""
 
 
+@pytest.mark.whole
 def test_without_out_and_json_nothing_is_written(pendulum, logs, monkeypatch):
     before = sorted(logs.iterdir())
     monkeypatch.chdir(logs)
@@ -67,6 +74,7 @@ def test_without_out_and_json_nothing_is_written(pendulum, logs, monkeypatch):
     assert sorted(logs.iterdir()) == before
 
 
+@pytest.mark.whole
 def test_a_refusal_is_counted_on_standard_error(pendulum, logs, capsys):
     assert main(["diagnose", "--each", str(pendulum), str(logs / "short.csv"), "--json", str(logs / "x.txt")]) == 2
     shown = capsys.readouterr()
@@ -75,11 +83,13 @@ def test_a_refusal_is_counted_on_standard_error(pendulum, logs, capsys):
     assert json.loads((logs / "x.txt").read_text())["recordings"][0]["verdict"] == "refused"
 
 
+@pytest.mark.whole
 def test_recordings_cannot_be_held_out(pendulum, logs, refusal):
     sentence = refusal(pendulum, logs / "good.csv", "--each", "--hold-out", logs / "short.csv")
     assert re.search(r"--hold-out was given with --each, which diagnoses every recording by itself", sentence)
 
 
+@pytest.mark.whole
 def test_a_folder_without_recordings(pendulum, tmp_path, refusal):
     (tmp_path / "empty").mkdir()
     assert re.search(
@@ -87,9 +97,125 @@ def test_a_folder_without_recordings(pendulum, tmp_path, refusal):
     )
 
 
+@pytest.mark.whole
 def test_a_folder_without_each_is_no_log(pendulum, logs, refusal):
     assert re.search(r"is a folder without metadata\.yaml", refusal(pendulum, logs))
 
 
+@pytest.mark.whole
 def test_a_log_in_a_folder_and_by_name_is_given_twice(pendulum, logs, refusal):
     assert re.search(r"good\.csv is given twice", refusal(pendulum, logs, logs / "good.csv", "--each"))
+
+
+PENDULUM = str(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Runs the command in a process of its own, which may write files of so many bytes."""
+
+    def run(line: str, *, most: int = resource.RLIM_INFINITY, **environment: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "identification.cli", *line.split()],
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most)),
+            # Python would cut its own byte code off at the limit, and a later process would stumble over it.
+            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/proc/nowhere"} | environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return run
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"excite {PENDULUM} --duration 5 --out new.csv",
+        f"identify {PENDULUM} log.csv --out new",
+        f"diagnose {PENDULUM} log.csv --out new",
+    ],
+    ids=lambda line: line.split()[0],
+)
+def test_a_full_disk_is_one_sentence_and_leaves_no_half_of_a_file(line, command, log, tmp_path):
+    done = command(line, most=700)
+    assert done.returncode == 2
+    told = [text for text in done.stderr.splitlines() if text.startswith("phantom-dyn: ")]
+    assert len(told) == 1
+    assert "Traceback" not in done.stderr
+    assert "file too large" in told[0]
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [log]
+
+
+@pytest.mark.whole
+@pytest.mark.nightly
+def test_a_disk_that_fills_while_netcdf_is_written_is_told_too(command):
+    # NetCDF's own error says nothing of a disk, and its file is the larger one.
+    line = "map phantom_1_5 --quantity manipulability --grid x=0:0.02:2,y=0:0.02:2,z=0:0.02:2 --out"
+    assert command(f"{line} whole").returncode == 0  # compiled loops are kept from now on
+    done = command(f"{line} m", most=5000)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "map.nc: netcdf: hdf error, as on a full disk" in done.stderr
+
+
+@pytest.mark.whole
+def test_a_batch_says_of_which_recording_nothing_could_be_written(log, tmp_path, monkeypatch, capsys):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("identification.batch.diagnose_each.write_outputs", full)
+    assert main(["diagnose", PENDULUM, str(log), "--each", "--jobs", "1", "--out", str(tmp_path / "new")]) == 2
+    told = " ".join(capsys.readouterr().out.split())
+    assert "log.csv: nothing more can be written (no space left on device): free some space" in told
+    assert "report this" not in told
+
+
+@pytest.mark.whole
+def test_a_home_that_may_not_be_written_to_is_no_matter(command, log, tmp_path):
+    # /proc takes no file from anybody; the superuser may write into any folder that is only marked read-only.
+    nowhere = dict.fromkeys(
+        ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "NUMBA_CACHE_DIR", "MPLCONFIGDIR"), "/proc/nowhere"
+    )
+    done = command(f"diagnose {PENDULUM} log.csv --out new", **nowhere)
+    assert done.returncode == 0, done.stderr
+    assert "explained by Coulomb friction" in done.stdout
+    assert (tmp_path / "new" / "report.html").is_file()
+    assert "Traceback" not in done.stderr
+
+
+START = "from identification.cli.__main__ import started"
+
+
+def run(*lines: str, words: tuple[str, ...] = ("--version",)) -> subprocess.CompletedProcess[str]:
+    code = "\n".join(("import atexit, sys", START, f"sys.argv = ['phantom-dyn', *{words!r}]", *lines))
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+def test_what_a_command_prints_arrives_in_a_pipe():
+    assert run("sys.exit(started())").stdout.startswith("phantom-dyn ")
+
+
+def test_the_exit_code_of_the_process_is_the_commands():
+    assert run("sys.exit(started())", words=("diagnose",)).returncode == 2
+
+
+def test_what_libraries_leave_to_do_at_the_end_is_done():
+    assert run("code = started()", "atexit.register(print, 'closed')", "sys.exit(code)").stdout.endswith("closed\n")
+
+
+def test_an_error_of_ours_ends_with_its_traceback_and_code_1():
+    broken = ("import identification.cli.main", "identification.cli.main.COMMANDS = None", "sys.exit(started())")
+    ended = run(*broken, words=("diagnose", "r", "l"))
+    assert (ended.returncode, ended.stderr.splitlines()[0]) == (1, "Traceback (most recent call last):")
+
+
+def test_a_stream_that_takes_no_more_is_told():
+    code = f"{START}\nimport sys\nsys.argv = ['phantom-dyn', '--version']\nstarted()\nprint('more')"
+    with Path("/dev/full").open("w") as full:
+        words = [sys.executable, "-c", code]
+        ended = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ended.returncode != 0
+    assert "space left" in ended.stderr

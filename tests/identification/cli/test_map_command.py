@@ -1,7 +1,5 @@
 """The command map. Oracle: the contract, and the device's closed forms for what is in the files."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

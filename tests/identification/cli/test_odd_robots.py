@@ -1,7 +1,5 @@
 """Robots of odd sizes and kinds through the commands. Oracle: known truth (Coulomb friction that the model lacks)."""
 
-from __future__ import annotations
-
 import json
 import re
 

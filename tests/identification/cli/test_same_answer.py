@@ -3,8 +3,6 @@
 Oracles: what another process writes, byte for byte but for times and the run's own name; threadpoolctl.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 Oracle: the contract's schema, and known truth (0.4 more Coulomb friction than modelled on every joint) where it shows.
 """
 
-from __future__ import annotations
-
 import json
 import warnings
 

@@ -1,7 +1,5 @@
 """What diagnose shows on a terminal, and what an interrupt leaves. Oracle: the contract, by a real pseudo-terminal."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

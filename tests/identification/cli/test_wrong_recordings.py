@@ -1,7 +1,5 @@
 """Recordings that are certainly wrong are not judged, unless that is asked for. Oracle: the contract, known truth."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

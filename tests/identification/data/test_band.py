@@ -1,7 +1,5 @@
 """The band of recordings and smoothing in it. Oracle: closed forms of kernels and waves, known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

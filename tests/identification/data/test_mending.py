@@ -1,6 +1,4 @@
-"""What is mended of a recording. Oracle: known truth; jumps, spikes and dropouts are put into a clean recording."""
-
-from __future__ import annotations
+"""Recordings are mended and compensated, cut into stretches."""
 
 import re
 from dataclasses import replace
@@ -8,10 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.drives.compensation import before_low_pass, put_back_sentences
 from identification.data.mending import mended, spikes, whole_turns
-from identification.data.recording import Recording
+from identification.data.reading import recording
+from identification.data.recording import Recording, Table
+from identification.data.signals import low_pass, process, shortest_recording
+from identification.data.stretches import busiest, note_on_length, stretches
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
 
 T = np.arange(4000) / 500
+
 TURNING, SLIDING = np.array([False]), np.array([True])
 
 
@@ -121,3 +126,163 @@ def test_a_spike_without_a_jump_is_cut_out_beside_torques_that_make_one(stepping
     found = mended(replace(stepping, tau=broken), TURNING)
     np.testing.assert_allclose(found.tau, stepping.tau)
     assert "1 spike or dropout of 2 samples in all (at t = 2.7 s)" in found.warnings[0]
+
+
+RATE = 20.0
+
+
+def made(
+    seconds: float, moves: tuple[tuple[float, float], ...], gap: tuple[float, float] = (0.0, 0.0), rate: float = RATE
+) -> Recording:
+    """Two joints: the first swings now and then, the second only in these stretches."""
+    t = np.arange(round(seconds * rate)) / rate
+    t = t[(t < gap[0]) | (t >= gap[1])]
+    swings = np.sin(t) * (t % 300.0 < 150.0)
+    seldom = sum((np.sin(2 * t) * ((t >= a) & (t < b)) for a, b in moves), np.zeros(len(t)))
+    return Recording("long.csv", ("often", "seldom"), t, np.column_stack([swings, seldom]), None, warnings=("one",))
+
+
+def test_ten_minutes_are_used_from_end_to_end():
+    recording = made(599.0, ())
+    assert stretches(recording) == (recording,)
+    assert busiest(recording) is recording
+
+
+def test_two_hours_become_fifteen_stretches_from_beginning_to_end():
+    parts = stretches(made(7200.0, ()))
+    assert len(parts) == 15
+    assert all(part.t[-1] - part.t[0] == pytest.approx(20.0, abs=2 / RATE) for part in parts)
+    assert parts[0].t[0] < 480.0
+    assert parts[-1].t[0] >= 14 * 480.0 - 20.0
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0, 5.0])
+def test_a_stretch_of_a_slow_recorder_has_samples_enough_for_a_fit(rate):
+    # Oracle: what a recording must last by the band that its rate allows at most.
+    parts = stretches(made(20 * 400 / rate, (), rate=rate))
+    assert len(parts) == 15
+    shortest = shortest_recording(low_pass(0.06 * rate, rate))
+    assert all(part.t[-1] - part.t[0] > 1.9 * shortest for part in parts)
+
+
+def test_a_slow_recording_of_few_samples_is_used_from_end_to_end():
+    recording = made(2000.0, (), rate=2.0)
+    assert stretches(recording) == (recording,)
+
+
+def test_a_joint_that_moves_once_in_two_hours_is_in_a_stretch():
+    parts = stretches(made(7200.0, ((3000.0, 3020.0),)))
+    assert max(float(np.ptp(part.q[:, 1])) for part in parts) > 1.9
+
+
+def test_a_stretch_has_the_temperatures_of_its_own_rows():
+    whole = made(7200.0, ())
+    warming = replace(whole, temperature=np.column_stack([whole.t, 2.0 * whole.t]))
+    for part in stretches(warming):
+        np.testing.assert_array_equal(part.temperature, np.column_stack([part.t, 2.0 * part.t]))
+
+
+def test_every_stretch_is_one_in_which_a_joint_moves():
+    assert all(np.ptp(part.q[:, 0]) > 0.5 for part in stretches(made(7200.0, ())))
+
+
+def test_what_is_excluded_is_no_movement():
+    recording = made(7200.0, ((3000.0, 3020.0),))
+    excluded = Recording(
+        recording.file, recording.joint_names, recording.t, recording.q, None, excluded=((2990.0, 3030.0),)
+    )
+    assert max(float(np.ptp(part.q[:, 1])) for part in stretches(excluded)) == 0.0
+
+
+def test_a_pause_of_an_hour_gives_no_stretch():
+    parts = stretches(made(7200.0, (), gap=(1000.0, 4600.0)))
+    assert len(parts) == 15
+    assert all(np.diff(part.t).max() < 0.1 for part in parts)
+
+
+def test_warnings_stay_with_the_first_stretch():
+    assert [len(part.warnings) for part in stretches(made(7200.0, ()))] == [1] + 14 * [0]
+
+
+def test_the_busiest_five_minutes_hold_what_moves_once():
+    part = busiest(made(7200.0, ((3000.0, 3020.0),)))
+    assert part.t[-1] - part.t[0] == pytest.approx(300.0, abs=1.0)
+    assert np.ptp(part.q[:, 1]) > 1.9
+
+
+def test_the_note_says_what_is_used():
+    assert note_on_length(made(7200.0, ())) == (
+        "long.csv lasts 7200 s: fits and figures are of 15 stretches of 20 s from its beginning to its end, those in "
+        "which the joints move most."
+    )
+
+
+@pytest.fixture
+def swung(planar: Robot) -> Recording:
+    """Ten seconds of two sines, with a torque that is a sine too."""
+    t = np.arange(5000) / 500.0
+    q = np.column_stack([0.6 * np.sin(2 * t), 0.4 * np.cos(3 * t)])
+    return Recording("a.csv", planar.joint_names, t, q, np.column_stack([np.cos(t), np.sin(t)]))
+
+
+@pytest.mark.parametrize("joints", [("shoulder", "elbow"), ("elbow",)])
+def test_friction_is_put_back_with_the_velocities_of_the_log(planar, swung, joints):
+    # Closed form: c v + T sign(v), with the log's own velocities.
+    rubbing = replace(planar, viscous_friction=np.array([0.2, 0.1]), coulomb_friction=np.array([0.5, 0.3]))
+    plain, put_back = (process(replace(swung, friction_taken=names), rubbing) for names in ((), joints))
+    v = plain.motion.v
+    wanted = (v * [0.2, 0.1] + np.sign(v) * [0.5, 0.3]) * np.isin(planar.joint_names, joints)
+    np.testing.assert_allclose(put_back.tau - plain.tau, wanted, atol=1e-12)
+
+
+def table(planar: Robot, compensated: dict[str, tuple[str, ...]]) -> Table:
+    t = np.arange(60) / 100.0
+    columns = {f"{x}.{joint}": 0.1 + t for x in ("q", "tau") for joint in planar.joint_names}
+    return Table("a.csv", {"t": t, **columns}, (), compensated)
+
+
+@pytest.mark.parametrize(
+    ("compensated", "joints"),
+    [
+        ({"": ("friction",)}, ("shoulder", "elbow")),
+        ({"elbow": ("gravity", "friction")}, ("elbow",)),
+        ({"": ("gravity",), "shoulder": ("friction",)}, ("shoulder",)),
+        ({"": ("gravity",)}, ()),
+    ],
+)
+def test_a_recording_knows_from_which_torques_friction_was_taken(planar, compensated, joints):
+    assert recording(table(planar, compensated), planar).friction_taken == joints
+
+
+def test_what_is_put_back_is_said(planar):
+    rubbing = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.array([0.5, 0.0]))
+    (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), rubbing)
+    assert "the model's friction was put back into the torque of shoulder, from which a controller" in sentence
+
+
+def test_a_model_without_friction_has_nothing_to_put_back(planar):
+    bare = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
+    (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), bare)
+    assert "states none of shoulder, elbow: nothing was put back" in sentence
+
+
+@pytest.mark.parametrize(("low_pass", "taken"), [({"": 5.0}, (5.0, 5.0)), ({"": 5.0, "elbow": 20.0}, (5.0, 20.0))])
+def test_a_low_pass_is_taken_back(planar, low_pass, taken):
+    # Closed form: of a sine a low pass of first order leaves 1 / sqrt(1 + (w T)^2), late by atan(w T).
+    t, w = np.arange(5000) / 500.0, 7.0
+    turns = w / (2 * np.pi * np.array(taken))
+    behind = np.sin(w * t[:, None] - np.arctan(turns)) / np.sqrt(1 + turns**2)
+    found, said = before_low_pass(replace(table(planar, {}), columns={"t": t}, low_pass=low_pass), planar, behind)
+    np.testing.assert_allclose(found, np.sin(w * t)[:, None] * np.ones(2), atol=1e-4)
+    assert f"the low pass at {taken[0]:g} Hz of shoulder, {taken[1]:g} Hz of elbow was taken back" in said[0]
+
+
+def test_a_low_pass_of_a_joint_that_the_robot_lacks_is_refused(planar):
+    with pytest.raises(LogError, match=r"tau\.wrist went through a low pass, a joint that .* does not have"):
+        recording(replace(table(planar, {}), low_pass={"wrist": 20.0}), planar)
+
+
+def test_a_recording_has_its_torque_as_it_was_before_the_low_pass(planar):
+    # Closed form: a ramp comes out of a low pass late by its time constant.
+    found = recording(replace(table(planar, {}), low_pass={"elbow": 1 / (2 * np.pi * 0.03)}), planar)
+    np.testing.assert_allclose(found.tau - 0.1 - found.t[:, None], [[0.0, 0.03]] * 60, atol=1e-9)

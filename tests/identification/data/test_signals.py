@@ -1,7 +1,5 @@
 """From raw samples to logs. Oracle: closed forms of a mass on a slide and of its force, known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

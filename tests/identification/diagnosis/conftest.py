@@ -1,7 +1,5 @@
 """Diagnoses of the planar arm, each made once for all tests that look at it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

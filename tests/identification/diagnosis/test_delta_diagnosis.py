@@ -1,8 +1,6 @@
 """A Delta robot, whose loops are closed numerically, from a recording to what it lacks. Oracle: the effect that was
 simulated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

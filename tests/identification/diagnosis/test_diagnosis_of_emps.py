@@ -3,8 +3,6 @@
 The UR10 and the double pendulum are diagnosed by their examples, in tests/examples.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction that depends on the position, diagnosed beside its neighbours. Oracle: the law that was put in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Friction of the passive joints of a closed chain: known truths on the PHANToM 1.5."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

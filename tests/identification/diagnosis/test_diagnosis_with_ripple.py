@@ -1,7 +1,5 @@
 """Torque ripple that grows with the load, diagnosed beside cogging. Oracle: the law that was put in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Friction that changes as a drive warms up, diagnosed with its temperature. Oracle: the law that was put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

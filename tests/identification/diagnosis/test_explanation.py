@@ -1,7 +1,5 @@
 """The search and the noise in turn: what chance gives is measured by the filters that the problem was made white by."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots that are not bolted down. Oracle: known truth, on torques that Pinocchio computes for a free-flyer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Linkages that MuJoCo moves, diagnosed: a four-bar and a five-bar with nothing, a load or a rubbing passive joint."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A hand that the model carries and the robot does not: known truth on a planar arm."""
 
-from __future__ import annotations
-
 import pytest
 
 from identification.pipeline import diagnose

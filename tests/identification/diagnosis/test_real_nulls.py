@@ -3,8 +3,6 @@
 Nothing that the catalogue knows should be missing then. Oracle: the robot is the same in both parts.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

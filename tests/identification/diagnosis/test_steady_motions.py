@@ -1,7 +1,5 @@
 """Sines and speeds that stay the same, as people record first; known truth: friction in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Bases that stand tilted where gravity points along -y, as on the built-in haptic devices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Joints that something moves with a torque that nobody knows; known truth: friction in closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots and logs with a known truth, for every estimator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """EMPS: the estimates that the authors of the benchmark publish, from their recording, with the band chosen by us."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots for excitation, and a short design that a test can afford."""
 
-from __future__ import annotations
-
 import pytest
 
 from phantom_dyn import load_robot

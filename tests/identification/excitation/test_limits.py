@@ -1,14 +1,20 @@
-from __future__ import annotations
+"""Exciting motions stay within limits and off obstacles."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from identification.excitation.collisions import Collisions, collisions_of, distances
+from identification.excitation.excite import Excitation, excite
+from identification.excitation.excited_base import base_of
 from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import FrameBox, Limits, limits_of, stated_limits
-from phantom_dyn import load_robot
+from identification.excitation.motion_shapes import FourierSeries
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Actuator
 
 HINGE = """<robot name="hinge"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/>
@@ -165,3 +171,118 @@ def test_a_bound_is_reached_within_a_per_cent(planar):
     values[1, bounds.labels.index("velocity of elbow")] = -19.9
     values[1, bounds.labels.index("velocity of shoulder")] = 19.0
     assert bounds.reached(values) == ("velocity of elbow",)
+
+
+def ball_distance(q: np.ndarray) -> np.ndarray:
+    """Closed form: the far ball of three links of 0.5 m in a plane, less both radii."""
+    angles = np.cumsum(q, axis=1)
+    end = -0.5 * np.stack([np.sin(angles).sum(axis=1), np.cos(angles).sum(axis=1)])
+    return np.linalg.norm(end, axis=0) - 0.2
+
+
+def test_the_distance_of_balls_is_that_of_their_centres_less_their_radii(chain_of_balls, rng):
+    collisions = collisions_of(chain_of_balls)
+    q = rng.uniform(-2.5, 2.5, (50, 3))
+    found, slope = distances(chain_of_balls.model, collisions, q, slopes=False)
+    assert collisions.names == ("base_0 and c_0",)
+    assert slope is None
+    np.testing.assert_allclose(found[:, 0], ball_distance(q), atol=1e-6)
+
+
+def test_the_slope_of_a_small_distance_is_that_of_the_closed_form(chain_of_balls, rng):
+    collisions = collisions_of(chain_of_balls, clearance=10.0)
+    q, h = rng.uniform(-2.5, 2.5, (50, 3)), 1e-6
+    slope = distances(chain_of_balls.model, collisions, q, slopes=True)[1]
+    assert slope is not None
+    for joint in range(3):
+        step = h * np.eye(3)[joint]
+        expected = (ball_distance(q + step) - ball_distance(q - step)) / (2 * h)
+        np.testing.assert_allclose(slope[:, 0, joint], expected, atol=1e-6)
+
+
+def test_neighbours_are_no_pair(chain_of_balls):
+    # The base has a joint to link a, which has no shape; base and c are two joints apart.
+    pairs = collisions_of(chain_of_balls).shapes.collisionPairs
+    assert [(pair.first, pair.second) for pair in pairs] == [(0, 1)]
+
+
+def test_a_robot_without_shapes_has_a_note(planar):
+    collisions = collisions_of(planar)
+    assert collisions.names == ()
+    assert collisions.notes == ("planar2 has no collision shapes: collisions are not looked at.",)
+
+
+def test_shapes_whose_mesh_is_missing_have_a_note(tmp_path, chain_of_balls):
+    text = Path(chain_of_balls.source).read_text().replace('<sphere radius="0.1"/>', '<mesh filename="no.stl"/>')
+    path = tmp_path / "missing.urdf"
+    path.write_text(text)
+    (note,) = collisions_of(load_robot(path)).notes
+    assert note.startswith("Collisions are not looked at, as the shapes cannot be read (")
+
+
+@pytest.mark.parametrize("clearance", [-0.1, np.nan])
+def test_a_clearance_that_is_none_is_refused(chain_of_balls, clearance):
+    with pytest.raises(ParameterError, match=r"A clearance of \S+ m was given: give 0 or more"):
+        Collisions(collisions_of(chain_of_balls).shapes, clearance)
+
+
+LINK = (
+    '<link name="{name}"><inertial><origin xyz="{middle} 0 0"/><mass value="{mass}"/>'
+    '<inertia ixx="1e-5" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+
+JOINT = (
+    '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><origin xyz="{at} 0 0"/>'
+    '<axis xyz="0 0 1"/><limit lower="-3.2" upper="3.2" effort="2" velocity="25"/></joint>'
+)
+
+# Name, mass and length of each rod: two arms, and the forearms that meet in a pin.
+RODS = (("arm_a", 0.3, 0.18), ("forearm_a", 0.2, 0.26), ("arm_b", 0.25, 0.2), ("forearm_b", 0.15, 0.24))
+
+JOINTS = (
+    ("drive_a", "revolute", "base", "arm_a", -0.08),
+    ("elbow_a", "revolute", "arm_a", "forearm_a", 0.18),
+    ("drive_b", "revolute", "base", "arm_b", 0.08),
+    ("elbow_b", "revolute", "arm_b", "forearm_b", 0.2),
+    ("fixed_a", "fixed", "forearm_a", "pin_a", 0.26),
+    ("fixed_b", "fixed", "forearm_b", "pin_b", 0.24),
+)
+
+LOOP = (
+    "loops:\n  - {kind: point, frame_a: pin_a, frame_b: pin_b, active: [drive_a, drive_b], "
+    "start: {drive_a: 2.2, elbow_a: -1.1, drive_b: 0.9, elbow_b: 1.1}}\n"
+)
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory) -> Excitation:
+    folder = tmp_path_factory.mktemp("linkage")
+    links = [
+        LINK.format(name=name, middle=length / 2, mass=mass, inertia=mass * length**2 / 12)
+        for name, mass, length in RODS
+    ]
+    joints = [
+        JOINT.format(name=name, kind=kind, parent=parent, child=child, at=at)
+        for name, kind, parent, child, at in JOINTS
+    ]
+    bare = '<link name="base"/><link name="pin_a"/><link name="pin_b"/>'
+    (folder / "linkage.urdf").write_text(f'<robot name="linkage">{bare}{"".join(links + joints)}</robot>')
+    (folder / "robot.yaml").write_text(LOOP)
+    return excite(load_robot(folder / "linkage.urdf"), FourierSeries(4.0, 3), starts=2, seed=2)
+
+
+@pytest.mark.whole
+def test_the_descent_goes_on_where_its_first_steps_tear_the_loop_open(designed):
+    # The best of the random starts is what a descent that gives up ends with.
+    assert designed.condition < 0.6 * designed.start
+
+
+@pytest.mark.whole
+def test_its_condition_is_that_of_the_normed_columns(designed):
+    # Oracle: singular values by NumPy, at a rate that the design has not seen; the columns span all others.
+    W = rigid_body_regressor(designed.robot, designed.motion(400.0))
+    W = W.reshape(-1, W.shape[2])
+    columns = W[:, base_of(designed.robot).columns]
+    assert np.linalg.matrix_rank(columns, tol=1e-8) == np.linalg.matrix_rank(W, tol=1e-8) == designed.rank
+    stated = np.linalg.cond(columns / np.linalg.norm(columns, axis=0))
+    assert designed.condition == pytest.approx(stated, rel=0.05)

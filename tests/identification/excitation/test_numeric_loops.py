@@ -1,7 +1,5 @@
 """Exciting motions of chains whose loops are closed numerically: a four-bar and a five-bar."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots with other inertias and friction than their files state, and motions to compare torques on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

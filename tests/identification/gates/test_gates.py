@@ -1,7 +1,5 @@
 """Each gate passes what exceeds its threshold, and states its figure. Oracle: by hand, at the threshold's two sides."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

@@ -1,8 +1,6 @@
 """What poses say of closed chains. Oracle: linkages whose URDF was changed as text, with other forward kinematics and
 loops that SciPy closes."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,14 +1,24 @@
-"""What poses say of a robot's geometry. Oracle: a UR10 whose URDF was changed as text, by other forward kinematics."""
+"""Diagnosis of measured poses: claims, held-out poses, comparison."""
 
-from __future__ import annotations
-
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from identification.engine.claims import Claim
+from identification.gates import ORDER
 from identification.geometry.diagnose_poses import diagnose_poses
+from identification.geometry.equations import Equations
+from identification.geometry.held_out import blocks_of, left_of_rows
 from identification.geometry.result import GeometryResult
+from identification.geometry.whitened import Noise, noise_of, whitened
+from identification.reporting.comparison import compare, comparison_text
+from identification.reporting.stored.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
+from identification.scenarios.measured_poses import diagnosis_of_poses
+from identification.words.geometry_words import all_findings, answer
+from identification.words.ledger_words import why
 from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError
 
@@ -172,3 +182,143 @@ def test_sizes_that_would_have_been_seen_are_a_little_above_what_the_noise_hides
         assert seen is not None
         assert seen.findings
     assert bound < 5e-4
+
+
+ELBOW = ("encoder_offset", "elbow_joint")
+
+
+@pytest.fixture
+def shifted(ur10, tracked):
+    """Poses of an arm whose elbow reads 3 mrad too much."""
+    return diagnosis_of_poses(ur10, (tracked(11, zeros={"elbow_joint": 0.003}),))
+
+
+def of(diagnosis, effect: str, joint: str) -> Claim:
+    (claim,) = [one for one in diagnosis.ledger if [(at.effect, at.joint) for at in one.effects] == [(effect, joint)]]
+    return claim
+
+
+def test_what_is_found_has_passed_chance_and_size(shifted):
+    assert shifted.geometry.findings
+    claim = of(shifted, *ELBOW)
+    assert (claim.outcome, claim.judged_by) == ("claimed", "poses")
+    assert [result.gate for result in claim.gates] == ["more than chance", "large enough"]
+    assert all(result.passed for result in claim.gates)
+    assert claim.figures["closes"] == pytest.approx(shifted.geometry.closed, rel=1e-6)
+
+
+def test_what_is_not_found_has_failed_its_last_gate_and_no_other(shifted):
+    others = [claim for claim in shifted.ledger if claim.outcome != "claimed"]
+    assert 0 < len(others) <= 10
+    for claim in others:
+        passed = [result.passed for result in claim.gates]
+        assert passed == [True] * (len(passed) - 1) + [False]
+        places = [ORDER[result.gate] for result in claim.gates]
+        assert places == sorted(places)
+
+
+def test_what_would_be_claimed_without_a_finding_is_displaced_by_it(shifted):
+    claim = of(shifted, "encoder_offset", "shoulder_lift_joint")
+    assert claim.outcome == "displaced"
+    assert [(at.effect, at.joint) for at in claim.instead] == [ELBOW]
+    assert claim.figures["floors_more"] > 0.1
+
+
+def test_a_robot_that_is_right_has_a_ledger_without_claims(ur10, tracked):
+    found = diagnosis_of_poses(ur10, (tracked(21),))
+    assert {claim.outcome for claim in found.ledger} == {"not_claimed"}
+    assert {claim.gates[-1].gate for claim in found.ledger} == {"more than chance"}
+
+
+def test_the_ledger_of_poses_is_read_from_the_file_as_it_was_written(shifted, tmp_path):
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json_text(shifted))
+    assert {entry["judged_by"] for entry in json.loads(file.read_text())["ledger"]} == {"poses"}
+    read, made = (
+        [(claim.effects, claim.outcome, claim.judged_by) for claim in one.ledger]
+        for one in (read_diagnosis(file), shifted)
+    )
+    assert read == made
+
+
+def test_why_speaks_of_poses(shifted):
+    (named,) = why(shifted, "encoder_offset", "elbow_joint")
+    assert named.sentence.startswith("An encoder offset on elbow_joint is named: it passed all 2 gates")
+    (other,) = why(shifted, "encoder_offset", "shoulder_lift_joint")
+    assert "it is not named because an encoder offset on elbow_joint closes" in other.sentence
+
+
+@pytest.fixture
+def equations(rng) -> Equations:
+    """Two hundred poses with three nuisances and four terms."""
+    rows = 600
+    nuisance, columns = rng.standard_normal((rows, 3)), rng.standard_normal((rows, 4))
+    left = nuisance @ [1.0, 2.0, 3.0] + columns @ [0.5, 0, 0, 0] + 0.1 * rng.standard_normal(rows)
+    return Equations(left, nuisance, columns, (), np.repeat(np.arange(200), 3), np.zeros(rows, dtype=int))
+
+
+UNITS, NAMES = ("m",) * 4, ("a", "b", "c", "d")
+
+
+def _whitened(equations: Equations):
+    block, kept = equations.pose // 20, np.ones(600, dtype=bool)
+    return whitened(equations, np.zeros(4), Noise(np.ones(2), np.ones(2), 500.0), block, kept, (UNITS, NAMES))
+
+
+def test_losses_are_those_of_fits_that_have_not_seen_the_block(equations):
+    found = _whitened(equations)
+    matrix, y, block = np.hstack([equations.nuisance, equations.columns[:, [0, 2]]]), equations.left, found.block
+    expected = []
+    for b in range(10):
+        values = np.linalg.lstsq(matrix[block != b], y[block != b])[0]
+        expected.append(np.sum((y[block == b] - matrix[block == b] @ values) ** 2))
+    np.testing.assert_allclose(blocks_of(found).losses((0, 2)), expected, rtol=1e-8)
+
+
+def test_what_is_left_of_each_pose_squares_up_to_the_losses(equations):
+    found = _whitened(equations)
+    blocks = blocks_of(found)
+    left = left_of_rows(found, blocks, (1,))
+    sums = [np.sum(left[found.block == b] ** 2) for b in range(10)]
+    np.testing.assert_allclose(blocks.losses((1,)), sums, rtol=1e-8)
+
+
+def test_noise_is_what_all_columns_together_leave(equations):
+    noise = noise_of(equations, UNITS, NAMES, np.zeros(2, dtype=bool), np.ones(600, dtype=bool))
+    assert noise.sigma[0] == pytest.approx(0.1, rel=0.1)
+    assert noise.free == pytest.approx(600 - 7)
+
+
+def test_noise_that_lasts_counts_for_as_many_poses_fewer(equations, rng):
+    # First order with 0.8 from pose to pose: variances of means grow by (1 + 0.8) / (1 - 0.8) = 9.
+    slow = np.zeros((4000, 3))
+    for k in range(1, 4000):
+        slow[k] = 0.8 * slow[k - 1] + rng.standard_normal(3)
+    n = 12000
+    long = Equations(
+        slow.ravel(), np.ones((n, 1)), np.zeros((n, 4)), (), np.repeat(np.arange(4000), 3), np.zeros(n, dtype=int)
+    )
+    noise = noise_of(long, UNITS, NAMES, np.ones(2, dtype=bool), np.ones(n, dtype=bool))
+    assert noise.slow[0] == pytest.approx(9.0, rel=0.3)
+
+
+@pytest.fixture
+def both(ur10, tracked):
+    """Of a robot that is right and one with a wrong zero."""
+    recordings = (tracked(50), tracked(51, zeros={"elbow_joint": 0.003}))
+    return [diagnosis_of_poses(ur10, (recording,)) for recording in recordings]
+
+
+def test_a_zero_that_poses_show_is_a_change_between_diagnoses(both):
+    told = comparison_text(compare(both, ["before", "after"]))
+    assert "The verdict changed: no gap -> explained." in told
+    assert "An encoder offset on elbow_joint, offset: not found -> 0.00" in told
+
+
+def test_the_answer_of_poses_alone_says_nothing_of_torques(both):
+    assert all(answer(one).startswith("Measured poses: tool0 is off by") for one in both)
+
+
+def test_findings_in_poses_are_listed_like_those_in_torque(both):
+    (finding,) = all_findings(both[1])
+    assert (finding.effect, finding.joint, finding.regime) == ("encoder_offset", "elbow_joint", "posture")

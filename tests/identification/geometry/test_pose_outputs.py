@@ -1,8 +1,6 @@
 """Poses alone from a file to all that is written. Oracle: forward kinematics without Pinocchio on other poses, MuJoCo,
 and the numbers that were put in."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

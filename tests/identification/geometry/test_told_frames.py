@@ -1,7 +1,5 @@
 """Poses that are told in the robot's root frame. Oracle: poses of base and target that were put in, by NumPy alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """One log with torques and poses. Oracle: an arm whose encoder reads too much, moved by the inverse dynamics of where
 it truly is, with forward kinematics written without Pinocchio."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

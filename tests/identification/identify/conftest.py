@@ -1,7 +1,5 @@
 """Recordings of known truth: robots whose inertias and friction are not those of their files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-from __future__ import annotations
+"""Advice for the next experiment."""
 
 import csv
 from dataclasses import replace
@@ -10,14 +10,21 @@ from identification.data.signals import low_pass
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
+from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.advise import length_of, proposed
-from identification.next_experiment.hypotheses import hypotheses_of
+from identification.next_experiment.candidates import Candidate
+from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of
+from identification.next_experiment.laboratory import coarser, laboratory
 from identification.next_experiment.proposal import Proposal
+from identification.next_experiment.proposal_words import proposal_words, reference_text
+from identification.next_experiment.separation import Pair
+from identification.next_experiment.trials import Trial
 from identification.notes import Code
 from identification.reporting.stored.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import PROPOSED, finding_words
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
 
 
 def one_of(effect: str, rival: str, joint: str) -> Finding:
@@ -136,3 +143,76 @@ def test_a_slow_recording_gets_a_proposal_long_enough_for_its_band(lab, pendulum
     seconds = length_of((slow,))
     assert len(slow.band.samples(int(seconds * 0.1))) >= 20
     assert length_of(logs) <= 20
+
+
+MOTION = Candidate("Fourier series", FourierSeries(10.0, 4), np.zeros((9, 1)))
+
+PAIR = Pair(*(Hypothesis((EffectAt(name, "pin"),), 0.5, ()) for name in ("viscous_friction", "input_delay")))
+
+
+def test_softer_gains_are_asked_for_in_the_sentence():
+    trial = Trial(MOTION, None, 0.25, np.array([0.9]), np.array([40.0]), 0.9)
+    said = proposal_words((PAIR,), trial, "next.csv", 0.9).replace("\xa0", " ")
+    assert said.startswith(
+        "Record the motion of next.csv with the gains of the position controllers at 25 % of those in robot.yaml"
+        " (10 s, Fourier series"
+    )
+    assert "), write these gains as its controller beside its file name in recordings.yaml, and diagnose it" in said
+    assert said.endswith(
+        "with a probability of 90 % it separates viscous friction on joint pin from an input delay on joint pin."
+    )
+
+
+def test_of_many_pairs_one_is_told_and_the_others_counted():
+    def cause(effect: str, joint: str) -> Hypothesis:
+        return Hypothesis((EffectAt(effect, joint),), 0.5, ())
+
+    pairs = tuple(Pair(cause("viscous_friction", f"j{k}"), cause("coulomb_friction", f"j{k}")) for k in range(5))
+    trial = Trial(MOTION, None, 0.25, np.array([0.9]), np.array([40.0]), 0.9)
+    said = proposal_words(pairs, trial, "next.csv", 0.9)
+    assert said.endswith("friction on joint j0 from Coulomb friction on joint j0, and 4 more causes from others.")
+    assert "j1" not in said
+
+
+def test_a_reference_has_the_columns_of_the_contract_and_loses_no_digit(rng):
+    q, v, a = rng.normal(size=(3, 5, 2))
+    text = reference_text(Motion(np.arange(5) / 3.0, q, v, a), ("j1", "j2"))
+    header, *rows = text.splitlines()
+    assert header == "t,q_ref.j1,q_ref.j2,v_ref.j1,v_ref.j2,a_ref.j1,a_ref.j2"
+    table = np.array([[float(x) for x in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(table, np.column_stack([np.arange(5) / 3.0, q, v, a]))
+
+
+def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, pendulum):
+    # Oracle: the products that the diagnosis itself forms of the same motion. Samples at reversals count less there, as
+    # friction is in doubt, and what separates presliding from Coulomb friction lies in them alone.
+    moved = lab.motion(1, seconds=20.0, swing=0.5)
+    ready = lab.prepared(pendulum, (lab.recording(pendulum, moved, 0.2 * np.sign(moved.v)),))
+    noise = estimate_noise(ready.session, ready.columns)[0]
+    short = min(
+        (term for term in ready.columns.terms if term.effect.name == "presliding_friction"), key=lambda t: t.shape
+    )
+    coulomb, viscous = (ready.term(name, "pin") for name in ("coulomb_friction", "viscous_friction"))
+    union = np.array(sorted(k for term in (short, coulomb, viscous) for k in term.columns))
+    plan = laboratory(ready.problem, noise, union, ())
+    planned = plan.products(lab.motion(1, seconds=20.0, swing=0.5, rate=plan.band.rate_hz), pendulum)
+    recorded = ready.problem.total_a[np.ix_(union, union)]
+
+    def told(products):
+        """What parts the two laws, in units of what viscous friction shows."""
+        apart = (union == short.columns[0]).astype(float) - (union == coulomb.columns[0])
+        at = int(np.searchsorted(union, viscous.columns[0]))
+        return apart @ products @ apart / products[at, at]
+
+    assert abs(told(planned) / told(recorded) - 1.0) < 0.25
+
+
+@pytest.mark.parametrize("step", [1, 3, 19, 26, 400])
+def test_a_planned_motion_comes_out_of_the_filter_at_the_rate_of_the_recordings(step):
+    # By the definition of the filter: 2.5 samples come out per period of its edge, and at least four go in.
+    cutoff = 1000.0 / (2.5 * step) if step > 1 else 450.0
+    band = low_pass(cutoff, 1000.0)
+    fewer = coarser(band)
+    assert fewer.rate_hz / fewer.step == pytest.approx(band.rate_hz / band.step)
+    assert min(4.0 * band.cutoff_hz, band.rate_hz) <= fewer.rate_hz <= band.rate_hz
+    assert fewer.rate_hz <= 8.0 * band.cutoff_hz or fewer is band

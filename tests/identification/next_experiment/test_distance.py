@@ -1,10 +1,26 @@
-from __future__ import annotations
+"""Distance between rivals and motions that separate them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.next_experiment.hypotheses import Model
-from identification.next_experiment.separation import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
+from identification.diagnosis.result import EffectAt
+from identification.next_experiment.hypotheses import Hypothesis, Model
+from identification.next_experiment.separation import (
+    Pair,
+    Rivalry,
+    distance,
+    draws_of,
+    power_of,
+    power_of_hopeless,
+    power_of_simpler,
+    separation,
+)
+from identification.next_experiment.trials import followed
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Controller, Robot
+from phantom_dyn.motion import Motion
 
 
 def model(
@@ -101,3 +117,86 @@ def test_a_richer_law_is_struck_off_only_where_its_further_part_would_have_shown
     shown = [power_of_simpler(simple, rich, factor * recorded, recorded) for factor in (1.0, 1e2, 1e6)]
     assert shown == sorted(shown)
     assert shown[-1] > 0.95
+
+
+class Simple(Hypothesis):
+    """Contains nothing."""
+
+    def contains(self, other):
+        return False
+
+
+class Rich(Hypothesis):
+    """Contains the other one."""
+
+    def contains(self, other):
+        return True
+
+
+def law(columns: tuple[int, ...], theta: list[float]) -> Model:
+    """A fit of some columns of all, without moves of the model."""
+    basis = np.eye(len(theta))[:, list(columns)]
+    bound = np.full(len(columns), np.inf)
+    return Model(
+        np.array(theta), basis, np.zeros(len(theta)), np.full(len(columns), 1e-6), -bound, bound,
+        np.zeros(len(columns), dtype=bool), 0.0, columns,
+    )  # fmt: skip
+
+
+def test_a_richer_law_is_struck_off_no_more_surely_than_its_least_visible_shape(rng):
+    # The simple law's column, one of a shape that differs from it, and one of a shape that hardly does. The simple law
+    # is nearly certain, so that the power is that of striking off the other.
+    simple, seen, hidden = (law((k,), theta) for k, theta in enumerate(2.0 * np.eye(3)))
+    one = Simple((EffectAt("coulomb_friction", "pin"),), 1.0, ())
+    other = Rich((EffectAt("presliding_friction", "pin"),), 0.0, ())
+
+    def power(*shapes):
+        same, own = rng.standard_normal((2, 4000))
+        columns = np.stack([same, own, same + 0.001 * own], axis=1)
+        rivalry = Rivalry(
+            (Pair(one, other),), {one.effects: (simple,), other.effects: shapes}, columns.T @ columns, 1.0, 0
+        )
+        return separation(rivalry, 100.0 * columns.T @ columns).power[0]
+
+    assert power(seen) > 0.9
+    assert power(hidden) < 0.05
+    assert power(seen, hidden) < 0.05
+
+
+KP, KD, W = 40000.0, 4000.0, 2 * np.pi * 3.0
+
+
+@pytest.fixture(scope="module")
+def slide() -> Robot:
+    """95 kg without friction, led by a controller of position."""
+    slide = load_robot("emps")
+    free = tuple(replace(drive, controller=Controller(kp=KP, kd=KD)) for drive in slide.actuators)
+    return replace(slide, actuators=free)
+
+
+def reference() -> Motion:
+    """Six seconds of a sine that begins at a turn."""
+    t = np.arange(3001) / 500.0
+    q = 0.05 * np.cos(W * t)[:, None]
+    return Motion(t, q, -0.05 * W * np.sin(W * t)[:, None], -(W**2) * q)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_the_motion_is_that_of_the_linear_loop(slide, share):
+    # Closed form: kp / (kp - M w^2 + i w kd), once the start has died away.
+    motion = followed(slide, reference(), share)
+    mass = slide.model.inertias[1].mass + float(slide.model.armature[0])
+    gain = share * KP / (share * KP - mass * W**2 + 1j * W * share * KD)
+    wanted = 0.05 * (gain * np.exp(1j * W * motion.t)).real
+    late = motion.t > 4.0
+    np.testing.assert_allclose(motion.q[late, 0], wanted[late], atol=2e-4 * 0.05)
+
+
+def test_a_robot_that_states_no_controllers_has_no_softer_ones(slide):
+    silent = tuple(replace(drive, controller=None) for drive in slide.actuators)
+    assert followed(replace(slide, actuators=silent), reference(), 0.5) is None
+
+
+def test_a_loop_that_runs_away_gives_no_motion(slide):
+    wild = tuple(replace(drive, controller=Controller(kp=KP, kd=-1e6)) for drive in slide.actuators)
+    assert followed(replace(slide, actuators=wild), reference(), 1.0) is None

@@ -1,4 +1,8 @@
-from __future__ import annotations
+"""Base parameters, of a CEA branch too."""
+
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pinocchio as pin
@@ -11,15 +15,16 @@ from identification.data.log import Band, Log
 from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix
 from identification.regression.regressor import torque_regressor
 from identification.regression.triangular import r_factor
-from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import Motion
 
 UNFILTERED = Band(100.0, 50.0, np.ones(1), 1)
+
 JOINTS = {"R": pin.JointModelRZ, "P": pin.JointModelPZ, "C": pin.JointModelRUBZ}
 
 
@@ -261,3 +266,23 @@ def test_values_for_another_number_of_parameters_are_refused():
 def test_no_block_at_all_is_refused():
     with pytest.raises(ParameterError, match="No block of the regressor was given"):
         r_factor([])
+
+
+CODE = """
+import numpy
+from identification.regression.triangular import one_blas_thread
+from threadpoolctl import threadpool_info
+
+with one_blas_thread():
+    import scipy.linalg
+    print([one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"])
+"""
+
+
+def test_a_linear_algebra_that_is_loaded_late_has_one_thread_too():
+    threads = {name: "2" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-c", CODE], env={**os.environ, **threads}, capture_output=True, text=True, check=True
+    )
+    counts = done.stdout.strip()
+    assert set(counts.strip("[]").split(", ")) == {"1"}

@@ -1,7 +1,5 @@
 """Base parameters of the CEA branch, a closed chain, beside those of its source."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Reductions against a full QR decomposition and `numpy.linalg.lstsq` of the same rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Recordings whose truth is known, cut into windows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,19 +1,22 @@
-"""Rollouts against closed forms and known truths."""
-
-from __future__ import annotations
+"""Rollouts of both models: noise band, followed references."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from identification.data.log import Band, Log
 from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.result import Judgement, Unexplained
 from identification.pipeline import diagnose
-from identification.rollout.compare import Errors, horizon_of
+from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
 from identification.rollout.driven import given_torque
+from identification.rollout.followed import with_followed
 from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged, recorded_past
+from identification.rollout.noise_band import borne_out_by_motion, strays
 from identification.rollout.rollout import _everywhere
-from identification.rollout.rollout_starts import States, states_of, true_state
+from identification.rollout.rollout_starts import States, Window, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
 from identification.words.note_words import sentence, sentences
@@ -239,3 +242,79 @@ def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
         "to and keeps "
         "(shoulder past 2 rad in 4, elbow past -1.5 rad in 16): "
     )
+
+
+@pytest.fixture(scope="module")
+def over(record, planar):
+    """How far each joint of the planar arm strays over the band, with a cause and with noise of the torque [N m]."""
+    made = record(planar)
+    t, tau = made.log.motion.t, made.log.tau
+
+    def of(size: float, noise: float) -> np.ndarray:
+        causes = (Cause(effect_named("torque_offset"), "shoulder", np.array([size])),) if size else ()
+        model = model_of(planar, causes)
+        shots = tuple(replace(shot, window=replace(shot.window, fold=k % 4)) for k, shot in enumerate(made.shots()))
+        wave = noise * np.sin(2.0 * np.pi * np.outer(t, [0.31, 0.37]))
+        return strays(
+            shots,
+            lambda window, fold: model,
+            lambda shot, known: given_torque(known, t, tau),
+            (wave,),
+            (0, 1, 2, 3),
+            0.5,
+        )
+
+    return of
+
+
+def test_the_right_model_strays_no_further_than_noise_makes_it(over):
+    assert over(0.0, 0.02).max() < 1.0
+
+
+def test_a_constant_torque_that_counts_as_no_noise_makes_a_joint_stray(over):
+    assert over(1.0, 0.02)[0] > 1.0
+
+
+def test_the_more_torque_counts_as_noise_the_less_is_beyond_it(over):
+    # Closed form: where noise of the torque is all there is, the band grows with it.
+    assert over(1.0, 4.0)[0] == pytest.approx(over(1.0, 2.0)[0] / 2.0, rel=0.1)
+
+
+def test_a_model_whose_torque_shows_no_gap_but_which_strays_is_off_by_something_unknown(made_up):
+    left = Unexplained(0.0, False, None, None)
+    judgement = Judgement("no_gap", (), (), (), left, (), (), made_up().evidence)
+    told = borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j1": 1.2, "j2": 2.1}))
+    assert (told.verdict, told.unexplained.joint) == ("unknown", "j2")
+    assert borne_out_by_motion(judgement, Rollout(0.5, {}, {})) == judgement
+    assert borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j2": 1.9})) == judgement
+    explained = replace(judgement, verdict="explained")
+    assert borne_out_by_motion(explained, Rollout(0.5, {}, {}, strays={"j1": 2.2})) == explained
+
+
+def evidence(samples: int) -> Evidence:
+    none = np.zeros((samples, 1))
+    return Evidence(np.arange(float(samples)), none, none, none, none, none, none, ({},))
+
+
+def log() -> Log:
+    """A second at 100 Hz, of which every fifth sample is drawn."""
+    t, none = np.arange(101) / 100.0, np.zeros((101, 1))
+    band = Band(100.0, 10.0, np.ones(1), 5)
+    return Log("a.csv", ("j",), Motion(t, none, none, none), none, band, np.ones(101, dtype=bool))
+
+
+def test_each_window_stands_at_its_own_samples_but_for_its_first():
+    logs, read = (log(), log()), np.arange(50.0)[:, None]
+    motions = (WindowMotion(Window(1, 20, 70, 0, 0), read, -read),)
+    found = with_followed(evidence(42), Rollout(0.1, {}, {}, motions=motions, controlled=True), logs).followed
+    assert found is not None
+    assert (round(found.seconds, 9), found.controlled) == (0.49, True)
+    expected = np.full(42, np.nan)
+    expected[21 + np.arange(5, 14)] = 5.0 * np.arange(1, 10)
+    np.testing.assert_array_equal(found.before[:, 0], expected)
+    np.testing.assert_array_equal(found.after[:, 0], -expected)
+
+
+def test_nothing_simulated_changes_nothing():
+    given = evidence(21)
+    assert with_followed(given, Rollout(None, {}, {}), (log(),)) is given

@@ -1,7 +1,5 @@
 """A pendulum, and recordings of it under different conditions whose truth is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings without torque, moved by a simulated controller whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

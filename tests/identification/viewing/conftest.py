@@ -1,7 +1,5 @@
 """A recording of a robot that has Coulomb friction on its elbow, and whose model has none there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of a replay, served. Oracle: a client that asks for it over HTTP, and the state of its controls."""
 
-from __future__ import annotations
-
 import socket
 import urllib.request
 

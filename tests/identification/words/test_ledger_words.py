@@ -1,7 +1,5 @@
 """Why an effect was named or not. Oracle: the contract's example, and sentences by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What becomes of a function where numba is absent or off, or has nowhere to keep its machine code, and in threads."""
 
-from __future__ import annotations
-
 import copy
 import os
 import pickle

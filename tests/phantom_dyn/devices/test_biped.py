@@ -1,6 +1,4 @@
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Robots that are not bolted down, by sensors on their base; oracles: Pinocchio's free-flyer, MuJoCo's free joint."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import mujoco

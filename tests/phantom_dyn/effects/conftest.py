@@ -1,7 +1,5 @@
 """A robot with two hinges and a slide, and random motions of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

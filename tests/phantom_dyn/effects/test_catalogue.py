@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import inspect
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Bad input to the haptics is one sentence that says what was given and what to give."""
 
-from __future__ import annotations
-
 import math
 
 import jaxtyping

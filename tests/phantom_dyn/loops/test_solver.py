@@ -1,15 +1,23 @@
-from __future__ import annotations
+"""Closed loops: expressions, singular postures, solver and its compiled form."""
 
 import copy
+import math
 import pickle
 
 import numpy as np
 import pytest
 
+from phantom_dyn._kernels import jit
+from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn.errors import ChainError
-from phantom_dyn.loops.solver import solve, tree_positions
+from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import drift, solve, tree_positions
+from phantom_dyn.model.linear_loops import LinearExpression, linear_expression
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 
 PINS = "frame_a: coupler_pin, frame_b: rocker_pin"
+
 POINT = f"loops: [{{kind: point, {PINS}, active: [crank]}}]"
 
 
@@ -115,3 +123,153 @@ def test_a_copy_of_a_chain_solves_alike(load, copied):
     q = np.array([[0.7]])
     found = tree_positions(robot.model, copied(robot.chain), q)
     np.testing.assert_array_equal(found, tree_positions(robot.model, robot.chain, q))
+
+
+CRANK = f"loops: [{{kind: point, {PINS}, active: [crank]}}]"
+
+ROCKER = f"loops: [{{kind: point, {PINS}, active: [rocker], start: {{crank: 0.1}}}}]"
+
+BRANCHES = "".join(f'<link name="{side}{k}"/>' for side in "ab" for k in range(3)) + "".join(
+    f'<joint name="{side}_{k}" type="{kind}"><origin xyz="0.1 0 0.2" rpy="0.3 0 {k}"/>'
+    f'<parent link="{"base" if k == 0 else side + str(k - 1)}"/><child link="{side}{k}"/><axis xyz="0 0.6 0.8"/>'
+    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+    for side in "ab"
+    for k, kind in enumerate(("revolute", "continuous", "prismatic"))
+)
+
+WELD = "loops: [{kind: frame, frame_a: a2, frame_b: b2, active: [a_0, a_1, a_2]}]"
+
+
+@pytest.fixture
+def robots(load) -> dict[str, Robot]:
+    return {
+        "point": load("fourbar.urdf", CRANK),
+        "frame": load("fourbar.urdf", WELD, ("</robot>", BRANCHES + "</robot>")),
+        "two loops": load(
+            "fourbar.urdf",
+            f"loops: [{{kind: point, {PINS}, active: [crank]}}, {WELD.split('[', 1)[1]}",
+            ("</robot>", BRANCHES + "</robot>"),
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", ["point", "frame", "two loops"])
+def test_positions_slopes_and_drift_are_those_of_python(robots, name, rng):
+    robot = robots[name]
+    q = np.cumsum(rng.uniform(-0.4, 0.4, (30, robot.nv)), axis=0) * 0.3
+    fast, slow = (solve(robot.model, robot.chain, q, arrays=a) for a in (robot.arrays, None))
+    np.testing.assert_allclose(fast.x, slow.x, atol=1e-12)
+    np.testing.assert_allclose(fast.G, slow.G, atol=1e-11)
+    v = np.einsum("nti,ni->nt", slow.G, rng.normal(size=q.shape))
+    expected = drift(robot.model, robot.chain, slow, v)
+    found = drift(robot.model, robot.chain, slow, v, arrays=robot.arrays)
+    np.testing.assert_allclose(found, expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("q", [[[-0.2], [-0.1], [1.5]], [[1.5]], [[-0.2], [np.pi]]])
+def test_a_loop_that_cannot_be_closed_is_refused_with_the_sentence_of_python(load, q):
+    robot, said = load("fourbar.urdf", ROCKER), []
+    for arrays in (robot.arrays, None):
+        with pytest.raises(ChainError, match=r"loops\[0\] \(coupler_pin to rocker_pin\) cannot be closed") as caught:
+            solve(robot.model, robot.chain, np.array(q), arrays=arrays)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_a_position_that_is_not_finite_is_refused_with_its_place(robots):
+    robot = robots["point"]
+    with pytest.raises(ChainError, match="position of active joint number 0 is not finite at sample 1: give finite"):
+        robot.configuration(np.array([[0.1], [np.nan]]))
+
+
+def test_without_numba_the_steps_are_those_of_python(robots, monkeypatch):
+    robot, q = robots["point"], np.linspace(0.0, 1.0, 5)[:, None]
+    expected = robot.configuration(q)
+    monkeypatch.setattr(jit, "njit", lambda: None)
+    np.testing.assert_allclose(robot.configuration(q), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (6, 6), (4, 1)])
+def test_the_pseudo_inverse_is_that_of_numpy(rng, shape):
+    slope, found = rng.normal(size=shape), np.empty(shape[::-1])
+    assert pseudo_inverse(slope, 1e-5, found)
+    np.testing.assert_allclose(found, np.linalg.pinv(slope), atol=1e-12)
+
+
+@pytest.mark.parametrize("slope", [np.ones((3, 2)), np.zeros((2, 1)), np.ones((1, 2)), np.full((2, 2), np.nan)])
+def test_a_slope_that_does_not_determine_the_unknowns_has_no_inverse(slope):
+    assert not pseudo_inverse(slope, 1e-5, np.empty(slope.shape[::-1]))
+
+
+JOINTS = ("q2", "q5", "arm-1", "arm")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("q5 - q2", LinearExpression(0.0, {"q5": 1.0, "q2": -1.0})),
+        ("pi/2 - q5", LinearExpression(math.pi / 2, {"q5": -1.0})),
+        ("-(2*q2 + 3)/4", LinearExpression(-0.75, {"q2": -0.5})),
+        ("+q2*1e-3", LinearExpression(0.0, {"q2": 1e-3})),
+        ("q2 + q2", LinearExpression(0.0, {"q2": 2.0})),
+        ("2*arm-1 - arm", LinearExpression(0.0, {"arm-1": 2.0, "arm": -1.0})),
+        ("0.3", LinearExpression(0.3)),
+    ],
+)
+def test_sums_of_numbers_and_multiples_of_joints_are_read(text, expected):
+    assert linear_expression(text, JOINTS) == expected
+
+
+def test_a_joint_called_pi_is_a_joint():
+    assert linear_expression("2*pi", ("pi",)) == LinearExpression(0.0, {"pi": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("q2*q5", "it multiplies two joints"),
+        ("1/q2", "it divides by a joint"),
+        ("q2/(1 - 1)", "it divides by zero"),
+        ("sin(q2)", "it is more than a sum"),
+        ("q2**1", "it is more than a sum"),
+        ("True*q2", "it is more than a sum"),
+        ("__import__('os')", "it is more than a sum"),
+        ("q7 - q2", "'q7' in it is none of q2, q5, arm-1, arm, nor pi"),
+        ("q2 -", "it cannot be read"),
+        ("", "it cannot be read"),
+    ],
+)
+def test_anything_else_is_refused_with_its_reason(text, reason):
+    with pytest.raises(ValueError, match=reason):
+        linear_expression(text, JOINTS)
+
+
+COUPLER = "loops: [{kind: point, frame_a: coupler_pin, frame_b: rocker_pin, active: [crank]}]"
+
+
+def test_the_distance_of_a_four_bar_is_that_of_its_transmission_angle(load):
+    # Closed form: the law of cosines in the triangle of coupler, rocker and crank's pin to bearing.
+    robot, q = load("fourbar.urdf", COUPLER), np.linspace(0.0, 6.0, 50)
+    coupler, rocker = np.hypot(0.25, 0.05), 0.2
+    apart = np.hypot(0.3 - 0.1 * np.cos(q), 0.1 * np.sin(q))
+    cosine = (coupler**2 + rocker**2 - apart**2) / (2 * coupler * rocker)
+    found = distance_from_singularity(solve(robot.model, robot.chain, q[:, None]).inverse)
+    np.testing.assert_allclose(found, np.sqrt(1 - np.abs(cosine)), atol=1e-8)
+
+
+def test_a_chain_whose_passive_joints_follow_by_expressions_is_never_singular():
+    robot = load_robot("phantom_1_5")
+    assert np.isinf(distance_from_singularity(robot.solutions.at(np.zeros((3, 3))).inverse)).all()
+
+
+def test_the_distance_does_not_depend_on_the_size_of_the_linkage(load):
+    # By hand: twenty times the lengths scale all columns alike.
+    small, lengths = load("fourbar.urdf", COUPLER), ("0.1 0 0", "0.25 0 0.05", "0.3 0 0", "0 0 0.2")
+    scaled = (" ".join(f"{20 * float(x):g}" for x in text.split()) for text in lengths)
+    sizes = [
+        (f'<origin xyz="{old}"/>\n    <parent', f'<origin xyz="{new}"/>\n    <parent')
+        for old, new in zip(lengths, scaled, strict=True)
+    ]
+    large, q = load("fourbar.urdf", COUPLER, *sizes), np.array([[1.0]])
+    found, expected = (distance_from_singularity(solve(r.model, r.chain, q).inverse) for r in (large, small))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)

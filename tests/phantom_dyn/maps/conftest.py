@@ -1,7 +1,5 @@
 """Robots of many kinds, and configurations of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

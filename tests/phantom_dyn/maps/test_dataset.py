@@ -1,6 +1,4 @@
-"""Maps as arrays with coordinates and as figures. Oracles: the contract, xarray, the image's own pixels."""
-
-from __future__ import annotations
+"""Maps of a workspace: grid, quantities, limits and files."""
 
 from dataclasses import replace
 from io import BytesIO
@@ -9,11 +7,18 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from phantom_dyn.model.loading import load_robot
+from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.dynamics.kinematics import frame_jacobian, frame_pose
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.maps import inverse
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.inverse import cloud_of, nearest_branch
 from phantom_dyn.maps.map_figures import figure
+from phantom_dyn.maps.map_model import MapModel, joint_space, tip_of
 from phantom_dyn.maps.operational_map import arrays, dataset, operational_map
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
 
 NAMES = ("manipulability", "apparent_mass_matrix", "stiffness", "coulomb_friction", "gravity_force")
 
@@ -258,3 +263,122 @@ def test_the_caption_says_why_points_are_blank():
     assert found.singular
     assert f"{found.singular} singular, where the tip cannot move in some direction" in caption
     assert "of several postures that reach a point the one nearest to q1 = 0, q2 = -0.785, q5 = 0.785" in caption
+
+
+JOINTS = ("theta1", "theta2", "theta3")
+
+
+def test_both_ends_of_an_axis_are_included():
+    np.testing.assert_array_equal(read_grid("x=-0.1:0.1:5", JOINTS).values[0], np.linspace(-0.1, 0.1, 5))
+
+
+def test_points_run_fastest_along_the_last_axis():
+    # Oracle: numpy's meshgrid.
+    grid = read_grid("q.theta3=0:1:3, q.theta1=-1:1:2", JOINTS)
+    expected = np.stack(np.meshgrid(*grid.values, indexing="ij"), axis=-1).reshape(-1, 2)
+    np.testing.assert_array_equal(grid.points(0, grid.size), expected)
+
+
+def test_blocks_of_points_follow_each_other():
+    grid = read_grid("x=0:1:3,y=0:1:4,z=0:1:5", JOINTS)
+    blocks = [grid.points(k, min(k + 7, grid.size)) for k in range(0, grid.size, 7)]
+    np.testing.assert_array_equal(np.concatenate(blocks), grid.points(0, 60))
+
+
+def test_one_point_makes_a_section():
+    assert read_grid("x=0.1:0.1:1,y=0:1:4", JOINTS).shape == (1, 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x", r"has 'x', wanted NAME=START:STOP:COUNT such as x=-0\.1:0\.1:41"),
+        ("x=0:1:3,", "has '', wanted NAME=START:STOP:COUNT"),
+        ("w=0:1:3", "unknown axis 'w': the axes are x, y, z, q.theta1"),
+        ("q.theta=0:1:3", r"unknown axis 'q\.theta'.*did you mean q\.theta"),
+        ("x=0:1", "axis x of the grid is '0:1', wanted START:STOP:COUNT"),
+        ("x=0:1:3:4", "axis x of the grid is '0:1:3:4', wanted"),
+        ("x=a:1:3", "axis x of the grid is 'a:1:3', wanted"),
+        ("x=0:1:2.5", r"axis x of the grid is '0:1:2\.5', wanted"),
+        ("x=nan:1:3", "axis x of the grid is 'nan:1:3', wanted"),
+        ("x=0:inf:3", "axis x of the grid is '0:inf:3', wanted"),
+        ("x=0:1e308:3", r"axis x of the grid is '0:1e308:3': give m or rad, up to 1e\+06"),
+        ("x=0:1:1", "give START and STOP apart with at least 2 points, or both the same with 1 point"),
+        ("x=0:0:5", "give START and STOP apart"),
+        ("x=0:1:0", "give START and STOP apart"),
+        ("x=0:1:-3", "give START and STOP apart"),
+        ("x=0:1:90000000000", "axis x of the grid has 90000000000 points, wanted at most"),
+        ("x=0:1:1000,y=0:1:1000,z=0:1:1000", "The grid has 1000000000 points, wanted at most 20000000: take larger"),
+        ("x=0:1:3,x=0:1:3", "has the axis x twice: give it once"),
+        ("x=0:1:3,q.theta1=0:1:3", r"mixes x, q\.theta1: give a grid over the tip"),
+    ],
+)
+def test_a_grid_that_cannot_be_read_is_refused_in_a_sentence(text, message):
+    with pytest.raises(ParameterError, match=message):
+        read_grid(text, JOINTS)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory) -> MapModel:
+    """The five-bar with limits of more than a turn, and motors so far apart that its arms may point away."""
+    path = tmp_path_factory.mktemp("wide") / "fivebar.urdf"
+    text = (ROBOTS / "fivebar.urdf").read_text()
+    wide = text.replace('lower="-3" upper="3"', 'lower="-3.3" upper="3.3"')
+    wide = wide.replace('xyz="-0.15 0 0"', 'xyz="-0.22 0 0"').replace('xyz="0.15 0 0"', 'xyz="0.22 0 0"')
+    assert wide.count("0.22 0 0") == 2
+    assert wide.count("3.3") == 8
+    path.write_text(wide)
+    return map_model(load_robot(path, config=ROBOTS / "fivebar.yaml"))
+
+
+@pytest.fixture(scope="module")
+def cloud(model):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inverse, "_NUMERIC_SAMPLES", 100)
+        return cloud_of(model)
+
+
+def test_only_postures_that_close_are_starts(model, cloud):
+    assert 20 < len(cloud.q) < 100
+    assert np.isfinite(cloud.tip).all()
+
+
+def test_a_point_is_reached_by_the_posture_that_it_is_the_tip_of_and_one_out_of_reach_by_none(model, cloud):
+    at = np.array([[0.15, -0.1], [-0.2, 0.05]])
+    points = np.vstack([tip_of(model, at)[0], [[2.0, 0.0, 2.0]]])
+    found = nearest_branch(model, points, cloud, axes=(0, 2))
+    np.testing.assert_allclose(found[:2], at, atol=1e-6)
+    assert np.isnan(found[2]).all()
+
+
+BUILT = ["phantom_1_5", "cea_branch", "example:ur10", "example:panda", "example:kinova"]
+
+
+@pytest.fixture(params=[*BUILT, "arm", "four_bar"])
+def robot(request):
+    named = request.param
+    return request.getfixturevalue(named) if named in ("arm", "four_bar") else load_robot(named)
+
+
+def test_the_tip_is_where_pinocchio_puts_it(robot, configurations):
+    q, model = configurations(robot), map_model(robot)
+    np.testing.assert_allclose(tip_of(model, q)[0], frame_pose(robot, q, model.frame)[1], rtol=0, atol=1e-12)
+
+
+def test_the_jacobian_is_that_of_pinocchio(robot, configurations):
+    q, model = configurations(robot), map_model(robot)
+    expected = frame_jacobian(robot, q, model.frame, "hybrid")[:, :3]
+    np.testing.assert_allclose(joint_space(model, q, inertia=False).J, expected, rtol=0, atol=1e-12)
+
+
+def test_the_mass_matrix_is_that_of_pinocchio(robot, configurations):
+    q = configurations(robot)
+    M = joint_space(map_model(robot), q, inertia=True).M
+    expected = mass_matrix(robot, q)
+    np.testing.assert_allclose(M, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_the_weight_is_that_of_pinocchio(robot, configurations):
+    q = configurations(robot)
+    weight = joint_space(map_model(robot), q, inertia=True).weight
+    np.testing.assert_allclose(weight, gravity_torque(robot, q), rtol=0, atol=1e-11)

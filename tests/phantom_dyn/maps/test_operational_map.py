@@ -1,7 +1,5 @@
 """Maps over grids. Oracles: closed forms, round trips through Pinocchio, quantities of single configurations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quantities at the tip. Oracles: published values, closed forms, independent formulas over Pinocchio."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

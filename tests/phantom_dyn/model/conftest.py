@@ -1,7 +1,5 @@
 """Robot files that a test changes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

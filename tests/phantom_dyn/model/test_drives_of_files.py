@@ -1,7 +1,5 @@
 """Gains, limits and gears that a MJCF or a ros2_control file states; MuJoCo's actuator forces are the oracle."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Joints that follow another one: ``<mimic>``, equalities, tendons, play; MuJoCo and algebra are the oracles."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -3,8 +3,6 @@
 Oracles: the same file with a fixed joint in the place of the moving one, and MuJoCo.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

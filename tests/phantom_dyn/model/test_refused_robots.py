@@ -1,7 +1,5 @@
 """Robot files that are no robots, cut off or impossible: each is refused in a sentence that says where."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

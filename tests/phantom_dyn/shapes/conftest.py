@@ -1,7 +1,5 @@
 """A robot with a mesh, and a cache of its own for every test."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import platformdirs

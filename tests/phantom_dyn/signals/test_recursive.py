@@ -1,7 +1,5 @@
 """Filters against scipy.signal, whose import a command does without."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import signal

@@ -1,7 +1,5 @@
 """Densities against scipy.signal, whose import a command does without, and against the power of a sine."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

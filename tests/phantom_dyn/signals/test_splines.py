@@ -1,7 +1,5 @@
 """Derivatives of sampled motions; oracle: a polynomial in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from phantom_dyn.signals.splines import quintic_derivatives

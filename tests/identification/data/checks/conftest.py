@@ -1,7 +1,5 @@
 """Recordings of known truth for the checks: smooth multi-sine motion whose torque comes from Pinocchio."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings that are certainly wrong, and strange ones that are not. Oracle: known truth; the wrong is put in."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Columns of a base that is not bolted down. Oracle: the numbers that were put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

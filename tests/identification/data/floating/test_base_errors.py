@@ -1,7 +1,5 @@
 """Torque that errors of the base's sensors feign. Oracle: the log read once more with sensors that have the error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contacts that no column states. Oracle: the stances that were put into a log of known truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion of a base from its sensors. Oracle: closed form of sines, and the noise that was put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mistakes in what the sensors of a base read. Oracle: the mistake that was made in a log of known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """When a row is judged on a base that is not bolted down. Oracle: times that were put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs in every format, written by the formats' own libraries."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

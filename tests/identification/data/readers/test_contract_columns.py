@@ -1,13 +1,21 @@
-"""What a log must have and what cannot be right in it: each bad input gives its sentence."""
+"""Columns of the contract, side by side and in tables."""
 
-from __future__ import annotations
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
+from identification.data.readers import array_files
 from identification.data.readers.contract_columns import Column, column_of, contract_table
+from identification.data.readers.read_table import read_table
+from identification.data.reading import read_recording
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError
+from identification.scenarios.recordings_file import read_changed, read_changes
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
 
 
 def table(columns, **changes):
@@ -153,3 +161,255 @@ def test_times_in_another_unit_are_refused(step):
 def test_times_of_every_recorder_are_taken(step):
     n = np.arange(60.0)
     assert len(contract_table(RawTable("log.csv", {"t": step * n, "q.a": n, "tau.a": n})).columns["t"]) == 60
+
+
+def test_csv_npz_and_parquet_give_the_same_numbers(tmp_path, write, lines, columns):
+    np.savez(tmp_path / "log.npz", **columns)
+    pq.write_table(pa.table(columns), tmp_path / "log.parquet")
+    tables = [read_table(write(lines)), read_table(tmp_path / "log.npz"), read_table(tmp_path / "log.parquet")]
+    for table in tables:
+        assert set(table.columns) == set(columns)
+        for name, values in columns.items():
+            np.testing.assert_array_equal(table.columns[name], values)
+
+
+def test_columns_cannot_be_written_to(write, lines):
+    with pytest.raises(ValueError, match="read-only"):
+        read_table(write(lines)).columns["t"][0] = 1.0
+
+
+def test_the_content_tells_the_format_not_the_ending(tmp_path, columns):
+    np.savez_compressed(tmp_path / "a.npz", **columns)
+    (tmp_path / "a.npz").rename(tmp_path / "a.csv")
+    assert set(read_table(tmp_path / "a.csv").columns) == set(columns)
+
+
+def test_arrays_of_floats_and_integers_become_float64(tmp_path, columns):
+    columns["q.a"] = columns["q.a"].astype(np.float32)
+    columns["tau.a"] = np.arange(60, dtype=np.int16)
+    np.savez(tmp_path / "log.npz", **columns)
+    assert {v.dtype for v in read_table(tmp_path / "log.npz").columns.values()} == {np.dtype(np.float64)}
+
+
+def test_pickled_arrays_are_refused(tmp_path, columns):
+    columns["q.a"] = np.array([1.0, None] * 30, dtype=object)
+    np.savez(tmp_path / "log.npz", **columns)
+    with pytest.raises(LogError, match=r"array q\.a holds Python objects, which are not loaded"):
+        read_table(tmp_path / "log.npz")
+
+
+def test_two_dimensional_arrays_under_the_name_of_a_joint_are_refused(tmp_path, columns):
+    columns["q.a"] = np.zeros((60, 2))
+    np.savez(tmp_path / "log.npz", **columns)
+    with pytest.raises(LogError, match=r"array q\.a has the shape \(60, 2\): write one 1-D array per column"):
+        read_table(tmp_path / "log.npz")
+
+
+def test_arrays_of_different_length_are_refused(tmp_path, columns):
+    columns["tau.b"] = columns["tau.b"][:-1]
+    np.savez(tmp_path / "log.npz", **columns)
+    with pytest.raises(LogError, match=r"column tau\.b has 59 rows and t has 60"):
+        read_table(tmp_path / "log.npz")
+
+
+def test_arrays_of_text_are_refused(tmp_path, columns):
+    columns["tau.b"] = np.array(["1"] * 60)
+    np.savez(tmp_path / "log.npz", **columns)
+    with pytest.raises(LogError, match=r"array tau\.b holds <U1 where numbers should be"):
+        read_table(tmp_path / "log.npz")
+
+
+def test_an_npz_without_arrays_is_refused(tmp_path):
+    np.savez(tmp_path / "log.npz")
+    with pytest.raises(LogError, match=r"log\.npz is empty"):
+        read_table(tmp_path / "log.npz")
+
+
+def test_text_in_parquet_is_refused(tmp_path, columns):
+    pq.write_table(pa.table({**columns, "q.a": ["x"] * 60}), tmp_path / "log.parquet")
+    with pytest.raises(LogError, match=r"column q\.a holds string where numbers should be"):
+        read_table(tmp_path / "log.parquet")
+
+
+def test_a_missing_value_in_parquet_is_refused_with_its_row(tmp_path, columns):
+    values = [*columns["q.a"][:9].tolist(), None, *columns["q.a"][10:].tolist()]
+    pq.write_table(pa.table({**columns, "q.a": values}), tmp_path / "log.parquet")
+    with pytest.raises(LogError, match=r"log\.parquet, row 10, column q\.a is nan"):
+        read_table(tmp_path / "log.parquet")
+
+
+def test_a_name_twice_in_parquet_is_refused(tmp_path, columns):
+    arrays = [pa.array(v) for v in columns.values()]
+    pq.write_table(pa.Table.from_arrays([*arrays, arrays[0]], names=[*columns, "t"]), tmp_path / "log.parquet")
+    with pytest.raises(LogError, match="the column name t stands there twice"):
+        read_table(tmp_path / "log.parquet")
+
+
+def test_a_missing_file_names_the_nearest(write, lines):
+    path = write(lines, "arm_run1.csv")
+    with pytest.raises(LogError, match=r"arm_rum1\.csv does not exist; did you mean arm_run1\.csv"):
+        read_table(path.with_name("arm_rum1.csv"))
+
+
+def test_a_missing_folder_is_told(tmp_path):
+    with pytest.raises(LogError, match="does not exist, nor does its folder"):
+        read_table(tmp_path / "no" / "log.csv")
+
+
+def test_a_folder_that_is_no_bag_is_told(tmp_path):
+    with pytest.raises(LogError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
+        read_table(tmp_path)
+
+
+def test_a_file_without_permission_is_told(write, lines, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    path = write(lines)
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(LogError, match=r"cannot be read \(Permission denied\): give"):
+        read_table(path)
+
+
+def test_without_its_library_parquet_is_refused_with_the_command_that_installs_it(tmp_path, monkeypatch):
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"t": [0.0, 1.0]}), path)
+    monkeypatch.setattr(array_files, "is_installed", lambda _: False)
+    wanted = r"log\.parquet is Parquet\. Reading or writing Parquet needs pyarrow.*pip install 'phantom-dyn\[parquet\]'"
+    with pytest.raises(LogError, match=wanted):
+        read_table(path)
+
+
+def test_a_line_with_too_few_values_of_the_same_number_everywhere_is_no_table(tmp_path):
+    # Three names over two columns: NumPy alone would take them.
+    (tmp_path / "log.csv").write_text("t,q.j,tau.j\n0,1\n1,2\n")
+    with pytest.raises(LogError, match="line 2 has 2 values where 3 columns are named"):
+        read_table(tmp_path / "log.csv")
+
+
+RATE = 125.0
+
+T = np.arange(1500) / RATE
+
+JOINTS = ("shoulder", "elbow")
+
+Q = 0.4 * np.sin(np.outer(T, [2.1, 3.7]))
+
+TAU = 3.0 * np.cos(np.outer(T, [2.1, 3.7]) + 0.2)
+
+
+def written(path, columns):
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def mapped(folder, text):
+    path = folder / "columns.yaml"
+    path.write_text(text)
+    return path
+
+
+def both(quantity, values):
+    return {f"{quantity}.{joint}": values[:, k] for k, joint in enumerate(JOINTS)}
+
+
+def test_a_log_without_time_gets_that_of_the_rate_in_the_map(tmp_path):
+    log = written(tmp_path / "log.csv", both("q", Q) | both("tau", TAU))
+    table = read_table(log, columns=mapped(tmp_path, f"rate: {RATE}\n"))
+    np.testing.assert_allclose(table.columns["t"], T)
+
+
+def test_a_log_without_time_says_how_to_state_its_rate(tmp_path):
+    with pytest.raises(LogError, match="write rate: 100"):
+        read_table(written(tmp_path / "log.csv", both("q", Q)))
+
+
+def test_a_rate_beside_a_time_is_refused(tmp_path):
+    log = written(tmp_path / "log.csv", {"t": T} | both("q", Q))
+    with pytest.raises(LogError, match="has a column t: leave rate out"):
+        read_table(log, columns=mapped(tmp_path, "rate: 125\n"))
+    with pytest.raises(LogError, match="both rate and t"):
+        read_table(log, columns=mapped(tmp_path, "rate: 125\nt: t\n"))
+
+
+@pytest.mark.parametrize("rate", ["0", "fast", "true", "-5"])
+def test_a_rate_that_is_none_is_refused(tmp_path, rate):
+    with pytest.raises(LogError, match="wanted the rows a second"):
+        read_table(written(tmp_path / "log.csv", both("q", Q)), columns=mapped(tmp_path, f"rate: {rate}\n"))
+
+
+def test_files_of_one_recording_stand_side_by_side(tmp_path):
+    positions = written(tmp_path / "pos.csv", {"t": T} | both("q", Q))
+    torques = written(tmp_path / "torque.csv", {"t": T} | both("tau", TAU))
+    found = read_recording((positions, torques), load_robot(ROBOTS / "planar2.urdf"))
+    np.testing.assert_allclose(found.q, Q)
+    np.testing.assert_allclose(found.tau, TAU)
+
+
+def test_names_that_both_files_have_get_that_of_their_file(tmp_path):
+    names = dict(zip(("joint0", "joint1"), Q.T, strict=True)), dict(zip(("joint0", "joint1"), TAU.T, strict=True))
+    files = [written(tmp_path / f"{name}.csv", own) for name, own in zip(("pos", "torque"), names, strict=True)]
+    columns = mapped(tmp_path, 'rate: 125\nq: "pos/joint{number}"\ntau: "torque/joint{number}"\n')
+    table = read_table(files, columns=columns, joints=JOINTS)
+    np.testing.assert_allclose(table.columns["q.elbow"], Q[:, 1])
+    np.testing.assert_allclose(table.columns["tau.shoulder"], TAU[:, 0])
+
+
+def test_files_of_other_rows_or_times_are_refused(tmp_path):
+    positions = written(tmp_path / "pos.csv", {"t": T} | both("q", Q))
+    with pytest.raises(LogError, match="need the same rows"):
+        read_table((positions, written(tmp_path / "short.csv", both("tau", TAU[:-1]))))
+    with pytest.raises(LogError, match="different times"):
+        read_table((positions, written(tmp_path / "late.csv", {"t": T + 0.1} | both("tau", TAU))))
+
+
+def test_recordings_yaml_names_the_files_of_a_recording(tmp_path):
+    positions = written(tmp_path / "pos.csv", {"t": T} | both("q", Q))
+    written(tmp_path / "torque.csv", both("tau", TAU))
+    path = tmp_path / "recordings.yaml"
+    path.write_text("recordings: [{files: [pos.csv, torque.csv]}]\n")
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    (change,) = read_changes(path, [positions], robot.joint_names)
+    np.testing.assert_allclose(read_changed(positions, robot, change).tau, TAU)
+    path.write_text("recordings: [{files: [pos.csv, gone.csv]}]\n")
+    with pytest.raises(ParameterError, match=r"gone[.]csv, which does not exist"):
+        read_changes(path, [positions], robot.joint_names)
+
+
+def driven(folder):
+    config = folder / "robot.yaml"
+    drive = "{torque_constant: 0.05, gear_ratio: 50, resistance: 2.0}"
+    config.write_text("joints:\n" + "".join(f"  {joint}: {drive}\n" for joint in JOINTS))
+    return load_robot(ROBOTS / "planar2.urdf", config=config)
+
+
+def test_a_duty_of_the_supply_is_a_voltage(tmp_path):
+    duty, supply = 0.3 * np.sin(np.outer(T, [1.0, 1.7])), 24.0 - 0.1 * T
+    speed = {"v.shoulder": 0.0 * T, "v.elbow": 0.0 * T}
+    log = written(tmp_path / "log.csv", {"t": T, "supply": supply} | both("q", Q) | both("duty", duty) | speed)
+    found = read_recording(log, driven(tmp_path), torque_needed=True)
+    np.testing.assert_allclose(found.voltage, duty * supply[:, None])
+    # Closed form at standstill: the voltage over the resistance, times the constant and the gear.
+    np.testing.assert_allclose(found.tau, duty * supply[:, None] / 2.0 * 0.05 * 50)
+
+
+def test_a_duty_in_percent_is_told_and_mapped(tmp_path):
+    duty = 30.0 * np.sin(np.outer(T, [1.0, 1.7]))
+    log = written(tmp_path / "log.csv", {"t": T, "supply": 24.0 + 0.0 * T} | both("q", Q) | both("duty", duty))
+    with pytest.raises(LogError, match="unit: percent"):
+        read_recording(log, driven(tmp_path))
+    columns = mapped(tmp_path, 'duty: {from: "duty.{joint}", unit: percent}\n')
+    np.testing.assert_allclose(read_recording(log, driven(tmp_path), columns=columns).voltage, 0.24 * duty)
+
+
+def test_a_duty_without_the_supply_is_said_not_to_be_used(tmp_path):
+    log = written(tmp_path / "log.csv", {"t": T} | both("q", Q) | both("tau", TAU) | both("duty", 0.1 * Q))
+    warnings = read_recording(log, load_robot(ROBOTS / "planar2.urdf")).warnings
+    assert any("needs a column supply" in warning for warning in warnings)
+
+
+def test_references_of_velocities_are_read(tmp_path):
+    log = written(tmp_path / "log.csv", {"t": T} | both("q", Q) | both("tau", TAU) | both("v_ref", 2.0 * Q))
+    found = read_recording(log, load_robot(ROBOTS / "planar2.urdf"))
+    np.testing.assert_allclose(found.v_ref, 2.0 * Q)
+    assert not any("not used" in warning for warning in found.warnings)

@@ -1,7 +1,5 @@
 """CSV and its relatives. Oracle: the numbers that were written."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """LeRobot datasets. Oracles: the numbers that were written, by pyarrow, in the layouts of v2.1 and v3."""
 
-from __future__ import annotations
-
 import json
 import os
 

@@ -1,7 +1,5 @@
 """Joints that may have a cause in common. Oracles: by hand, and known scales."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Known friction that grows with load, and a load that is found later. Oracle: the law itself under both loads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Which recordings in one sine are judged; oracle: odd harmonics of a square wave in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Servos whose voltage is read once a frame. Oracle: known truth of a simulation that shares no code with ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

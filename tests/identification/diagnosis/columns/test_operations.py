@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """What effects are made of once others are found or known. Oracle: Pinocchio with the changed robot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

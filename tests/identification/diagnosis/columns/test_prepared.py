@@ -1,7 +1,5 @@
 """What a diagnosis works on. Oracle: a made recording of two hours."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.data.recording import Recording

@@ -1,7 +1,5 @@
 """Compliances that a recording shows by their resonance: known truth of a joint driven by sines and noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

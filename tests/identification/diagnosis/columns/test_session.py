@@ -1,7 +1,5 @@
 """Sessions of recordings, and which are refused. Oracle: where a made recording has gaps is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dry friction as MuJoCo has it. Oracle: MuJoCo itself, its constraint forces and recordings of its motions."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction of joints whose encoder stands. Oracle: closed forms of ramps with a known encoder."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

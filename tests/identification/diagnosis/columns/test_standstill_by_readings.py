@@ -1,7 +1,5 @@
 """Standstill of motion without a rest; known truth: which joint moves, and when."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

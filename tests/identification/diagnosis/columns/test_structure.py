@@ -1,7 +1,5 @@
 """Structure that the catalogue has no name for: each group of columns explains the cause that it stands for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

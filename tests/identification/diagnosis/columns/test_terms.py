@@ -1,7 +1,5 @@
 """Rivals: which effects, places and shapes are tried in a recording."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

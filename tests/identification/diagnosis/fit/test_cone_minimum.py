@@ -1,7 +1,5 @@
 """The best body that can exist. Oracles: cvxpy with Clarabel on the same cone, and a minimum without a cone."""
 
-from __future__ import annotations
-
 import cvxpy as cp
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Bodies that can exist. Oracles: cvxpy on the same cone, known bodies, and a fit without constraints."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cvxpy as cp

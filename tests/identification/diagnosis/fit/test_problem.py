@@ -1,7 +1,5 @@
 """Priors of a fitting problem. Oracle: by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Samples behind the figures of a report, computed again from the finding's own law, Pinocchio and the motion."""
 
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Levels, thresholds and runs behind bursts. Oracle: NumPy's convolution written out, SciPy's normal law, by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm

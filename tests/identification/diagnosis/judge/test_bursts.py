@@ -1,7 +1,5 @@
 """Events that nobody measured. Oracle: known truth, pushes put into noise and into simulated recordings."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

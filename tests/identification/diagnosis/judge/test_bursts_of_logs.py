@@ -1,7 +1,5 @@
 """What is expected of each sample of each log, and the events that chance leaves. Oracle: by hand, SciPy's filters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Findings of coarse readings. Oracle: closed forms on squares written out by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Expected size of a residual. Oracle: known truth, normal numbers of a known deviation at each sample."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Noise floors and their intervals. Oracle: closed forms on noise of one size, NumPy's percentiles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Figures of each joint, and moves that end at their limits. Oracle: closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

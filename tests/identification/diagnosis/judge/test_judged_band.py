@@ -1,7 +1,5 @@
 """The judged band: its noise floor, what is visible above it, and fits in it. Oracle: closed forms and known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

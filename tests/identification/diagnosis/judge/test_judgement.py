@@ -1,7 +1,5 @@
 """What a judgement puts together. Oracle: by hand on made-up sums, joints and recordings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

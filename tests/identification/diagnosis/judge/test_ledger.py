@@ -1,7 +1,5 @@
 """The ledger of a diagnosis. Known truth: friction on the elbow; oracles: the findings, and what they close."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What noise moves is no effect. Oracle: a simulated swing whose truth is known, and closed forms of spectra."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Floors by sensors in place of those by predictors. Oracle: the floor of the sensors alone, by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

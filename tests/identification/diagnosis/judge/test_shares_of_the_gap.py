@@ -1,7 +1,5 @@
 """What findings close of the gap, and sizes that no robot has. Oracle: the contract's loss by hand, known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

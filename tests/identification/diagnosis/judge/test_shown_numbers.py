@@ -1,7 +1,5 @@
 """Numbers that a motion shows. Oracle: by hand, from the size of the arm."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

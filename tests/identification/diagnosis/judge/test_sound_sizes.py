@@ -1,7 +1,5 @@
 """Findings of sizes that no sound robot has. Oracle: by hand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

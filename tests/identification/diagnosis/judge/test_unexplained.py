@@ -1,7 +1,5 @@
 """What is left and where. Oracle: the contract's loss of constant residuals, by hand, in a band judged as a whole."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

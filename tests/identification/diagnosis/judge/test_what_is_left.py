@@ -1,7 +1,5 @@
 """What is left without a cause. Oracle: known truths, a structure put into a residual or none, and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

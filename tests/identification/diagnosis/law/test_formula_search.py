@@ -1,7 +1,5 @@
 """The oracles are fresh noise, whose gains are chance, and the closed form of a mean square."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The oracle is each law stepped in small steps."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.diagnosis.law.histories import bristle, slip

@@ -1,7 +1,5 @@
 """The oracle is the law that a generator of its own put into the recording."""
 
-from __future__ import annotations
-
 import pytest
 
 import phantom_dyn as dyn

@@ -1,7 +1,5 @@
 """The oracle is the law that the rest was made with."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

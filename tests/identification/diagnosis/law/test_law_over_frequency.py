@@ -1,7 +1,5 @@
 """The oracles are transfer functions in closed form, and laws without memory that must not be taken for one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import signal

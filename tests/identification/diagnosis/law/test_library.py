@@ -1,7 +1,5 @@
 """Terms of the library of formulas that effects of the catalogue say. Oracle: what the effects and the test write."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

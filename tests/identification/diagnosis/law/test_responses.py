@@ -1,7 +1,5 @@
 """Oracles: `scipy.signal`'s simulation of the same transfer functions, and Laguerre's orthonormality."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import signal
 

@@ -1,7 +1,5 @@
 """The oracles are a known truth and the sum of weights of interpolation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.diagnosis.law.smooth import hats, input_curves, input_gains

@@ -1,7 +1,5 @@
 """White noise of the torque balance above the motion. Oracle: closed forms of white noise, known truths."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """By how much sound models are wrong. Oracle: the table's shares, by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

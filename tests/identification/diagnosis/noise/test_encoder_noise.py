@@ -1,7 +1,5 @@
 """Fresh encoder noise on a recording. Oracle: lattices and noises that are known because they were put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sizes and shares of noise. Oracle: NumPy's correlation written out, least squares by hand on made-up series."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """How positions are read. Oracle: closed forms of white noise and of rounding, known truths."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

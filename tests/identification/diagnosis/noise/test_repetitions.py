@@ -1,7 +1,5 @@
 """What does not repeat with a motion. Oracle: white noise of known size, closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

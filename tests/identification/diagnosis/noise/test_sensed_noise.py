@@ -1,7 +1,5 @@
 """Noise drawn from what the sensors make. Oracle: the deviation that was put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The noise floor of the sensors. Oracle: the noisy less the clean record of the same run, known truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

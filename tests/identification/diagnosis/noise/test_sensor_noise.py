@@ -1,7 +1,5 @@
 """Noise of torque readings above the band. Oracle: closed forms of white noise, known truths."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

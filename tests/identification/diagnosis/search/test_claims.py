@@ -1,7 +1,5 @@
 """When a gain is claimed: above chance, on enough blocks, and a fair part of the gap. Oracles: closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fits of sets of effects: each against the same fit made in another way, or by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Effects that imitate a finding where joints move along one line. Oracle: joints whose load never changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

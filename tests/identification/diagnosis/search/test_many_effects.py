@@ -1,7 +1,5 @@
 """Shortcuts for robots of many joints and effects. Oracle: the same search without them, and a known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Near twins in the search. Oracle: the table of relations, and the laws of friction that hold more than one number."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

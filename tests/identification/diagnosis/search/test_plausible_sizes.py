@@ -1,7 +1,5 @@
 """Sizes that no sound robot has. Oracles: by hand, and recorded torques and speeds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What is written down of decisions. Oracle: by hand."""
 
-from __future__ import annotations
-
 from identification.diagnosis.search.record import Record
 from identification.engine.claims import GateResult
 

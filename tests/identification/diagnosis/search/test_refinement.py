@@ -1,7 +1,5 @@
 """Laws that are not linear, or made of a torque that other findings change: taken again about what was found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

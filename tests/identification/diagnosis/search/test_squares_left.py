@@ -1,7 +1,5 @@
 """What subsets of effects leave, from summed products. Oracle: the residual itself, sample by sample."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

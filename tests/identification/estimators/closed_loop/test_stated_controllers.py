@@ -1,7 +1,5 @@
 """A torque that the stated controllers did not give; known truth: the gains that moved the robot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,6 @@
-"""Known truth: 95 % intervals hold it in 95 % of draws of noise with a memory, pooled over the parameters of an arm.
+"""Estimates come back: coverage of intervals and bias."""
 
-Draws differ in the noise of the torque, so that they share the columns; and the simulation of the truth stands for
-those of the estimates, which the last test shows to be as good.
-"""
-
-from __future__ import annotations
-
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,10 +18,16 @@ from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test, iv
 from identification.estimators.linear.least_squares import base_of, base_rows
 from identification.estimators.weighted_least_squares import ols, wls
+from identification.identify.identification_files import to_json
+from identification.identify.identification_report import report_html
+from identification.identify.identification_words import summary
+from identification.identify.identified_model import JointTerms
+from identification.identify.identify import identify
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, torque_regressor
 
 DRAWS = 200
+
 FITS = {"ols": ols, "wls": wls, "iv": iv, "didim": didim}
 
 
@@ -106,3 +107,42 @@ def test_simulations_of_the_estimates_give_what_that_of_the_truth_gives(name, dr
     for module in (loop_module, {"iv": iv_module, "didim": didim_module}[name]):
         monkeypatch.setattr(module, "resimulated", lambda *_: draws.simulation)
     assert np.all(np.abs(own.theta - FITS[name](regressor).theta) < 0.2 * own.std())
+
+
+COARSE = 5e-3  # rad
+
+
+@pytest.fixture(scope="module")
+def noisy(case_of):
+    return case_of("two_joints").noisy(0, position=COARSE)
+
+
+@pytest.fixture(scope="module")
+def regressor(noisy):
+    return torque_regressor(noisy.robot, noisy.log, noisy.effects)
+
+
+def test_a_coarse_encoder_biases_least_squares_and_the_sentence_says_what_to_do(regressor):
+    found = hausman_test(regressor)
+    assert found.probability < 1e-3
+    assert "use instrumental variables (iv), or record with a finer encoder" in found.sentence()
+
+
+def test_the_parameter_that_it_names_is_the_one_that_least_squares_misses_and_instruments_find(regressor, noisy):
+    named = re.search(r"\), (\S+) by ", hausman_test(regressor).sentence())
+    assert named
+    off = {}
+    for fit in (wls(regressor), iv(regressor)):
+        at = fit.names.index(named.group(1))
+        off[fit.estimator] = abs(fit.theta - noisy.truth(fit.base))[at] / fit.std()[at]
+    assert off["wls"] > 4
+    assert off["iv"] < 2
+
+
+def test_identification_by_instruments_says_what_the_test_says(noisy):
+    robot = replace(noisy.robot, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
+    found = identify(robot, (noisy.recording,), estimator="iv", terms=JointTerms(("viscous", "coulomb")))
+    assert found.bias.startswith("Errors of the recorded motion bias least squares (Durbin-Wu-Hausman test, p = ")
+    assert found.bias in summary(found)
+    assert found.bias in report_html(found)
+    assert to_json(found)["bias_of_least_squares"] == found.bias

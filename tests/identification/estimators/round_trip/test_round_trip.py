@@ -6,8 +6,6 @@ numerically.
 Recordings are simulated by `phantom_dyn.simulation.simulate`, which no estimator uses, with noise of 5 % on the torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One case of every effect, and recordings of the planar arm with it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

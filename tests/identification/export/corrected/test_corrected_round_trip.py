@@ -1,7 +1,5 @@
 """Whatever a ``corrected.yaml`` holds is read back. Oracle: the parameters that were put into it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

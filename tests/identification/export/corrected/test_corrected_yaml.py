@@ -1,13 +1,18 @@
-from __future__ import annotations
+"""Corrected descriptions in YAML."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.diagnosis.result import Adjusted, Value
+from identification.diagnosis.result import Adjusted, Finding, Value
+from identification.export.all_files import export_texts, not_held, not_written
+from identification.export.corrected.corrected_files import mjcf_left_out, urdf_left_out
+from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.corrected_yaml import (
     Corrected,
     CorrectedEffect,
@@ -19,9 +24,15 @@ from identification.export.corrected.corrected_yaml import (
     read_corrected,
     write_corrected,
 )
+from identification.export.corrected.nearest_bodies import nearest_possible, with_nearest_bodies
+from identification.words.note_words import sentence, sentences
 from known_effects import EFFECTS_OF_THE_PENDULUM
+from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError, UsageError
+from phantom_dyn.model.inertia import body_parameters, breaks_triangle, central_parameters, impossible_because
 from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot_files import find_robot
+from places import ROBOTS
 
 GOOD = """\
 schema: phantom-dyn-model/1
@@ -53,12 +64,17 @@ texts = st.one_of(
         ]
     ),
 )
+
 numbers = st.floats(allow_nan=False, allow_infinity=False)
+
 lists = st.integers(1, 4).flatmap(
     lambda n: st.tuples(st.lists(numbers, min_size=n, max_size=n), st.lists(numbers, min_size=n, max_size=n))
 )
+
 values = st.one_of(st.tuples(numbers, numbers, texts), st.tuples(lists, texts).map(lambda v: (*v[0], v[1])))
+
 effects = st.tuples(texts, st.none() | texts, st.dictionaries(texts, values, max_size=4), st.floats(-1, 2))
+
 adjustments = st.tuples(texts, numbers, numbers)
 
 
@@ -226,3 +242,116 @@ def test_a_wrong_error_of_a_model_is_refused(tmp_path, old, new, message):
     (tmp_path / "c.yaml").write_text(GOOD.replace("j1", robot.joint_names[0]) + text)
     with pytest.raises(ParameterError, match=message):
         known_model((tmp_path / "c.yaml",), robot)
+
+
+ARM = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0" armature="0.02"/>
+<inertial pos="0 0 -0.1" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody></mujoco>"""
+
+
+def test_the_urdf_of_an_mjcf_tells_all_rotors(tmp_path):
+    file = tmp_path / "arm.xml"
+    file.write_text(ARM)
+    assert any(
+        "rotor inertias" in s and s.endswith("j 0.02.")
+        for s in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
+    )
+
+
+def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
+    (tmp_path / "arm.urdf").write_text((ROBOTS / "planar2.urdf").read_text())
+    (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
+    file = tmp_path / "arm.urdf"
+    told = sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
+    assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in told
+
+
+def test_another_gravity_is_told():
+    file = find_robot("emps")
+    told = sentences(urdf_left_out(corrected_model(load_robot("emps"), ()), file))
+    assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in told
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("fourbar.xml", "state them under loops in a robot.yaml"),
+    ],
+)
+def test_loops_of_an_mjcf_are_not_said_to_be_in_a_configuration(name, wanted):
+    file = ROBOTS / name
+    assert any(wanted in told for told in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file)))
+
+
+def test_what_the_mjcf_drops_depends_on_the_given_file(tmp_path):
+    file = tmp_path / "arm.xml"
+    file.write_text(ARM)
+    assert "actuators of the given file" in sentence(mjcf_left_out(corrected_model(load_robot(file), ()), file)[-1])
+    urdf = ROBOTS / "planar2.urdf"
+    assert "limits of torque and speed" in sentence(mjcf_left_out(corrected_model(load_robot(urdf), ()), urdf)[-1])
+
+
+def test_files_that_could_not_be_written_are_named(tmp_path):
+    paths = [
+        tmp_path / name
+        for name in ("corrected.urdf", "corrected.xml", "randomisation.yaml", "isaac_lab.py", "simulators.yaml")
+    ]
+    assert not_written(tmp_path, paths) == ("corrected.yaml", "feedforward.py", "feedforward.csv")
+
+
+def moved(planar, **entries: float):
+    """The arm with other parameters of its lower link."""
+    names = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+    change = np.zeros(20)
+    for name, value in entries.items():
+        change[10 + names.index(name)] = value
+    return with_parameters(planar, change)
+
+
+def test_a_possible_body_is_nearest_to_itself():
+    body = body_parameters(2.0, np.array([0.1, 0.0, 0.2]), np.diag([0.02, 0.03, 0.04]))
+    found, distance = nearest_possible(body, 0.1)
+    np.testing.assert_allclose(found, body, atol=1e-12)
+    assert distance < 1e-12
+
+
+def test_a_negative_moment_is_taken_away_and_nothing_else():
+    # Second moments about the centre, which is at the origin: 0.03, 0.02 and -0.01 kg m^2.
+    second = np.diag([0.03, 0.02, -0.01])
+    inertia = np.trace(second) * np.eye(3) - second
+    found, distance = nearest_possible(body_parameters(1.0, np.zeros(3), inertia), 1.0)
+    wanted = np.diag([0.02, 0.03, 0.05])
+    np.testing.assert_allclose(central_parameters(found)[2], wanted, atol=3e-6)
+    assert distance == pytest.approx(0.01 / np.sqrt(1 + 0.03**2 + 0.02**2 + 0.01**2), rel=1e-3)
+
+
+def test_bodies_that_did_not_move_stay_as_they_were_given(planar):
+    assert with_nearest_bodies(planar, planar) == (planar, ())
+
+
+def test_what_no_body_can_have_becomes_possible_and_is_told(planar):
+    robot, told = with_nearest_bodies(moved(planar, Iyy=3.0), planar)
+    mass, _, inertia = central_parameters(robot.model.inertias[2].toDynamicParameters())
+    assert impossible_because(mass, inertia) is None
+    assert not breaks_triangle(inertia)
+    assert len(told) == 1
+    assert sentence(told[0]).startswith("No body can have the inertia that was found for lower")
+
+
+def test_a_link_without_weight_is_refused(planar):
+    robot = replace(planar, model=planar.model.copy())
+    inertia = robot.model.inertias[2]
+    inertia.mass = -0.1
+    robot.model.inertias[2] = inertia
+    with pytest.raises(ParameterError, match=r"lower would weigh -0\.1 kg"):
+        with_nearest_bodies(robot, planar)
+
+
+def test_a_finding_that_no_body_can_have_is_written_as_a_possible_one(planar, made_up, tmp_path):
+    size = {"elbow.Iyy": Value(3.0, 0.1, "kg m^2"), "elbow.m": Value(0.2, 0.01, "kg")}
+    diagnosis = made_up(("shoulder", "elbow"), findings=1, samples=400)
+    finding = replace(diagnosis.findings[0], effect="inertial_parameters", joint="elbow", parameters=size, loadings=())
+    assert isinstance(finding, Finding)
+    texts, noted = export_texts(replace(diagnosis, findings=(finding,), adjusted=()), planar, folder=tmp_path)
+    assert "corrected.xml" in texts
+    assert "corrected.urdf" in texts
+    assert any("No body can have" in text for text in sentences(not_held(noted.notes)))

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """A corrected MJCF keeps the given one. Oracles: MuJoCo on both files, closed forms, and the findings themselves."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Shapes of a URDF in the MJCF. Oracles: MuJoCo on the file loaded again, Pinocchio's places, sizes by hand."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

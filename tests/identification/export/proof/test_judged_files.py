@@ -1,7 +1,5 @@
 """Files are run over the recordings before they are handed out. Oracles: Pinocchio, Student, known truths."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Made-up diagnoses of the planar arm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

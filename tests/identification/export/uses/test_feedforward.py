@@ -1,7 +1,5 @@
 """Feedforward as plain Python. Oracles: the corrected model's inverse dynamics by Pinocchio, and closed forms."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

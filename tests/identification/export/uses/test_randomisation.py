@@ -1,9 +1,9 @@
-# pyright: reportAttributeAccessIssue=false
-"""Ranges for training in simulation. Oracles: closed forms, and the fields of MuJoCo's model of the drawn robots."""
+"""Ranges for training, their names and files of simulators."""
 
-from __future__ import annotations
-
+import ast
+import sys
 from dataclasses import replace
+from types import ModuleType
 from xml.etree import ElementTree
 
 import mujoco
@@ -11,13 +11,20 @@ import numpy as np
 import pytest
 import yaml
 
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Value
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
-from identification.export.corrected.corrected_model import corrected_model
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.uses.randomisation import draws, randomisation_of, unseen_effect
 from identification.export.uses.randomisation_file import mjcf_ranges, randomisation_text
+from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 from places import ROBOTS
 
 UNSEEN = (
@@ -183,3 +190,210 @@ def test_a_field_says_what_mujoco_needs_beside_it(planar, diagnosed):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.qfrc_actuator, [0.0, 0.05])
+
+
+@pytest.fixture
+def content(planar, diagnosed):
+    """What the file says of some findings and bounds."""
+
+    def read(*findings, bounds: tuple[Bound, ...] = ()) -> dict:
+        return yaml.safe_load(randomisation_text(randomisation_of(diagnosed(*findings, bounds=bounds), planar)))
+
+    return read
+
+
+@pytest.fixture
+def motion(planar, some) -> Motion:
+    return some(planar)
+
+
+def bound_of(effect: Effect, robot: Robot, motion: Motion, size: float) -> Bound:
+    """What a diagnosis says of an effect that it has not seen."""
+    joint = effect.places(robot)[-1]
+    operation = Operation.of(robot, motion, temperature=np.full(motion.q.shape, 30.0))
+    name, _ = effect.probe(robot, operation, joint)
+    return Bound(effect.name, joint, name, size, effect.probe_unit(robot, joint, name))
+
+
+# A limit of torque that was not seen has no size.
+SIZED = [effect for effect in EFFECTS if effect.seen_by != "neither"]
+
+
+@pytest.mark.parametrize("effect", SIZED, ids=lambda effect: effect.name)
+def test_an_unseen_parameter_is_one_that_a_finding_has(effect, planar, content, motion):
+    bound = bound_of(effect, planar, motion, 0.04)
+    (entry,) = content(bounds=(bound,))["unseen"]
+    units = {one.name: one.unit for one in effect.parameters(planar, bound.joint)}
+    assert units[entry["parameter"]] == entry["unit"]
+    low, high = entry["range"]
+    assert low <= entry["nothing"] <= high
+    assert low < high
+
+
+@pytest.mark.parametrize("effect", SIZED, ids=lambda effect: effect.name)
+def test_robots_are_drawn_from_the_range_that_is_stated(effect, planar, diagnosed, content, motion, rng):
+    bound = bound_of(effect, planar, motion, 0.04)
+    (entry,) = content(bounds=(bound,))["unseen"]
+    drawn = randomisation_of(diagnosed(bounds=(bound,)), planar)
+    names = [one.name for one in effect.parameters(planar, bound.joint)]
+    place = names.index(entry["parameter"])
+    values = np.array([one.theta[place] for robot in draws(drawn, 200, rng) for one in robot])
+    if unseen_effect(drawn, bound, 1.0) is None:
+        assert not len(values)
+        return
+    low, high = entry["range"]
+    assert ((low <= values) & (values <= high)).all()
+    # They reach both ends, but for one that is infinite.
+    near = 0.1 * (high - low if np.isfinite(high) else low)
+    assert values.min() < low + near
+    assert values.max() > (high - near if np.isfinite(high) else 10.0 * low)
+
+
+def test_a_ratio_of_torque_is_about_one_whether_it_was_found_or_not(made, content):
+    # Closed form: one over one more or less the size.
+    found = made("torque_constant", "shoulder", ratio=Value(1.10, 0.01, "1"))
+    said = content(found, bounds=(Bound("torque_constant", "elbow", "ratio", 0.04, "1"),))
+    assert said["found"][0]["range"] == pytest.approx([1.08, 1.12])
+    assert said["unseen"][0]["range"] == pytest.approx([1 / 1.04, 1 / 0.96])
+    assert said["unseen"][0]["nothing"] == 1.0
+
+
+def test_a_ratio_that_may_be_off_by_more_than_itself_stays_within_what_can_be(content, planar):
+    # Closed form: a torque that is 2.5 times as large at one end; at the other no ratio is large enough.
+    (entry,) = content(bounds=(Bound("torque_constant", "elbow", "ratio", 1.5, "1"),))["unseen"]
+    (ratio,) = effect_named("torque_constant").parameters(planar, "elbow")
+    assert entry["range"] == pytest.approx([0.4, ratio.upper])
+
+
+def test_a_compliance_that_was_not_seen_is_a_stiffness_as_a_finding_states_it(made, content):
+    # Closed form: 0.001 rad/(N m) at most are 1000 N m/rad and more, and a rigid one is infinitely stiff.
+    found = made("transmission_compliance", "shoulder", stiffness=Value(3000.0, 10.0, "N m/rad"))
+    bound = Bound("transmission_compliance", "elbow", "compliance", 0.001, "rad/(N m)")
+    said = content(found, bounds=(bound,))
+    assert {(e["parameter"], e["unit"]) for e in (*said["found"], *said["unseen"])} == {("stiffness", "N m/rad")}
+    assert said["unseen"][0]["range"] == [1000.0, np.inf]
+    assert said["unseen"][0]["drawn_as"] == {"quantity": "1/stiffness", "unit": "rad/(N m)", "range": [0.0, 0.001]}
+
+
+def test_the_file_says_what_its_numbers_count_from(planar, made, content):
+    # By hand: what was found comes on top of what the model states, and the field of the file is both together.
+    found = made("viscous_friction", "elbow", coefficient=Value(0.84, 0.01, "N m s/rad"))
+    bound = Bound("viscous_friction", "shoulder", "coefficient", 0.02, "N m s/rad")
+    said = content(found, bounds=(bound,))
+    assert said["counts"] == {
+        "adjusted": "on top of the given model",
+        "found": "on top of the given model",
+        "unseen": "on top of the given model",
+        "mjcf": "absolute",
+    }
+    given = dict(zip(planar.joint_names, planar.viscous_friction.tolist(), strict=True))
+    fields = {one["name"]: one for one in said["mjcf"] if one["attribute"] == "damping"}
+    assert said["found"][0]["value"] == 0.84
+    assert fields["elbow"]["value"] == pytest.approx(given["elbow"] + 0.84)
+    assert said["unseen"][0]["range"] == [0.0, 0.02]
+    assert fields["shoulder"]["unseen_range"] == pytest.approx([given["shoulder"], given["shoulder"] + 0.02])
+
+
+def test_its_first_lines_say_so_in_words(planar, diagnosed):
+    text = randomisation_text(randomisation_of(diagnosed(), planar))
+    head = " ".join(word for line in text.splitlines() if line.startswith("#") for word in line[1:].split())
+    assert "found: effects that the diagnosis found, counted on top of the given model" in head
+    assert "unseen: effects that were not seen, also counted on top of the given model" in head
+    assert "mjcf: the same as numbers of corrected.xml, absolute" in head
+
+
+@pytest.fixture
+def corrected(planar) -> CorrectedModel:
+    found = (
+        KnownEffect("coulomb_friction", "elbow", (0.7,)),
+        KnownEffect("viscous_friction", "shoulder", (0.3,)),
+        KnownEffect("rotor_inertia", "elbow", (0.05,)),
+        KnownEffect("torque_saturation", "shoulder", (9.0,)),
+        KnownEffect("input_delay", "elbow", (0.0101,)),
+        KnownEffect("parasitic_spring", "elbow", (3.0, 0.2)),
+        KnownEffect("backlash", "elbow", (0.04,)),
+    )
+    return corrected_model(planar, found)
+
+
+class _Cfg:
+    """Stands for DelayedPDActuatorCfg: it keeps what it is given."""
+
+    def __init__(self, **fields):
+        self.fields = fields
+
+
+@pytest.fixture
+def groups(corrected, monkeypatch):
+    package, actuators = ModuleType("isaaclab"), ModuleType("isaaclab.actuators")
+    actuators.DelayedPDActuatorCfg = _Cfg  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, "isaaclab", package)
+    monkeypatch.setitem(sys.modules, "isaaclab.actuators", actuators)
+    scope: dict = {}
+    exec(compile(isaac_lab_text(corrected, "arm"), "isaac_lab.py", "exec"), scope)
+    return scope["actuators"](0.005, 40.0, {"shoulder": 1.0, "elbow": 2.0})
+
+
+def test_friction_rotors_and_limits_of_isaac_lab_are_the_corrected_ones(groups, planar):
+    elbow, shoulder = groups["elbow"].fields, groups["shoulder"].fields
+    assert elbow["friction"] == elbow["dynamic_friction"] == pytest.approx(planar.coulomb_friction[1] + 0.7)
+    assert elbow["armature"] == pytest.approx(planar.rotor_inertia[1] + 0.05)
+    assert shoulder["viscous_friction"] == pytest.approx(planar.viscous_friction[0] + 0.3)
+    assert shoulder["effort_limit"] == 9.0
+    assert elbow["effort_limit"] == 20.0  # as its URDF states
+
+
+def test_a_delay_is_in_whole_physics_steps_of_its_joint_alone(groups):
+    delays = {joint: (group.fields["min_delay"], group.fields["max_delay"]) for joint, group in groups.items()}
+    assert delays == {"shoulder": (0, 0), "elbow": (2, 2)}
+
+
+def test_gains_are_those_that_the_user_gives(groups):
+    assert (groups["elbow"].fields["stiffness"], groups["elbow"].fields["damping"]) == (40.0, 2.0)
+
+
+def test_what_isaac_lab_cannot_say_is_in_the_docstring(corrected):
+    said = " ".join(str(ast.get_docstring(ast.parse(isaac_lab_text(corrected, "arm")))).split())
+    assert "Isaac Lab has no place for play: elbow 0.04." in said
+    assert "Isaac Lab has no place for spring: elbow 3." in said
+    assert "no place for delay" not in said
+
+
+def test_a_name_with_quotes_leaves_a_file_that_python_reads(corrected):
+    assert ast.parse(isaac_lab_text(corrected, 'an "arm" """\\'))
+
+
+def test_each_section_has_the_numbers_that_its_simulator_holds(corrected, planar):
+    found = yaml.safe_load(simulators_text(corrected, "arm"))
+    friction = pytest.approx(planar.coulomb_friction[1] + 0.7)
+    elbow = found["gazebo"]["joints"]["elbow"]
+    assert (elbow["friction"], elbow["spring_stiffness"], elbow["spring_reference"]) == (friction, 3.0, 0.2)
+    assert found["drake"]["joints"]["elbow"]["rotor_inertia"] == pytest.approx(planar.rotor_inertia[1] + 0.05)
+    assert found["ros2_control"]["joint_limits"]["shoulder"] == {"has_effort_limits": True, "max_effort": 9.0}
+
+
+def test_limits_of_the_given_file_are_there_where_none_was_found(corrected):
+    # Oracle: the effort of planar2.urdf.
+    found = yaml.safe_load(simulators_text(corrected, "arm"))
+    assert found["ros2_control"]["joint_limits"]["elbow"] == {"has_effort_limits": True, "max_effort": 20.0}
+    assert [found[name]["joints"]["elbow"]["effort"] for name in ("gazebo", "drake")] == [20.0, 20.0]
+
+
+def test_each_section_says_what_it_has_no_place_for(corrected):
+    found = yaml.safe_load(simulators_text(corrected, "arm"))
+    assert any("Drake has no place for Coulomb friction" in s and "elbow" in s for s in found["drake"]["cannot_say"])
+    assert "Gazebo (SDF) has no place for delay: elbow 0.0101." in found["gazebo"]["cannot_say"]
+    assert any("ros2_control has no place for viscous friction" in s for s in found["ros2_control"]["cannot_say"])
+
+
+def test_a_late_reference_is_the_delay_of_the_command_in_isaac_lab(planar, monkeypatch):
+    package, actuators = ModuleType("isaaclab"), ModuleType("isaaclab.actuators")
+    actuators.DelayedPDActuatorCfg = _Cfg  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, "isaaclab", package)
+    monkeypatch.setitem(sys.modules, "isaaclab.actuators", actuators)
+    late = corrected_model(planar, (KnownEffect("reference_delay", None, (0.03,)),))
+    scope: dict = {}
+    exec(compile(isaac_lab_text(late, "arm"), "isaac_lab.py", "exec"), scope)
+    groups = scope["actuators"](0.005, 40.0, 1.0)
+    # By hand: six steps of 5 ms.
+    assert {name: group.fields["min_delay"] for name, group in groups.items()} == {"shoulder": 6, "elbow": 6}

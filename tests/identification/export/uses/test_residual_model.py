@@ -1,7 +1,5 @@
 """The residual model as plain Python. Oracles: the library's own columns, and MuJoCo on data that no fit has seen."""
 
-from __future__ import annotations
-
 import csv
 import io
 import subprocess

@@ -1,6 +1,4 @@
-"""Charts of the report. Oracle: places and numbers by hand."""
-
-from __future__ import annotations
+"""Charts as SVG, and thinned curves."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -10,8 +8,17 @@ import pytest
 
 from identification.reporting.charts.chart import Panel, chart
 from identification.reporting.charts.chart_marks import Cloud, Curve, Frame, cloud_svg, curve_svg, tick_words, ticks
+from identification.reporting.charts.svg import inline_svg
+from identification.reporting.charts.thinning import (
+    binned_median,
+    eventful_stretch,
+    gap_starts,
+    scatter_choice,
+    thinned,
+)
 
 SVG = "{http://www.w3.org/2000/svg}"
+
 # One unit is ten points to the right and ten upwards, from the lower left corner at (0, 100).
 FRAME = Frame((0.0, 10.0), (0.0, 10.0), (0.0, 100.0), (100.0, 0.0))
 
@@ -124,3 +131,74 @@ def test_names_stand_in_place_of_numbers_and_only_as_many_as_there_is_room_for()
     assert shown[:2] == ["day0", "day4"]
     two = chart((panel,), "x", (6.0, 4.0), "one", x_names=("before", "after"))
     assert {"before", "after"} <= set(texts(two))
+
+
+def test_text_of_an_element_is_never_rewritten():
+    raw = '<svg width="1"><g id="u"/><use href="#u"/><text x="1.23456">d="0.123456" id="u" #010203</text></svg>'
+    assert inline_svg(raw, "k", "t") == (
+        '<svg role="img" aria-label="t" width="1"><g id="k-u"/><use href="#k-u"/>'
+        '<text x="1.2">d="0.123456" id="u" #010203</text></svg>'
+    )
+
+
+def test_a_thinned_curve_keeps_a_spike_of_one_sample():
+    y = np.zeros(20000)
+    y[7777] = 5.0
+    assert len(thinned(y)) <= 1000
+    assert 7777 in thinned(y)
+
+
+def test_a_short_curve_is_kept_whole():
+    assert thinned(np.arange(10.0)).tolist() == list(range(10))
+
+
+def test_a_jump_in_time_starts_a_new_stretch():
+    assert gap_starts(np.array([0.0, 0.1, 0.2, 5.0, 5.1])).tolist() == [3]
+
+
+def test_one_sample_has_no_jump():
+    assert gap_starts(np.array([0.0])).tolist() == []
+
+
+def test_the_eventful_stretch_holds_the_burst_and_stays_in_one_recording():
+    t = np.concatenate([np.arange(0, 30, 0.01), np.arange(100, 130, 0.01)])
+    residual = np.zeros(len(t))
+    residual[np.searchsorted(t, 112.0) : np.searchsorted(t, 115.0)] = 1.0
+    shown = t[eventful_stretch(t, residual, 10.0)]
+    assert shown[0] <= 112.0
+    assert shown[-1] >= 114.98
+    assert 9.9 < shown[-1] - shown[0] <= 10.0
+
+
+def test_a_recording_shorter_than_the_stretch_is_shown_whole():
+    t = np.arange(0, 3, 0.01)
+    assert eventful_stretch(t, np.ones(300), 10.0) == slice(0, 300)
+
+
+def test_a_full_stretch_goes_before_a_short_but_violent_recording():
+    t = np.concatenate([np.arange(0, 1, 0.01), np.arange(100, 130, 0.01)])
+    assert t[eventful_stretch(t, np.where(t < 50, 9.0, 1.0), 10.0)][0] >= 100
+
+
+def test_the_cloud_has_usable_samples_only_and_not_too_many():
+    finite = np.arange(50000) % 2 == 0
+    chosen = scatter_choice(finite)
+    assert len(chosen) == 3000
+    assert finite[chosen].all()
+
+
+def test_the_median_over_velocity_mixes_no_two_directions():
+    v = np.linspace(-1.03, 1.0, 4001)
+    _, medians = binned_median(v, np.sign(v))
+    assert set(medians) == {-1.0, 1.0}
+
+
+def test_without_motion_there_is_no_median():
+    assert len(binned_median(np.zeros(100), np.ones(100))[0]) == 0
+
+
+def test_few_samples_get_few_bins_so_that_each_has_a_median():
+    x = np.linspace(-1, 1, 150)
+    centres, medians = binned_median(x, x)
+    assert len(centres) >= 8
+    assert medians == pytest.approx(centres, abs=0.1)

@@ -1,6 +1,4 @@
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 import base64
 import dataclasses
 import json

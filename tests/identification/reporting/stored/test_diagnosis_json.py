@@ -1,7 +1,5 @@
 """The oracle is the contract's schema, written again as strict structures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

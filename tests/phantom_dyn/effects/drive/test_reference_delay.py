@@ -1,7 +1,5 @@
 """Late references. Oracles: closed forms of sines, MuJoCo-free simulations of a shifted reference, known truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

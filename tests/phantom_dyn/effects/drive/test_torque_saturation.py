@@ -1,10 +1,15 @@
-from __future__ import annotations
+"""Constant, offset and saturation of a drive's torque, and its rotor."""
 
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
+from phantom_dyn.effects.drive.torque_constant import TorqueConstant
+from phantom_dyn.effects.drive.torque_offset import TorqueOffset
 from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, followed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
@@ -272,3 +277,54 @@ def test_a_plateau_is_the_highest_level_that_the_median_stays_at(rng, samples, l
     reached = [np.median(along[size >= level]) >= level for level in levels]
     left = [float(levels[k]) for k in range(len(levels) - 1) if reached[k] and not reached[k + 1]]
     assert _plateau(command, needed) == tuple(left[-1:])
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.0, 1.7])
+def test_the_true_torque_is_ratio_times_the_logged_one(arm, operation, ratio):
+    # Contract: true torque = ratio * tau. What is logged is what the motion needs less what the effect gives.
+    needed = inverse_dynamics(arm, operation)
+    logged = needed - TorqueConstant().torque(arm, operation, "tilt", np.array([ratio]))
+    np.testing.assert_allclose(ratio * logged[:, 1], needed[:, 1])
+
+
+def test_other_joints_are_logged_right(arm, operation):
+    assert np.all(TorqueConstant().torque(arm, operation, "tilt", np.array([0.7]))[:, [0, 2]] == 0)
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.0, 1.7])
+def test_the_coefficient_is_the_relative_excess_of_the_logged_torque(arm, operation, ratio):
+    effect = TorqueConstant()
+    coefficient = np.array([1 / ratio - 1])
+    assert effect.from_coefficients(arm, "tilt", coefficient, ()) == pytest.approx(np.array([ratio]))
+    columns = effect.signature(arm, operation, "tilt", ()).columns
+    torque = effect.torque(arm, operation, "tilt", np.array([ratio]))[:, 1]
+    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficient, atol=1e-12)
+
+
+def test_the_torque_is_constant(arm, operation):
+    torque = TorqueOffset().torque(arm, operation, "slide", np.array([-1.3]))
+    np.testing.assert_array_equal(torque, np.tile([0.0, 0.0, -1.3], (40, 1)))
+
+
+def test_the_drive_gives_less_by_a_torque_that_pushes_forwards(arm, operation):
+    np.testing.assert_array_equal(TorqueOffset().signature(arm, operation, "turn", ()).columns, -1.0)
+
+
+def test_the_torque_is_minus_i_a(arm, operation):
+    # Contract: -I a.
+    torque = RotorInertia().torque(arm, operation, "tilt", np.array([0.3]))
+    np.testing.assert_array_equal(torque, np.column_stack([0 * operation.t, -0.3 * operation.a[:, 1], 0 * operation.t]))
+
+
+def test_it_is_the_armature_of_pinocchio(arm, operation):
+    # Pinocchio: rnea of the model with that armature asks the drive for more by minus the effect's torque.
+    heavier = arm.model.copy()
+    heavier.armature = arm.model.armature + np.array([0.0, 0.3, 0.0])
+
+    def needed(model: pin.Model) -> np.ndarray:
+        data = model.createData()
+        states = zip(operation.q, operation.v, operation.a, strict=True)
+        return np.array([pin.rnea(model, data, *state) for state in states])
+
+    torque = RotorInertia().torque(arm, operation, "tilt", np.array([0.3]))
+    np.testing.assert_allclose(torque, needed(arm.model) - needed(heavier), atol=1e-12)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 
 from phantom_dyn.effects.friction.coulomb_friction import CoulombFriction

@@ -1,4 +1,4 @@
-from __future__ import annotations
+"""Friction before slip: Dahl's law and presliding."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from phantom_dyn.effects.friction.presliding_friction import (
     PreslidingFriction,
     bristle,
     bristle_law,
+    dahl,
     stick_law,
     strokes,
 )
@@ -17,6 +18,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
 EFFECT = PreslidingFriction()
+
 STICKING = np.array([0.5, 0.01, 1.05, 0.3])  # torque, displacement, static ratio, stick velocity
 
 
@@ -214,3 +216,25 @@ def test_strokes_are_the_ways_between_turning_points(arm):
     states[0, :, 1], states[1, :, 1] = q, np.gradient(q)
     found = strokes(Operation.of(arm, Motion(np.arange(1001) / 100.0, *states)), 1)
     np.testing.assert_allclose(found, [0.3, 0.5, 0.2], atol=2e-3)
+
+
+def test_a_bristle_of_dahl_yields_as_an_exponential_after_a_reversal():
+    # Closed form: from -1 on the way back by x it gives 1 - 2 exp(-x / d).
+    d, way = 0.02, np.linspace(0.0, 0.1, 200)
+    q = np.concatenate([np.linspace(1.0, 0.0, 50), way[1:]])
+    np.testing.assert_allclose(dahl(q, d)[49:], 1.0 - 2.0 * np.exp(-way / d), atol=1e-12)
+
+
+def test_from_rest_the_slope_of_a_bristle_of_dahl_is_one_over_its_displacement():
+    # The contract's initial stiffness: torque / displacement.
+    q = np.array([0.3, 0.3 + 1e-7])
+    assert np.isclose(dahl(q, 0.02)[1] / 1e-7, 1.0 / 0.02, rtol=1e-4)
+
+
+def test_a_bristle_of_dahl_follows_its_differential_equation(rng):
+    # Oracle: one exact step after the other.
+    q, d = np.cumsum(rng.normal(0.0, 0.01, 100)), 0.02
+    z = [0.0]
+    for step in np.diff(q):
+        z.append(np.sign(step) + (z[-1] - np.sign(step)) * np.exp(-abs(step) / d))
+    np.testing.assert_allclose(dahl(q, d), z, atol=1e-12)

@@ -1,6 +1,4 @@
 # pyright: reportAttributeAccessIssue=false
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

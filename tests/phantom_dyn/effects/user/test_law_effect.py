@@ -1,7 +1,5 @@
 """Columns from a law alone: finite differences against analytic columns of the catalogue and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

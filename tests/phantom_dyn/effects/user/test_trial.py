@@ -1,7 +1,5 @@
 """What is wrong with an effect is said before it is used. Oracles: the catalogue's own effects, and one fault each."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Effects from files, classes and installed packages. Oracles: Python's own compiler and importlib.metadata, one fault
 each."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,9 +1,12 @@
-from __future__ import annotations
+"""Simulated cheap hardware: axis, switch of the gap, virtual mass, workstation."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import butter
 
 from phantom_dyn.effects.friction.presliding_friction import stick_step
 from phantom_dyn.errors import ParameterError
@@ -12,14 +15,26 @@ from phantom_dyn.haptics.cheap.cheap_axis import (
     CoggingTorque,
     StickingFriction,
     VirtualMass,
+    cheap_rotation,
     cheap_translation,
 )
-from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
+from phantom_dyn.haptics.cheap.cheap_cycle import (
+    at_rest,
+    butterworth_weights,
+    coupling_force,
+    low_passed,
+    mass_step,
+    side_of,
+)
 from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.workstation import WORKSTATION
 
 RATES = [500, 1000, 2000]
+
 FRICTION = StickingFriction(torque=2.0, displacement=100e-6, stick_velocity=5e-3)
+
 GAP = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3, cutoff_hz=np.inf)
+
 EVERYTHING = cheap_translation(slip=1.0, order=600.0, limit=2.0)
 
 
@@ -233,3 +248,134 @@ def test_times_that_the_filter_cannot_take_are_refused(t, words):
 def test_as_many_axes_as_columns_are_wanted():
     with pytest.raises(ParameterError, match=r"2 axes, and positions and forces of the shapes \(2, 3\) and \(2, 3\)"):
         rendered_axes((CheapAxis(),) * 2, np.arange(2) / 1000.0, np.zeros((2, 3)), np.zeros((2, 3)))
+
+
+def test_the_columns_of_the_printed_table_stand_where_their_units_belong():
+    # Published (Table 2, friction unswapped): 100 um and 5 mm/s for a translation, 5 mrad and 6 deg/s for a rotation.
+    translation = cheap_translation(slip=1.0, order=600.0, limit=11.0).friction
+    rotation = cheap_rotation(slip=0.05, order=20.0, limit=0.47).friction
+    assert translation == StickingFriction(1.0, 100e-6, 5e-3, 1.05)
+    assert rotation == StickingFriction(0.05, 5e-3, float(np.deg2rad(6.0)), 1.05)
+
+
+def test_the_other_figures_are_those_of_the_table():
+    translation = cheap_translation(slip=1.0, order=600.0, limit=11.0)
+    rotation = cheap_rotation(slip=0.05, order=20.0, limit=0.47)
+    assert (translation.gap, rotation.gap) == (1e-3, pytest.approx(np.deg2rad(2.0)))
+    assert translation.mass == VirtualMass(0.1, 150.0)
+    assert rotation.mass == VirtualMass(1e-3, 1.0)
+    assert translation.cogging == CoggingTorque((600.0,), (0.6,), (0.0,))
+    assert rotation.cogging == CoggingTorque((20.0,), (0.04,), (0.0,))
+
+
+def test_the_period_of_the_mass_is_near_the_published_time_constant():
+    # Published: T = 150 ms; 2 pi sqrt(M/K) is 162 ms at 0.1 kg and 150 N/m, 150 ms at 0.0855 kg.
+    assert VirtualMass(0.1, 150.0).period == pytest.approx(0.162, abs=5e-4)
+    assert VirtualMass(0.0855, 150.0).period == pytest.approx(0.150, abs=5e-4)
+    assert VirtualMass(1e-3, 1.0).period == pytest.approx(0.199, abs=5e-4)
+
+
+def test_damping_is_critical_unless_it_is_given():
+    # Closed form: 2 sqrt(M K); the printed 0.05 would be 0.0065 of it in N s/m.
+    assert VirtualMass(0.1, 150.0).damping == pytest.approx(7.746, abs=1e-3)
+    assert VirtualMass(0.1, 150.0, 0.05).damping == 0.05
+    assert pytest.approx(0.0065, abs=1e-4) == 0.05 / 7.746
+
+
+def test_a_gap_without_a_mass_is_refused():
+    with pytest.raises(ParameterError, match=r"a gap of 0.001 and no mass: a play is between two masses"):
+        CheapAxis(gap=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: VirtualMass(0.0, 1.0), "The inertia of a VirtualMass is 0: give more than 0"),
+        (lambda: StickingFriction(-1.0, 1e-4, 5e-3), "The torque of a StickingFriction is -1: give 0 or more"),
+        (lambda: CheapAxis(limit=-1.0), "The limit of a cheap axis is -1"),
+        (lambda: CoggingTorque((1.0, 2.0), (0.1,), (0.0,)), "2 orders, 1 amplitudes and 1 phases"),
+    ],
+)
+def test_impossible_numbers_are_refused_in_a_sentence(make, words):
+    with pytest.raises(ParameterError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(("apart", "side"), [(0.6e-3, 1.0), (0.4e-3, 0.0), (-0.4e-3, 0.0), (-0.6e-3, -1.0)])
+def test_the_probe_presses_the_wall_that_it_is_beyond(apart, side):
+    # Published: (1) of the seed, a gap of 1 mm.
+    assert side_of(apart, 1e-3) == side
+
+
+def test_without_a_gap_there_is_always_contact():
+    assert {abs(side_of(apart, 0.0)) for apart in (-1e-3, 0.0, 1e-3)} == {1.0}
+
+
+def test_the_spring_starts_at_the_wall_without_a_jump():
+    # (2) is printed with a jump of K d/2, 0.3 N for 600 N/m and 1 mm; with the attachment of (1) it is continuous.
+    assert coupling_force(0.5e-3, 0.0, 1.0, 1e-3, 600.0, 0.0) == 0.0
+    assert coupling_force(0.6e-3, 0.0, 1.0, 1e-3, 600.0, 0.0) == pytest.approx(-600.0 * 0.1e-3)
+
+
+def test_in_the_gap_a_fifth_of_the_damping_acts_between_probe_and_mass():
+    # Published: B1 = 0.2 B2.
+    assert coupling_force(0.0, 0.3, 0.0, 1e-3, 600.0, 10.0) == pytest.approx(-0.2 * 10.0 * 0.3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "b", "a"), [(500, 0.319989, -0.360022), (1000, 0.182690, -0.634619), (2000, 0.099424, -0.801151)]
+)
+def test_weights_of_the_filter_are_the_published_ones(rate, b, a):
+    # Published figures, and scipy's own design.
+    assert butterworth_weights(1.0 / rate, 70.0) == (pytest.approx(b, abs=5e-7), pytest.approx(a, abs=5e-7))
+    numerator, denominator = np.array(butter(1, 70.0, fs=rate))
+    np.testing.assert_allclose(butterworth_weights(1.0 / rate, 70.0), [numerator[1], denominator[1]], rtol=1e-12)
+
+
+def test_a_constant_passes_the_filter_at_any_sequence_of_steps(rng):
+    # Closed form: unit gain at zero frequency, whatever the steps.
+    out = 3.0
+    for dt in rng.uniform(1 / 2000, 1 / 500, 100):
+        out = low_passed(out, 3.0, 3.0, dt, 70.0)
+    assert out == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_mass_on_its_coupling_swings_as_the_closed_form_says(rng):
+    # Known truth: scipy's integrator on the same equation; steps between 0.5 and 2 ms.
+    mass, stiffness, damping = 0.1, 150.0, 1.5
+    x, v, t = 0.004, 0.0, 0.0
+    for dt in rng.uniform(1 / 2000, 1 / 500, 200):
+        x, v = mass_step(x, v, dt, mass, 0.0, stiffness, damping, 0.0)
+        t += dt
+    true = solve_ivp(
+        lambda _, y: [y[1], -(stiffness * y[0] + damping * y[1]) / mass], (0, t), [0.004, 0.0], rtol=1e-10, atol=1e-14
+    ).y[:, -1]
+    # The phase of the midpoint rule is right to a twelfth of (w h)^2, 1e-4 here, of some ten radians.
+    np.testing.assert_allclose(
+        [x, v / np.sqrt(stiffness / mass)], [true[0], true[1] / np.sqrt(stiffness / mass)], atol=2e-3 * 0.004
+    )
+
+
+def test_no_stiffness_makes_the_mass_unstable():
+    # A thousand times what the explicit rule would bear at 1 ms.
+    x, v = 0.001, 0.0
+    for _ in range(2000):
+        x, v = mass_step(x, v, 1e-3, 0.1, 0.0, 4e8, 0.0, 0.0)
+    assert abs(x) <= 0.001 * (1 + 1e-9)
+
+
+def test_a_rotary_axis_is_in_radians():
+    pitch = WORKSTATION["pitch"]
+    assert pitch.resolution == pytest.approx(0.01 * math.pi / 180)
+    assert pitch.travel == pytest.approx(100 * math.pi / 180)
+
+
+def test_the_insertion_is_in_metres():
+    assert (WORKSTATION["insertion"].travel, WORKSTATION["insertion"].resolution) == (0.170, 8e-6)
+
+
+@pytest.mark.parametrize(("name", "held"), [("insertion", 11.0), ("handle grip", 0.15), ("tip twist", 0.0)])
+def test_a_motor_holds_its_continuous_force(name, held):
+    t = np.arange(10) / 1000.0
+    out = rendered(WORKSTATION[name].motor, t, 0 * t, np.full(10, 50.0))
+    np.testing.assert_allclose(out.force, held)

@@ -1,16 +1,29 @@
-"""Rigid and two-mass devices: equations of motion, and the figures that the chapter derives from them."""
+"""Axes of a haptic device: transfer functions, sampling, the hand that holds them."""
 
-from __future__ import annotations
-
+import itertools
 import math
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis, masses_from_resonance
-from phantom_dyn.haptics.device.published import LHIFAM
+from phantom_dyn.haptics.device.axis import (
+    FREE_HAND,
+    YOKOKOHJI_YOSHIKAWA,
+    Operator,
+    RigidAxis,
+    TwoMassAxis,
+    masses_from_resonance,
+)
+from phantom_dyn.haptics.device.discretisation import discretise, split_delay
+from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
+from phantom_dyn.haptics.device.held_device import HeldDevice, felt_impedance
+from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
 
 AXIS = TwoMassAxis(0.3, 5.0, 0.1, 3.4, 8e4, 14.0)
 
@@ -103,3 +116,214 @@ def test_impossible_values_are_refused(mass, damping, say):
 def test_a_cable_without_stiffness_is_refused():
     with pytest.raises(ParameterError, match="cable_stiffness of the axis is nan: give a positive number"):
         replace(AXIS, cable_stiffness=math.nan)
+
+
+@pytest.mark.parametrize("axis", [PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z], ids="xyz")
+def test_state_space_has_the_same_response(axis):
+    # Oracle: the fraction itself.
+    w = 2 * np.pi * np.array([1.0, 30.0, 100.0, 400.0])
+    s = axis.state_space
+    answers = [s.C @ np.linalg.solve(1j * f * np.eye(len(s.B)) - s.A, s.B) + s.D for f in w]
+    np.testing.assert_allclose(answers, axis.response(w), rtol=1e-9)
+
+
+def test_a_mount_that_gives_adds_its_compliance():
+    axis = PHANTOM_1_5_X.plus(0.5)
+    w = np.array([10.0, 500.0])
+    np.testing.assert_allclose(axis.response(w), PHANTOM_1_5_X.response(w) + 0.5, rtol=1e-12)
+
+
+def test_it_is_its_own_transfer_function():
+    assert PHANTOM_1_5_X.transfer_function is PHANTOM_1_5_X
+
+
+def test_a_numerator_of_higher_degree_is_refused():
+    with pytest.raises(ParameterError, match="degree 2 over 1 was given: no device answers"):
+        TransferFunction(np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0]))
+
+
+def test_a_leading_zero_is_refused():
+    with pytest.raises(ParameterError, match=r"denominator of a transfer function is \[0\.0, 1\.0\]: give finite"):
+        TransferFunction(np.array([1.0]), np.array([0.0, 1.0]))
+
+
+T = 1e-3
+
+
+def test_transition_is_the_matrix_exponential():
+    # Oracle: scipy.linalg.expm.
+    np.testing.assert_allclose(discretise(LHIFAM, period=T).transition, expm(LHIFAM.state_space.A * T), atol=1e-14)
+
+
+def test_hold_without_delay_is_that_of_python_control():
+    s = LHIFAM.state_space
+    there = control.c2d(control.ss(s.A, s.B[:, None], s.C[None], 0), T)
+    w = np.array([1.0, 20.0, 125.0, 515.0, 3000.0])
+    answers = [complex(there(np.exp(1j * f * T))) for f in w]
+    np.testing.assert_allclose(discretise(LHIFAM, period=T).response(w), answers, rtol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.25e-3, 1e-3, 2.7e-3])
+def test_samples_are_those_of_the_continuous_device(delay):
+    # Oracle: integration of the differential equation with the delayed, held force.
+    forces = np.array([1.0, -2.0, 0.5, 3.0, 0.0, -1.0, 0.0, 0.0])
+    system, sampled = LHIFAM.state_space, discretise(LHIFAM, period=T, delay=delay)
+    given = lambda k: forces[k] if 0 <= k < len(forces) else 0.0  # noqa: E731
+    x = np.zeros(4)
+    for k in range(len(forces)):
+        x = (
+            sampled.transition @ x
+            + sampled.newer * given(k - sampled.steps)
+            + sampled.older * given(k - sampled.steps - 1)
+        )
+    y = np.zeros(4)
+    edges = np.unique(np.concatenate([np.arange(len(forces)) * T + delay, [0.0, len(forces) * T]]))
+    edges = edges[edges <= len(forces) * T + 1e-12]
+    for start, stop in itertools.pairwise(edges):
+        held = given(int(np.floor((0.5 * (start + stop) - delay) / T)))
+        y = solve_ivp(
+            lambda _, z, held=held: system.A @ z + system.B * held,
+            (start, stop),
+            y,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-16,
+        ).y[:, -1]
+    np.testing.assert_allclose(x, y, rtol=1e-8, atol=1e-14)
+
+
+def test_a_whole_period_of_delay_turns_the_phase_by_one_z():
+    w = np.array([5.0, 300.0, 2000.0])
+    late, prompt = discretise(LHIFAM, period=T, delay=3 * T), discretise(LHIFAM, period=T)
+    np.testing.assert_allclose(late.response(w), prompt.response(w) * np.exp(-3j * w * T), rtol=1e-12)
+
+
+def test_a_fraction_of_a_period_is_continuous_at_both_ends():
+    w = np.array([5.0, 300.0, 2000.0])
+    for whole in (0.0, T):
+        near = discretise(LHIFAM, period=T, delay=whole + 1e-8 * T).response(w)
+        np.testing.assert_allclose(near, discretise(LHIFAM, period=T, delay=whole).response(w), rtol=1e-7)
+
+
+def test_response_at_low_frequency_is_that_of_device_half_a_period_and_delay():
+    w, delay = np.array([0.5, 2.0]), 2.3e-3
+    expected = LHIFAM.transfer_function.response(w) * np.exp(-1j * w * (0.5 * T + delay))
+    np.testing.assert_allclose(discretise(LHIFAM, period=T, delay=delay).response(w), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.6e-3])
+@pytest.mark.parametrize("axis", [LHIFAM_NEW_CABLE, PHANTOM_1_5_Z], ids=["lhifam", "phantom z"])
+def test_eigenvalues_of_the_wall_are_zeros_of_its_characteristic_equation(axis, delay):
+    # (20), with virtual damping: 1 + (K + B (1 - 1/z)/T) L(z) = 0, L by its polynomials.
+    K, B = (3000.0, 2.0) if axis is LHIFAM_NEW_CABLE else (0.1, 1e-4)
+    sampled = discretise(axis, period=T, delay=delay)
+    steps, direct_now, direct_before, denominator, now, before = sampled.loop
+    values = np.linalg.eigvals(sampled.closed_loop(K, B))
+    z = values[(np.abs(values) > 0.3)]
+    low = np.polyval(denominator, z - 1)
+    high = np.polyval(now, z - 1) + np.polyval(before, z - 1) / z + (direct_now + direct_before / z) * low
+    error = low + (K + B * (1 - 1 / z) / T) * high * z**-steps
+    scale = np.array([np.polyval(np.abs(denominator), abs(root - 1)) for root in z])
+    assert len(z) >= 4
+    assert np.max(np.abs(error) / scale) < 1e-8
+
+
+def test_frequency_grid_increases_to_the_nyquist_frequency():
+    grid = frequency_grid(0.1, T, 5e-3, np.array([[100.0, 1.0]]))
+    assert np.all(np.diff(grid) >= 0)
+    assert grid[-1] == pytest.approx(np.pi / T)
+    assert np.sum((grid > 99) & (grid < 101)) > 10
+
+
+@pytest.mark.parametrize(("delay", "expected"), [(0.0, (0, 0.0)), (3e-3, (3, 0.0)), (2.5e-3, (2, 0.5e-3))])
+def test_delay_splits_into_whole_periods_and_a_rest(delay, expected):
+    assert split_delay(T, delay) == (expected[0], pytest.approx(expected[1], abs=1e-15))
+
+
+@pytest.mark.parametrize(("period", "delay"), [(0.0, 0.0), (1e-3, -1e-3), (np.nan, 0.0)])
+def test_impossible_times_are_refused(period, delay):
+    with pytest.raises(ParameterError, match="give a positive period and a delay of 0 or more"):
+        discretise(RigidAxis(1.0, 1.0), period=period, delay=delay)
+
+
+CUTOFF = 2 * math.pi * 200
+
+W = np.geomspace(1.0, 3000.0, 30)
+
+
+@pytest.mark.parametrize("device", [LHIFAM, RigidAxis(5.4, 3.5)])
+def test_states_and_polynomials_are_one_system(device):
+    held = HeldDevice(device, YOKOKOHJI_YOSHIKAWA, CUTOFF)
+    system = held.state_space
+    states = [system.C @ np.linalg.solve(1j * w * np.eye(len(system.B)) - system.A, system.B) for w in W]
+    np.testing.assert_allclose(states, held.transfer_function.response(W), rtol=1e-10)
+
+
+def test_the_loop_is_what_the_equations_of_motion_give():
+    """Closed form: both equations of motion with the hand, solved as they stand at one frequency."""
+    s, d, hand = 80j, LHIFAM, YOKOKOHJI_YOSHIKAWA
+    tie = d.cable_damping * s + d.cable_stiffness
+    held = hand.mass * s**2 + hand.damping * s + hand.stiffness
+    motion = np.array(
+        [
+            [d.motor_mass * s**2 + d.motor_damping * s + tie, -tie],
+            [-tie, d.body_mass * s**2 + d.body_damping * s + tie + held],
+        ]
+    )
+    body = np.linalg.solve(motion, [1.0, 0.0])[1]
+    loop = HeldDevice(d, hand, CUTOFF).transfer_function.response(np.array([80.0]))
+    np.testing.assert_allclose(loop, [held * body / (1 + s / CUTOFF)], rtol=1e-12)
+
+
+def test_a_stiff_cable_makes_it_the_rigid_device():
+    stiff = replace(LHIFAM, cable_stiffness=1e10)
+    rigid = HeldDevice(stiff.rigid, YOKOKOHJI_YOSHIKAWA, CUTOFF).transfer_function
+    two = HeldDevice(stiff, YOKOKOHJI_YOSHIKAWA, CUTOFF).transfer_function
+    np.testing.assert_allclose(two.response(W), rigid.response(W), rtol=1e-3)
+
+
+@pytest.mark.parametrize("device", [LHIFAM, RigidAxis(5.4, 3.5)])
+def test_a_hand_that_pushes_slowly_on_a_spring_is_not_felt_by_the_sensor(device):
+    """Closed form: at rest the hand's spring carries all of its own force, so the sensor reads nothing."""
+    held = HeldDevice(device, YOKOKOHJI_YOSHIKAWA, CUTOFF)
+    rest = -np.linalg.solve(held.state_space.A, held.push)
+    assert held.tip @ rest == pytest.approx(1.0 / YOKOKOHJI_YOSHIKAWA.stiffness, rel=1e-9)
+    assert held.state_space.C @ rest == pytest.approx(0.0, abs=1e-6)
+
+
+def test_felt_impedance_of_two_masses_without_help_is_that_of_a_free_motor():
+    """Closed form: body, and motor behind the cable, in parallel with the damper to ground."""
+    s, d = 1j * W, LHIFAM
+    tie = d.cable_damping * s + d.cable_stiffness
+    motor = d.motor_mass * s**2 + d.motor_damping * s
+    body = d.body_mass * s**2 + d.body_damping * s
+    np.testing.assert_allclose(felt_impedance(d, 0.0, W), body + tie * motor / (tie + motor), rtol=1e-9)
+
+
+def test_felt_impedance_at_low_frequency_is_divided_by_one_and_the_gain():
+    low = np.array([1.0])
+    np.testing.assert_allclose(felt_impedance(LHIFAM, 5.0, low), felt_impedance(LHIFAM.rigid, 5.0, low), rtol=1e-4)
+
+
+def test_nobody_at_the_device_is_refused():
+    with pytest.raises(ParameterError, match="Nobody holds the device"):
+        HeldDevice(LHIFAM, FREE_HAND, CUTOFF)
+
+
+def test_impedance_at_standstill_is_the_stiffness():
+    assert Operator(2.0, 3.0, 10.0).impedance(np.array([0.0]))[0] == 10.0
+
+
+def test_impedance_at_resonance_is_the_damper_alone():
+    hand = Operator(2.0, 3.0, 50.0)
+    resonance = 5.0  # rad/s, sqrt(50 / 2)
+    np.testing.assert_allclose(hand.impedance(np.array([resonance])), [15j], rtol=1e-12, atol=1e-12)
+
+
+def test_cited_operator_has_two_kilograms():
+    np.testing.assert_array_equal(YOKOKOHJI_YOSHIKAWA.polynomial(), [2.0, 2.0, 10.0])
+
+
+def test_negative_mass_is_refused():
+    with pytest.raises(ParameterError, match=r"operator.s mass is -1\.0: give a number of 0 or more"):
+        Operator(-1.0, 0.0, 0.0)

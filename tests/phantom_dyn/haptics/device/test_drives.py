@@ -1,12 +1,16 @@
-"""Heat of drives: the figures of Cavusoglu, Feygin and Tendick (2002), closed forms and a quadrature."""
+"""Drives of a haptic device: heat, commutation, safety logic."""
 
-from __future__ import annotations
+import math
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.commutation import (
+    BrushMotor,
+    steady_torque,
+)
 from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
@@ -15,6 +19,7 @@ from phantom_dyn.haptics.device.drives import (
     switched_current,
     warming,
 )
+from phantom_dyn.haptics.device.safety import Guard, ThermalMotor, armed, guarded, run_guard
 
 
 def test_published_rises_imply_a_duty_cycle_of_42_percent():
@@ -80,3 +85,160 @@ def test_pulses_of_no_voltage_are_refused():
 def test_a_thermal_time_constant_of_nothing_is_refused():
     with pytest.raises(ParameterError, match=r"thermal time constant is 0\.0: give a number above 0"):
         warming(heat_pulses=1.0, heat_linear=1.0, resistance=1.0, time_constant=0.0, t=np.zeros(1))
+
+
+SLOW = BrushMotor(Winding(2.0), 0.02, 11)
+
+COILED = BrushMotor(Winding(2.0, 2e-4), 0.02, 11)
+
+
+def ring_resistance(bars: int, plus: list[int], minus: list[int]) -> float:
+    """Between brushes that touch these bars, of a ring of coils of 1 ohm: Kirchhoff's node equations."""
+    node = list(range(bars))
+    for bar in plus:
+        node[bar] = bars
+    for bar in minus:
+        node[bar] = bars + 1
+    G = np.zeros((bars + 2, bars + 2))
+    for k in range(bars):
+        a, b = node[k], node[(k + 1) % bars]
+        if a != b:
+            G[[a, b], [a, b]] += 1.0
+            G[[a, b], [b, a]] -= 1.0
+    inside = [k for k in range(bars) if node[k] == k]
+    unknown = [*inside, bars]
+    current = np.zeros(len(unknown))
+    current[-1] = 1.0
+    return float(np.linalg.solve(G[np.ix_(unknown, unknown)], current)[-1])
+
+
+@pytest.mark.parametrize("bars", [3, 7, 11])
+def test_the_resistance_falls_to_n_over_n_plus_one_where_a_brush_joins_two_bars(bars):
+    """Oracle: the node equations of the ring."""
+    half = bars // 2
+    single, joined = ring_resistance(bars, [0], [half]), ring_resistance(bars, [0], [half, half + 1])
+    motor = BrushMotor(Winding(1.0), 0.02, bars)
+    assert motor.joined_resistance == pytest.approx(joined / single, rel=1e-12)
+
+
+def test_a_brush_switches_two_n_times_a_revolution():
+    angle = np.linspace(0.0, 2 * math.pi, 200_001)
+    falls = np.count_nonzero(np.diff(SLOW.resistance(angle + 0.1)) < 0)
+    assert falls == 22
+
+
+@pytest.mark.parametrize("speed", [20.0, 300.0])
+def test_steady_torque_with_inductance_is_what_the_differential_equation_ends_at(speed):
+    """Oracle: the equation of the current, integrated over forty switchings."""
+    found = steady_torque(COILED, speed=speed, voltage=12.0)
+    span = COILED.period / speed
+    current = 0.0
+    for k in range(80):
+        share, R = ((0.3, COILED.joined_resistance), (0.7, 2.0))[k % 2]
+        run = solve_ivp(
+            lambda _, i, R=R: (12.0 - 0.02 * speed - R * i) / 2e-4, (0, share * span), [current], rtol=1e-10, atol=1e-12
+        )
+        current = run.y[0, -1]
+    assert found.torque[0] == pytest.approx(0.02 * current, rel=1e-6)
+    assert found.torque[-1] == pytest.approx(found.torque[0], rel=1e-9)
+
+
+def test_inductance_smooths_the_torque_of_a_fast_motor_and_not_of_a_slow_one():
+    """Closed form at rest: 1/n over a mean of 1 + w/n; fast, the current has no time to follow."""
+    motor = BrushMotor(Winding(2.0, 5e-3), 0.02, 11)
+    slow, fast = (steady_torque(motor, speed=speed, voltage=12.0).ripple for speed in (0.1, 500.0))
+    assert slow == pytest.approx(1 / 11.3, rel=1e-3)
+    assert fast < 0.1 * slow
+
+
+@pytest.mark.parametrize("motor", [SLOW, COILED])
+def test_the_mean_is_that_of_the_curve(motor):
+    found = steady_torque(motor, speed=100.0, voltage=12.0)
+    assert found.mean == pytest.approx(np.trapezoid(found.torque, found.angle) / motor.period, rel=1e-3)
+
+
+def test_an_even_commutator_is_refused():
+    with pytest.raises(ParameterError, match="give an odd number"):
+        BrushMotor(Winding(2.0), 0.02, 10)
+
+
+def test_brushes_that_always_join_are_refused():
+    with pytest.raises(ParameterError, match="give one between 0 and 1"):
+        BrushMotor(Winding(2.0), 0.02, 11, joined=1.0)
+
+
+def test_a_motor_without_current_has_no_ripple_to_state():
+    with pytest.raises(ParameterError, match="no current flows"):
+        steady_torque(SLOW, speed=200.0, voltage=4.0)
+
+
+MOTOR = ThermalMotor(resistance=2.0, thermal_resistance=10.0, time_constant=200.0)
+
+GUARD = Guard(MOTOR, current_per_force=0.5, slowest=250.0, warmest=60.0, cool=50.0)
+
+
+def test_the_rise_is_that_of_one_thermal_mass():
+    """Oracle: `warming`, the curve that the published rises are drawn on."""
+    t = np.linspace(0.0, 600.0, 7)
+    curve = warming(heat_pulses=0.0, heat_linear=2.0 * 1.5**2, resistance=10.0, time_constant=200.0, t=t).linear
+    np.testing.assert_allclose([MOTOR.rise_after(0.0, 1.5, time) for time in t], curve, rtol=1e-12)
+
+
+def test_a_driver_lets_a_cool_motor_and_a_timely_computer_have_their_force():
+    trace = run_guard(GUARD, 1e-3, np.linspace(-2.0, 2.0, 100))
+    np.testing.assert_array_equal(trace.force, np.linspace(-2.0, 2.0, 100))
+
+
+def test_the_current_goes_off_when_the_closed_form_reaches_the_warmest_rise():
+    """Closed form: towards R_th R i^2 = 180 K the motor is at 60 K after tau ln(180 / (180 - 60))."""
+    dt = 0.05
+    trace = run_guard(Guard(MOTOR, 0.5, 1.0, 60.0, 50.0), dt, np.full(4000, 3.0 / 0.5))
+    off = dt * int(np.argmax(trace.hot))
+    assert off == pytest.approx(200.0 * math.log(180 / 120), abs=2 * dt)
+    assert trace.rise.max() == pytest.approx(60.0, abs=0.1)
+
+
+def test_a_hot_motor_comes_back_when_it_has_cooled_to_the_lower_rise():
+    """Closed form: without current the rise falls from 60 K to 50 K in tau ln(60/50)."""
+    dt = 0.05
+    trace = run_guard(Guard(MOTOR, 0.5, 1.0, 60.0, 50.0), dt, np.full(6000, 6.0))
+    changes = dt * np.flatnonzero(np.diff(trace.hot.astype(int)))
+    assert changes[1] - changes[0] == pytest.approx(200.0 * math.log(60 / 50), rel=0.01)
+
+
+def test_a_driver_that_hears_nothing_holds_the_force_for_one_slowest_period_and_then_gives_none():
+    """250 Hz: after four cycles of 1 ms without an update, and not before."""
+    commands = np.concatenate([[1.0], np.full(10, np.nan)])
+    trace = run_guard(GUARD, 1e-3, commands)
+    np.testing.assert_array_equal(trace.force, [1.0] * 5 + [0.0] * 6)
+
+
+def test_a_computer_that_comes_back_late_gets_no_force_until_the_driver_is_armed():
+    commands = np.concatenate([[1.0], np.full(10, np.nan), np.ones(5)])
+    assert not run_guard(GUARD, 1e-3, commands).force[5:].any()
+    state = armed()
+    for command in (1.0, *([None] * 10)):
+        state, force = guarded(GUARD, state, 1e-3, command)
+    assert (state.late, force) == (True, 0.0)
+    assert guarded(GUARD, armed(state), 1e-3, 2.0)[1] == 2.0
+
+
+def test_arming_does_not_cool_the_motor():
+    state = armed()
+    for _ in range(5):
+        state, _ = guarded(GUARD, state, 1e-3, 6.0)
+    assert armed(state).rise == state.rise > 0
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [((250.0, 50.0, 60.0), "give a cooler rise to come back at"), ((0.0, 60.0, 50.0), "slowest update rate is 0")],
+)
+def test_limits_that_cannot_be_are_refused(limits, words):
+    with pytest.raises(ParameterError, match=words):
+        Guard(MOTOR, 0.5, *limits)
+
+
+def test_a_command_that_is_no_number_is_refused():
+    with pytest.raises(ParameterError, match="command is inf"):
+        guarded(GUARD, armed(), 1e-3, math.inf)

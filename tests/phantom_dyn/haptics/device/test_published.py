@@ -1,7 +1,5 @@
 """Published devices: printed figures, and beside them what the printed parameters give."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Compensated friction: power, trembling at rest, dither and over-compensation, against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

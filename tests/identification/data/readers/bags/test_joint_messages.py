@@ -1,7 +1,5 @@
 """Bags with other joint states than sensor_msgs/JointState. Oracle: the numbers that were written, by rosbags."""
 
-from __future__ import annotations
-
 import sqlite3
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a voltage shows of a drive. Known truth: constants and friction of a simulated motor, in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What gave way to a set of rivals is asked again where one of these falls. Oracle: the sets, written by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

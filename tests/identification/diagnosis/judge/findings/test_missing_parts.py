@@ -1,7 +1,5 @@
 """Parts whose absence explains inertial parameters. Oracle: the products of Pinocchio's parameters, by hand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """Intervals of bodies on the edge of what can exist. Oracles: the edge itself, and a body well inside of it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import cast
 

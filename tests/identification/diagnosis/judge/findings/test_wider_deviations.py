@@ -1,7 +1,5 @@
 """Deviations of sizes beside other causes. Oracle: the law of total variance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,0 +1,234 @@
+"""Walls and teleoperation: passive and critical gains, linear and simulated."""
+
+import math
+
+import numpy as np
+import pytest
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.device.published import LHIFAM, PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_estimators import (
+    IMPROVED,
+    STOCK,
+    AdaptiveWindow,
+    AveragedDifference,
+    KalmanVelocity,
+    PeriodMeasurement,
+    estimate_velocity,
+)
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
+from phantom_dyn.haptics.stability.passivity import (
+    critical_loop_gain,
+    passive_damping,
+    simulate_teleoperation,
+    simulated_loop_gain,
+)
+from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
+from phantom_dyn.haptics.stability.virtual_wall import (
+    critical_damping_gain,
+    critical_wall,
+    simulate_wall,
+    simulated_damping_gain,
+    simulated_wall,
+    velocity_filter,
+)
+
+TIP = RigidAxis(0.0525, 0.0)
+
+DAMPED = RigidAxis(0.0525, 1.0)
+
+
+def net_lead(axis: TransferFunction) -> float:
+    """Time by which the fit turns the phase forward at low frequency [s]."""
+    top, bottom = axis.numerator, axis.denominator[:3]
+    return top[-2] / top[-1] - bottom[-2] / bottom[-1]
+
+
+@pytest.mark.parametrize(
+    ("axis", "lead"), [(PHANTOM_1_5_X, -7.36e-4), (PHANTOM_1_5_Y, -4.96e-4), (PHANTOM_1_5_Z, 2.05e-3)]
+)
+def test_net_lead_of_the_published_fits(axis, lead):
+    assert net_lead(axis) == pytest.approx(lead, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("axis", "stable"), [(PHANTOM_1_5_X, False), (PHANTOM_1_5_Y, False), (PHANTOM_1_5_Z, True)], ids=["x", "y", "z"]
+)
+def test_the_published_fits_bear_no_wall_in_x_and_y_and_every_one_in_z(axis, stable):
+    """So they cannot give the published 2.0 and 2.7 N/mm, whatever their unit."""
+    loop = SampledLoop((discretise(axis, period=1e-3),))
+    radius = np.array([loop.spectral_radius(gain) for gain in np.geomspace(1e-3, 100, 41)])
+    assert (radius < 1).all() if stable else (radius > 1).all()
+    assert critical_wall(axis, LoopSettings()).gain == (math.inf if stable else 0.0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 5.0])
+def test_critical_wall_is_the_critical_stiffness_of_the_two_coefficient_loop(damping):
+    settings = LoopSettings(delay=0.4e-3)
+    other = critical_stiffness(LHIFAM, period=1e-3, delay=0.4e-3, virtual_damping=damping)
+    assert critical_wall(LHIFAM, settings, damping=damping).gain == pytest.approx(other.stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(7), STOCK, KalmanVelocity(3.0)])
+def test_the_filter_of_an_estimator_is_the_estimator(estimator, rng):
+    # A thousand steps a sample: fine enough, and few enough edges to count.
+    record = record_motion(Encoder(1e-9), np.cumsum(rng.normal(size=400)) * 1e-6, interval=1e-3, samples_apart=1)
+    filter_ = velocity_filter(estimator, step=1e-9, period=1e-3)
+    a, b = filter_.denominator, filter_.numerator
+    v, x = estimate_velocity(estimator, record), record.reading
+    past = slice(150, 400)
+    left = sum(a[i] * v[150 - i : 400 - i] for i in range(len(a)))
+    right = sum(b[i] * x[150 - i : 400 - i] for i in range(len(b)))
+    assert v[past].any()
+    np.testing.assert_allclose(left, right, rtol=0, atol=1e-9 * np.abs(v).max())
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(1), AveragedDifference(16), STOCK, KalmanVelocity(10.0)])
+def test_simulated_virtual_damping_fails_where_the_linear_loop_does(estimator):
+    settings = LoopSettings(estimator=estimator)
+    linear = critical_damping_gain(TIP, settings).gain
+    assert simulated_damping_gain(TIP, settings, low=0.3 * linear, high=3 * linear) == pytest.approx(linear, rel=0.03)
+
+
+def test_virtual_damping_of_a_mass_is_that_of_its_lag():
+    """Phase of an integrator and a pure lag: B = m pi / (2 lag), over what the average leaves at that frequency."""
+    lag = 50e-3 + 0.5e-3  # and half a period of the hold
+    average = 2 / math.pi  # what a moving average leaves at the frequency whose half cycle is its length
+    measured = critical_damping_gain(TIP, LoopSettings(estimator=STOCK)).gain
+    assert measured == pytest.approx(TIP.mass * math.pi / (2 * lag) / average, rel=0.02)
+
+
+def test_a_shorter_lag_allows_more_virtual_damping():
+    stock = critical_damping_gain(TIP, LoopSettings(estimator=STOCK)).gain
+    improved = critical_damping_gain(TIP, LoopSettings(estimator=IMPROVED)).gain
+    assert improved / stock == pytest.approx(5.68, abs=0.01)
+
+
+def test_period_measurement_swings_below_its_linear_limit():
+    """The wait for edges at low speed is lag, so that a swing of some steps lasts."""
+    settings = LoopSettings(estimator=IMPROVED)
+    linear = critical_damping_gain(TIP, settings).gain
+    found = simulated_damping_gain(TIP, settings, low=0.1, high=100.0)
+    assert 0.4 * linear < found < 0.8 * linear
+
+
+def test_a_counter_that_wraps_spoils_virtual_damping():
+    bounded = simulated_damping_gain(TIP, LoopSettings(estimator=IMPROVED), low=0.01, high=100.0)
+    wraps = LoopSettings(estimator=PeriodMeasurement(overflow="wraps"))
+    assert simulated_damping_gain(TIP, wraps, low=0.01, high=100.0) < 0.2 * bounded
+
+
+def test_adaptive_window_bears_more_virtual_damping_than_the_average_of_its_length():
+    stock = simulated_damping_gain(TIP, LoopSettings(estimator=STOCK), low=0.1, high=1000.0)
+    adaptive = simulated_damping_gain(TIP, LoopSettings(estimator=AdaptiveWindow(100)), low=0.1, high=1000.0)
+    assert adaptive > 10 * stock
+
+
+def test_simulated_wall_fails_where_the_linear_loop_does():
+    linear = critical_wall(DAMPED, LoopSettings()).gain
+    assert simulated_wall(DAMPED, LoopSettings(), low=200.0, high=20e3) == pytest.approx(linear, rel=0.03)
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(1), KalmanVelocity(10.0)])
+def test_simulated_wall_with_damping_fails_where_the_linear_loop_does(estimator):
+    settings = LoopSettings(estimator=estimator)
+    linear = critical_wall(DAMPED, settings, damping=3.0).gain
+    found = simulated_wall(DAMPED, settings, damping=3.0, low=0.2 * linear, high=5 * linear, push=5.0)
+    # A swing that leaves the wall for part of its cycle is no longer linear.
+    assert found == pytest.approx(linear, rel=0.08)
+
+
+def test_a_pressed_wall_gives_way_by_force_over_stiffness():
+    trace = simulate_wall(DAMPED, LoopSettings(), 1000.0, push=1.0)
+    assert trace.position[-1, 0] == pytest.approx(1e-3, abs=LoopSettings().encoder.step)
+
+
+def test_adaptive_windowing_is_no_filter():
+    with pytest.raises(ParameterError, match="simulate the loop instead"):
+        critical_damping_gain(TIP, LoopSettings(estimator=AdaptiveWindow()))
+
+
+T = 1e-3
+
+
+@pytest.mark.parametrize("virtual_damping", [0.0, 2.0, -2.0])
+def test_without_delay_it_is_the_condition_of_colgate_and_schenkel(virtual_damping):
+    # Closed form: b > K T / 2 + |B|.
+    found = passive_damping(3000.0, period=T, virtual_damping=virtual_damping)
+    assert found == pytest.approx(1.5 + abs(virtual_damping), rel=1e-6)
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_a_spring_behind_whole_periods_needs_what_the_linear_condition_says(steps):
+    # Closed form: the Dirichlet kernel is greatest at zero frequency, K (T/2 + t_d).
+    assert passive_damping(1000.0, period=T, delay=steps * T) == pytest.approx(1000 * (0.5 + steps) * T, rel=1e-6)
+
+
+@pytest.mark.parametrize(("delay", "virtual_damping"), [(0.0, 1.0), (0.3e-3, 0.0), (1e-3, 2.0), (1.7e-3, 1.0)])
+def test_it_is_the_worst_motion_over_many_aliases(delay, virtual_damping):
+    # Oracle: largest eigenvalue of the power as a Hermitian form of 2 x 4000 + 1 alias velocities.
+    K, n = 1000.0, np.arange(-4000, 4001)
+    worst = -np.inf
+    for x in np.linspace(0.05, np.pi, 60):
+        w = (x + 2 * np.pi * n) / T
+        z = np.exp(1j * x)
+        wall = K + virtual_damping / T * (1 - 1 / z)
+        force = wall * (1 - 1 / z) / (1j * w) * np.exp(-1j * w * delay) / T  # per unit of the sampled position
+        position = 1 / (1j * w)
+        # Power Re(sum conj(v) force S), S = sum position v: Hermitian part of an outer product, eigenvalues by 2 x 2.
+        basis = np.stack([np.conj(position), force], axis=1)
+        r = np.linalg.qr(basis, mode="r")
+        inner = np.outer(r[:, 1], np.conj(r[:, 0]))
+        worst = max(worst, np.linalg.eigvalsh(-0.5 * (inner + inner.conj().T)).max())
+    found = passive_damping(K, period=T, delay=delay, virtual_damping=virtual_damping)
+    assert worst <= found * (1 + 1e-6)
+    assert found == pytest.approx(worst, rel=0.02)
+
+
+HELD = DAMPED.held_by(Operator(0.1, 2.0, 50.0))
+
+
+def test_equal_devices_bear_half_the_gain_of_one_on_a_wall():
+    wall = critical_wall(DAMPED, LoopSettings()).gain
+    assert critical_loop_gain(DAMPED, DAMPED, LoopSettings()).gain == pytest.approx(wall / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("master", [DAMPED, HELD], ids=["free", "held"])
+def test_simulated_loop_gain_is_the_linear_one(master):
+    linear = critical_loop_gain(master, DAMPED, LoopSettings()).gain
+    assert simulated_loop_gain(master, DAMPED, LoopSettings(), low=10.0, high=1e5) == pytest.approx(linear, rel=0.04)
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(1), KalmanVelocity(10.0)])
+def test_simulated_loop_gain_with_damping_is_the_linear_one(estimator):
+    settings = LoopSettings(estimator=estimator)
+    linear = critical_loop_gain(DAMPED, DAMPED, settings, damping=5.0).gain
+    found = simulated_loop_gain(DAMPED, DAMPED, settings, damping=5.0, low=10.0, high=1e5)
+    assert found == pytest.approx(linear, rel=0.04)
+
+
+def test_too_much_damping_of_a_late_estimate_leaves_no_gain():
+    late = LoopSettings(estimator=AveragedDifference(100))
+    assert critical_loop_gain(DAMPED, DAMPED, late, damping=5.0).gain == 0.0
+
+
+def test_forces_on_both_devices_are_opposite():
+    trace = simulate_teleoperation(DAMPED, DAMPED, LoopSettings(), 200.0, damping=1.0)
+    np.testing.assert_array_equal(trace.force[:, 0], -trace.force[:, 1])
+
+
+def test_devices_meet_in_the_middle():
+    trace = simulate_teleoperation(DAMPED, DAMPED, LoopSettings(), 200.0, damping=1.0, offset=2e-3)
+    np.testing.assert_allclose(trace.position[-1], 1e-3, atol=LoopSettings().encoder.step)
+
+
+@pytest.mark.parametrize(
+    ("axis", "gain"), [(PHANTOM_1_5_X, 0.0), (PHANTOM_1_5_Y, 0.0), (PHANTOM_1_5_Z, math.inf)], ids=["x", "y", "z"]
+)
+def test_the_published_fits_have_no_loop_gain_to_compare(axis, gain):
+    assert critical_loop_gain(axis, axis, LoopSettings()).gain == gain
