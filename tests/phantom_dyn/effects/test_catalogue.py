@@ -58,6 +58,10 @@ ON_ONE_JOINT = [effect for effect in ON_A_JOINT if effect.name != "joint_couplin
 # Effects of one joint that the drives of others have to make up for too.
 SPREADING = {"inertial_parameters", "backlash", "transmission_compliance", "encoder_offset", "encoder_eccentricity",
              "encoder_quantization"}  # fmt: skip
+# Effects whose columns are no more than the first order of their torque, and two that need a reference or rounding.
+DEPARTING = {"base_tilt", "payload", "backlash", "transmission_compliance", "input_delay", "torque_saturation",
+             "encoder_offset", "encoder_eccentricity", "encoder_quantization", "reference_delay"}  # fmt: skip
+WAVES = {"cogging", "torque_ripple"}
 # Effects whose parameters are their coefficients; others have a law of their own in the file of that effect.
 LINEAR = [e for e in EFFECTS if e.name in {"viscous_friction", "coulomb_friction", "direction_dependent_friction",
                                            "torque_offset", "rotor_inertia", "inertial_parameters"}]  # fmt: skip
@@ -81,19 +85,13 @@ def test_regimes_are_those_of_the_contract():
     assert {effect.regime for effect in EFFECTS} <= REGIMES
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_an_effect_is_found_by_its_name(effect):
-    assert effect_named(effect.name) is effect
+def test_an_effect_is_found_by_its_name():
+    assert [effect.name for effect in EFFECTS if effect_named(effect.name) is not effect] == []
 
 
 def test_an_unknown_effect_is_refused_with_the_known_names():
     with pytest.raises(ParameterError, match=r"Unknown effect 'magic': the effects are viscous_friction, coulomb_"):
         effect_named("magic")
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_an_effect_implements_the_protocol(effect):
-    assert isinstance(effect, Effect)
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
@@ -118,15 +116,19 @@ def test_places_are_joints_of_the_robot_each_once(arm, effect):
     assert {name for place in places if place for name in place.split("+")} <= set(arm.joint_names)
 
 
-@pytest.mark.parametrize("effect", LINEAR, ids=name_of)
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in DEPARTING], ids=name_of)
 @pytest.mark.parametrize("joint", ["tilt", "slide"])
-def test_the_drive_makes_up_for_the_torque_of_a_linear_effect(arm, operation, rng, effect, joint):
+def test_the_drive_makes_up_for_the_torque_of_an_effect(arm, smooth, rng, effect, joint):
     # Measured torque = model + columns @ coefficients, and the effect's own torque is what the drive makes up for.
-    signature = effect.signature(arm, operation, joint, ())
-    theta = rng.normal(size=len(signature.names))
-    expected = np.zeros((40, 3))
-    expected[:, list(signature.rows)] = -signature.columns @ theta
-    np.testing.assert_allclose(effect.torque(arm, operation, joint, theta), expected, atol=1e-12)
+    place = joint if joint in effect.places(arm) else effect.places(arm)[-1]
+    shape = (6.0, 24.5) if effect.name in WAVES else first_shape(effect, arm, smooth, place)
+    signature = effect.signature(arm, smooth, place, shape)
+    coefficients = rng.uniform(0.1, 0.5, len(signature.names))
+    expected = np.zeros((len(smooth.t), 3))
+    expected[:, list(signature.rows)] = -signature.columns @ coefficients
+    assert expected.any()
+    torque = effect.torque(arm, smooth, place, effect.from_coefficients(arm, place, coefficients, shape))
+    np.testing.assert_allclose(torque, expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("effect", LINEAR, ids=name_of)
@@ -217,13 +219,6 @@ def test_columns_move_with_the_findings_where_the_effect_says_so(arm, smooth, ef
     found = smooth.again(1.4 * smooth.expected)
     one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, found))
     assert bool(np.any(np.abs(one - two) > 1e-9)) <= effect.follows_torque
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_every_parameter_has_a_range(arm, effect):
-    place = effect.places(arm)[-1]
-    for parameter in (*effect.parameters(arm, place), *effect.optional_parameters(arm, place)):
-        assert parameter.lower < parameter.upper
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)

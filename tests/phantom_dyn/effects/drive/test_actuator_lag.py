@@ -30,19 +30,6 @@ def test_the_command_leads_a_sine_as_a_low_pass_lags(arm, sine):
     np.testing.assert_allclose(command[1:-1], (lead[:, None] * [3.0, 2.0, 1.0])[1:-1], atol=1e-4)
 
 
-def test_a_lag_of_one_joint_touches_no_other(arm, sine):
-    torque = EFFECT.torque(arm, sine, "tilt", THETA)
-    assert np.all(torque[:, [0, 2]] == 0)
-    np.testing.assert_array_equal(torque[:, 1], EFFECT.torque(arm, sine, None, THETA)[:, 1])
-
-
-@pytest.mark.parametrize("joint", [None, "slide"])
-def test_the_drive_makes_up_for_the_torque(arm, sine, joint):
-    signature = EFFECT.signature(arm, sine, joint, ())
-    torque = EFFECT.torque(arm, sine, joint, THETA)[:, list(signature.rows)]
-    np.testing.assert_array_equal(torque, -signature.columns @ THETA)
-
-
 def test_a_simulated_drive_is_a_low_pass(arm, sine, given_in_steps):
     command = np.sin(W * sine.t)[:, None] * np.ones(3)
     given = given_in_steps(EFFECT.simulated(arm, None, THETA), sine.t, command)

@@ -32,12 +32,6 @@ def test_the_drive_makes_up_for_the_torque(arm, wide):
     np.testing.assert_allclose(torque, -columns[:, 0] @ coefficients, atol=1e-14)
 
 
-def test_it_takes_out_no_energy_over_a_period():
-    # Closed form: the integral of a sine over its period is zero.
-    q = np.linspace(0, 2 * np.pi, 10_001)
-    assert np.trapezoid(0.03 * np.sin(6 * q + 0.7), q) == pytest.approx(0.0, abs=1e-9)
-
-
 @pytest.mark.parametrize("order", [6.0, 17.0, 48.0])
 def test_a_planted_order_is_found_among_noise(arm, wide, rng, order):
     # Known truth: a wave of half the noise's deviation, beside a wrong friction and a wrong scale of the model.
@@ -144,11 +138,6 @@ def test_a_joint_at_rest_cannot_show_it(arm, wide):
     )
     assert EFFECT.shapes(arm, wide, "turn") == ()
     assert EFFECT.untestable(arm, wide, "tilt") is None
-
-
-def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
-    expected = EFFECT.torque(arm, smooth, "tilt", THETA)
-    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
 
 
 def test_parameters_are_lists_of_orders_amplitudes_and_phases(arm):

@@ -36,15 +36,6 @@ def test_rotors_take_their_torque_before_the_transmission(arm, wide):
     )
 
 
-def test_the_drive_makes_up_for_the_torque(arm, wide):
-    # Addition theorem: A sin(n q + p) = A cos(p) sin(n q) + A sin(p) cos(n q).
-    coefficients = np.array([0.03 * np.cos(0.7), 0.03 * np.sin(0.7), 0.01 * np.cos(-2.0), 0.01 * np.sin(-2.0)])
-    np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", coefficients, (6.0, 24.5)), THETA)
-    columns = EFFECT.signature(arm, wide, "tilt", (6.0, 24.5)).columns
-    torque = EFFECT.torque(arm, wide, "tilt", THETA)[:, 1]
-    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficients, atol=1e-13)
-
-
 def test_its_columns_carry_no_noise_of_accelerations_above_the_judged_band(arm, wide):
     # Known truth: an acceleration that shakes at 60 Hz; the band ends at 10.
     shaken = Motion(wide.t, wide.q, wide.v, wide.a + 50.0 * np.sin(2 * np.pi * 60.0 * wide.t)[:, None])
@@ -102,11 +93,6 @@ def test_a_joint_at_rest_cannot_show_it(arm, wide):
     )
     assert EFFECT.shapes(arm, wide, "turn") == ()
     assert EFFECT.untestable(arm, wide, "tilt") is None
-
-
-def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
-    expected = EFFECT.torque(arm, smooth, "tilt", THETA)
-    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
 
 
 def test_the_probe_is_a_wave_of_amplitude_one_and_phase_zero(arm, wide):

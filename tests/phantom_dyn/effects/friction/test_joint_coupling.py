@@ -25,14 +25,6 @@ def test_the_torque_follows_the_contract(arm, smooth):
     np.testing.assert_allclose(torque, np.column_stack([-inner, 0 * w, 0.7 * inner]), atol=1e-12)
 
 
-def test_friction_takes_out_the_power_of_w(arm, operation):
-    # Closed form: the power of both joints is -(T |w| + c w^2).
-    torque = EFFECT.torque(arm, operation, "turn+tilt", np.array([0.5, 0.3, 0.2, 0.0]))
-    w = operation.v[:, 0] + 0.5 * operation.v[:, 1]
-    power = np.sum(torque * operation.v, axis=1)
-    np.testing.assert_allclose(power, -(0.3 * np.abs(w) + 0.2 * w**2), atol=1e-12)
-
-
 def test_its_inertia_changes_kinetic_energy_by_half_i_w_squared(arm, smooth):
     # Finite differences: the power of the inertial torque is minus the rate of I w^2 / 2.
     torque = EFFECT.torque(arm, smooth, "turn+tilt", np.array([0.5, 0.0, 0.0, 0.4]))
@@ -40,14 +32,6 @@ def test_its_inertia_changes_kinetic_energy_by_half_i_w_squared(arm, smooth):
     power = np.sum(torque * smooth.v, axis=1)
     rate = np.gradient(0.5 * 0.4 * w**2, smooth.t)
     np.testing.assert_allclose(power[1:-1], -rate[1:-1], atol=2e-3)
-
-
-def test_the_drives_make_up_for_the_torque(arm, smooth):
-    signature = EFFECT.signature(arm, smooth, "turn+slide", (-0.7,))
-    torque = EFFECT.torque(arm, smooth, "turn+slide", THETA)
-    assert signature.rows == (0, 2)
-    np.testing.assert_allclose(torque[:, [0, 2]], -signature.columns @ THETA[1:], atol=1e-12)
-    np.testing.assert_array_equal(EFFECT.from_coefficients(arm, "turn+slide", THETA[1:], (-0.7,)), THETA)
 
 
 def test_parameters_have_the_names_of_the_contract_and_the_units_of_the_first_joint(arm):

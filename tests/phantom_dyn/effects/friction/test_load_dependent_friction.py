@@ -36,21 +36,6 @@ def test_a_load_that_was_found_is_carried_too(arm, geared, smooth):
     np.testing.assert_allclose(two, 2.0 * one, atol=1e-12)
 
 
-def test_it_takes_energy_out(arm, operation):
-    torque = EFFECT.torque(arm, operation, "slide", THETA)
-    assert np.all(torque[:, 2] * operation.v[:, 2] < 0)
-
-
-def test_the_drive_makes_up_for_the_torque(arm, smooth):
-    columns = EFFECT.signature(arm, smooth, "tilt", ()).columns
-    np.testing.assert_allclose(EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1], -columns[:, 0] @ THETA, atol=1e-12)
-
-
-def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
-    expected = EFFECT.torque(arm, smooth, "tilt", THETA)
-    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
-
-
 def test_friction_is_not_negative_and_less_than_the_load(arm):
     # A transmission that loses all that it passes passes nothing.
     assert EFFECT.coefficient_bounds(arm, "tilt", ()) == ((0.0, 1.0),)

@@ -31,21 +31,6 @@ def test_friction_is_linear_between_its_places_and_constant_beyond(arm, q, level
     np.testing.assert_allclose(torque, [[0.0, -level * np.sign(v), 0.0]] * 2, atol=1e-15)
 
 
-def test_it_takes_energy_out(arm, smooth):
-    moving = smooth.v[:, 1] != 0.0
-    assert np.all((EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1] * smooth.v[:, 1])[moving] < 0.0)
-
-
-def test_the_drive_makes_up_for_the_torque(arm, smooth):
-    shape = (-1.0, 0.5, 4.0)
-    coefficients = np.array([0.2, 0.8, 0.4, 0.1])
-    theta = EFFECT.from_coefficients(arm, "tilt", coefficients, shape)
-    np.testing.assert_allclose(theta, [-1.0, -0.5, 0.0, 0.5, 0.2, 0.8, 0.4, 0.1])
-    columns = EFFECT.signature(arm, smooth, "tilt", shape).columns
-    torque = EFFECT.torque(arm, smooth, "tilt", theta)[:, 1]
-    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficients, atol=1e-14)
-
-
 def test_weights_of_the_places_are_those_of_linear_interpolation():
     # By hand: between places each nearer one has the share of the way to the other; beyond, all is the end's.
     found = hats(np.array([-2.0, -0.25, 0.0, 0.25, 9.0]), PLACES)

@@ -80,13 +80,6 @@ def test_the_torque_does_not_depend_on_speed(arm):
     )
 
 
-def test_the_drive_makes_up_for_the_torque(arm, smooth):
-    shape = EFFECT.shapes(arm, smooth, "slide")[2]
-    theta = EFFECT.from_coefficients(arm, "slide", np.array([0.7]), shape)
-    columns = EFFECT.signature(arm, smooth, "slide", shape).columns
-    np.testing.assert_allclose(EFFECT.torque(arm, smooth, "slide", theta)[:, 2], -columns[:, 0, 0] * 0.7)
-
-
 def test_displacements_that_are_tried_follow_the_way_between_reversals(arm):
     # Known truth: every stroke is 0.4 rad long.
     operation = there_and_back(arm, 0.5, 0.4, 200)

@@ -19,12 +19,6 @@ def test_the_torque_follows_the_law(arm, smooth):
     np.testing.assert_allclose(EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1], expected, atol=1e-12)
 
 
-def test_the_drive_makes_up_for_the_torque(arm, smooth):
-    columns = EFFECT.signature(arm, smooth, "tilt", (35.0,)).columns
-    torque = EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1]
-    np.testing.assert_allclose(torque, -columns[:, 0] @ THETA[:4], atol=1e-12)
-
-
 def test_without_slopes_it_is_plain_friction(arm, smooth):
     # Oracle: the two effects that it then is.
     plain = sum(
