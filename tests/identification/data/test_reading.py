@@ -75,34 +75,59 @@ def test_forces_are_collected_by_frame(arm):
     np.testing.assert_array_equal(found.forces["tool"], np.column_stack([T, 2 * T, 3 * T]))
 
 
-def test_a_force_without_all_axes_is_refused(arm):
-    with pytest.raises(LogError, match=r"has no column f\.tool\.z: a force needs its three axes"):
-        recording(table(f__tool__x=T, f__tool__y=T), arm)
-
-
-def test_an_unknown_joint_lists_the_robots_joints(arm):
-    with pytest.raises(LogError, match=r"column q\.tilf is of the joint tilf, which .* did you mean tilt\?"):
-        recording(table(q__tilf=T), arm)
-
-
-def test_a_joint_without_position_is_refused(arm):
-    with pytest.raises(LogError, match=r"has no column q\.tilt, but arm3 has the joint tilt"):
-        recording(table(q__tilt=None, tau__tilt=None), arm)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda arm: recording(table(f__tool__x=T, f__tool__y=T), arm),
+            r"has no column f\.tool\.z: a force needs its three axes",
+            id="a force without all axes",
+        ),
+        pytest.param(
+            lambda arm: recording(table(q__tilf=T), arm),
+            r"column q\.tilf is of the joint tilf, which .* did you mean tilt\?",
+            id="an unknown joint lists the robots joints",
+        ),
+        pytest.param(
+            lambda arm: recording(table(q__tilt=None, tau__tilt=None), arm),
+            r"has no column q\.tilt, but arm3 has the joint tilt",
+            id="a joint without position",
+        ),
+        pytest.param(
+            lambda arm: recording(table(**NO_TORQUE), arm),
+            r"no torque: there is no column tau\.turn, .* or the motor current i\.<joint>",
+            id="no torque at all tells of currents",
+        ),
+        pytest.param(
+            lambda arm: recording(table(tau__tilt=None), arm),
+            r"has no torque of tilt: add tau\.<joint>.* or say actuated: false",
+            id="a joint without torque",
+        ),
+        pytest.param(
+            lambda arm: recording(table(tau__turn=0 * T, tau__tilt=0 * T, tau__slide=0 * T), arm),
+            "the torque is zero on every joint",
+            id="torque zero on every joint",
+        ),
+        pytest.param(
+            lambda arm: recording(table(tau__tilt=None, i__tilt=T), arm),
+            r"has i\.tilt but no tau\.tilt, and the robot states no torque_constant of tilt",
+            id="current without constant",
+        ),
+        pytest.param(
+            lambda arm: recording(table(tau__tilt=None, u__tilt=T), driven(arm, torque_constant=0.05)),
+            "the robot states no resistance of tilt",
+            id="voltage without resistance",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(arm, call, message):
+    with pytest.raises(LogError, match=message):
+        call(arm)
 
 
 def test_columns_of_a_locked_joint_are_left_out_with_a_warning(arm):
     found = recording(table(q__gripper=T), replace(arm, locked=("gripper",)))
     assert found.warnings == ("log.csv: the columns of gripper are not used, as the robot holds it fixed.",)
-
-
-def test_no_torque_at_all_tells_of_currents(arm):
-    with pytest.raises(LogError, match=r"no torque: there is no column tau\.turn, .* or the motor current i\.<joint>"):
-        recording(table(**NO_TORQUE), arm)
-
-
-def test_a_joint_without_torque_is_refused(arm):
-    with pytest.raises(LogError, match=r"has no torque of tilt: add tau\.<joint>.* or say actuated: false"):
-        recording(table(tau__tilt=None), arm)
 
 
 def test_a_joint_without_drive_needs_no_torque(arm):
@@ -112,11 +137,6 @@ def test_a_joint_without_drive_needs_no_torque(arm):
 
 def test_motion_alone_needs_no_torque(arm):
     assert recording(table(**NO_TORQUE), arm, torque_needed=False).tau is None
-
-
-def test_torque_zero_on_every_joint_is_refused(arm):
-    with pytest.raises(LogError, match="the torque is zero on every joint"):
-        recording(table(tau__turn=0 * T, tau__tilt=0 * T, tau__slide=0 * T), arm)
 
 
 def test_torque_zero_on_one_joint_is_a_warning(arm):
@@ -140,13 +160,6 @@ def test_measured_torque_goes_before_current(arm):
     np.testing.assert_array_equal(found.tau[:, 1], np.cos(T + 2))
 
 
-def test_current_without_constant_is_refused(arm):
-    with pytest.raises(
-        LogError, match=r"has i\.tilt but no tau\.tilt, and the robot states no torque_constant of tilt"
-    ):
-        recording(table(tau__tilt=None, i__tilt=T), arm)
-
-
 def test_voltage_becomes_torque_by_resistance_and_speed(arm):
     robot = driven(arm, torque_constant=0.05, gear_ratio=10.0, resistance=2.0)
     found = recording(table(tau__tilt=None, u__tilt=3 + T, v__tilt=4 * T), robot)
@@ -157,11 +170,6 @@ def test_voltage_without_speed_takes_that_of_the_position(arm):
     robot = driven(arm, torque_constant=0.05, gear_ratio=10.0, resistance=2.0)
     found = recording(table(tau__tilt=None, u__tilt=3 + T), robot)
     np.testing.assert_allclose(found.tau[1:-1, 1], ((3 + T - 0.5 * np.cos(T + 2)) / 2.0 * 0.5)[1:-1], atol=1e-5)
-
-
-def test_voltage_without_resistance_is_refused(arm):
-    with pytest.raises(LogError, match="the robot states no resistance of tilt"):
-        recording(table(tau__tilt=None, u__tilt=T), driven(arm, torque_constant=0.05))
 
 
 def test_velocity_of_some_joints_only_is_left_out_with_a_warning(arm):

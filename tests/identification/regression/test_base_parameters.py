@@ -248,24 +248,30 @@ def test_negative_and_unit_coefficients_are_printed_plainly():
     assert base.regroupings() == ("aR = a + c", "bR = b - 2.5 c")
 
 
-def test_names_and_columns_that_do_not_match_are_refused():
-    with pytest.raises(ParameterError, match="2 columns came with 1 names and 2 units: give one for each"):
-        base_parameters_of_matrix(np.eye(2), ["a"])
-
-
-def test_a_regressor_that_is_not_finite_is_refused():
-    with pytest.raises(ParameterError, match="values that are not finite: give finite motion"):
-        base_parameters_of_matrix(np.array([[np.nan]]), ["a"])
-
-
-def test_values_for_another_number_of_parameters_are_refused():
-    with pytest.raises(ParameterError, match="3 values were given for 2 parameters"):
-        base_parameters_of_matrix(np.eye(2), ["a", "b"]).values(np.zeros(3))
-
-
-def test_no_block_at_all_is_refused():
-    with pytest.raises(ParameterError, match="No block of the regressor was given"):
-        r_factor([])
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: base_parameters_of_matrix(np.eye(2), ["a"]),
+            "2 columns came with 1 names and 2 units: give one for each",
+            id="names and columns that do not match",
+        ),
+        pytest.param(
+            lambda: base_parameters_of_matrix(np.array([[np.nan]]), ["a"]),
+            "values that are not finite: give finite motion",
+            id="a regressor that is not finite",
+        ),
+        pytest.param(
+            lambda: base_parameters_of_matrix(np.eye(2), ["a", "b"]).values(np.zeros(3)),
+            "3 values were given for 2 parameters",
+            id="values for another number of parameters",
+        ),
+        pytest.param(lambda: r_factor([]), "No block of the regressor was given", id="no block at all"),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 CODE = """

@@ -82,14 +82,29 @@ def test_rods_stay_parallel_and_the_piece_keeps_the_direction_of_the_shoulder(tm
     np.testing.assert_allclose(np.hypot(elbow[:, 0], elbow[:, 1]), np.abs(reach), atol=1e-12)
 
 
-def test_rods_without_mass_are_refused():
-    with pytest.raises(ParameterError, match="rod_mass of the rods is 0"):
-        Rods(rod_mass=0.0)
-
-
-def test_a_foot_that_is_nowhere_is_refused():
-    with pytest.raises(ParameterError, match="give three lengths"):
-        Rods(arm_offset=(float("nan"), 0.0, 0.0))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(lambda: Rods(rod_mass=0.0), "rod_mass of the rods is 0", id="rods without mass"),
+        pytest.param(
+            lambda: Rods(arm_offset=(float("nan"), 0.0, 0.0)), "give three lengths", id="a foot that is nowhere"
+        ),
+        pytest.param(lambda: Platform(length=0.0), "length of the platform is 0", id="a platform without length"),
+        pytest.param(
+            lambda: CableFriction(3e-3).coulomb(np.array([10.0, 0.0])),
+            r"Pretension number 1 is 0 N.* a slack cable drives nothing",
+            id="a slack cable",
+        ),
+        pytest.param(
+            lambda: rescaled(0.1, pretension=0.0, new_pretension=1.0),
+            "The pretension is 0",
+            id="rescaling from nothing",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 LENGTH = Platform().length
@@ -210,11 +225,6 @@ def test_torques_and_slopes_of_different_length_are_refused():
         shared_torque(np.zeros((2, 7, 6)), np.zeros((3, 6)))
 
 
-def test_a_platform_without_length_is_refused():
-    with pytest.raises(ParameterError, match="length of the platform is 0"):
-        Platform(length=0.0)
-
-
 def test_the_posture_is_that_of_the_published_figures():
     assert [round(math.degrees(angle)) for angle in POSTURE] == [-15, -105, 0, -15, 0, -105]
 
@@ -238,17 +248,7 @@ def test_the_published_torque_halves_with_the_pretension():
     assert rescaled(0.120, pretension=40.0, new_pretension=20.0) == pytest.approx(0.060, rel=1e-12)
 
 
-def test_a_slack_cable_is_refused():
-    with pytest.raises(ParameterError, match=r"Pretension number 1 is 0 N.* a slack cable drives nothing"):
-        CableFriction(3e-3).coulomb(np.array([10.0, 0.0]))
-
-
 @pytest.mark.parametrize(("arguments", "words"), [((0.0,), "per pretension is 0"), ((1.0, 0.9), "give 1 or more")])
 def test_a_law_that_cannot_be_is_refused(arguments, words):
     with pytest.raises(ParameterError, match=words):
         CableFriction(*arguments)
-
-
-def test_rescaling_from_nothing_is_refused():
-    with pytest.raises(ParameterError, match="The pretension is 0"):
-        rescaled(0.1, pretension=0.0, new_pretension=1.0)

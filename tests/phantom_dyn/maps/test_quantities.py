@@ -150,24 +150,34 @@ def test_the_gains_of_position_controllers_count_as_stiffness(tmp_path):
     assert map_model(load_robot(tmp_path / "robot.urdf")).stiffness.tolist() == [1, 2, 3]
 
 
-def test_without_a_stated_stiffness_that_quantity_is_refused(phantom):
-    with pytest.raises(ParameterError, match="Nothing states how stiff the joints of phantom_1_5 are"):
-        require_quantities(("stiffness",), map_model(phantom))
-
-
-def test_an_unknown_quantity_names_the_nearest(phantom):
-    with pytest.raises(ParameterError, match=r"Unknown quantity 'aparent_mass'.*did you mean apparent_mass\?"):
-        require_quantities(("aparent_mass",), map_model(phantom))
-
-
-def test_a_stiffness_of_another_number_of_joints_is_refused(phantom):
-    with pytest.raises(ParameterError, match="does not fit phantom_1_5: give one number above 0 for each of theta1"):
-        map_model(phantom, stiffness=np.array([1.0, 2.0]))
-
-
-def test_a_posture_that_is_not_finite_is_refused(phantom):
-    with pytest.raises(ParameterError, match="does not fit phantom_1_5: give one number for each of theta1"):
-        map_model(phantom, posture=np.array([0, np.nan, 0]))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda phantom: require_quantities(("stiffness",), map_model(phantom)),
+            "Nothing states how stiff the joints of phantom_1_5 are",
+            id="without a stated stiffness that quantity",
+        ),
+        pytest.param(
+            lambda phantom: require_quantities(("aparent_mass",), map_model(phantom)),
+            r"Unknown quantity 'aparent_mass'.*did you mean apparent_mass\?",
+            id="an unknown quantity names the nearest",
+        ),
+        pytest.param(
+            lambda phantom: map_model(phantom, stiffness=np.array([1.0, 2.0])),
+            "does not fit phantom_1_5: give one number above 0 for each of theta1",
+            id="a stiffness of another number of joints",
+        ),
+        pytest.param(
+            lambda phantom: map_model(phantom, posture=np.array([0, np.nan, 0])),
+            "does not fit phantom_1_5: give one number for each of theta1",
+            id="a posture that is not finite",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(phantom, call, message):
+    with pytest.raises(ParameterError, match=message):
+        call(phantom)
 
 
 def test_an_unknown_frame_is_refused(phantom):

@@ -74,24 +74,59 @@ def test_a_path_is_itself():
     assert find_robot(ROBOTS / "pendulum.urdf") == ROBOTS / "pendulum.urdf"
 
 
-def test_a_misspelt_built_in_name_suggests_the_right_one():
-    with pytest.raises(RobotError, match=r"no robot file 'emsp'.*built-in: .*emps.*did you mean emps\?"):
-        find_robot("emsp")
-
-
-def test_a_misspelt_file_suggests_the_file_beside_it():
-    with pytest.raises(RobotError, match=r"did you mean .*pendulum\.urdf\?"):
-        find_robot(ROBOTS / "pendulm.urdf")
-
-
-def test_an_example_named_without_its_prefix_is_suggested_with_it():
-    with pytest.raises(RobotError, match=r"did you mean example:panda\?"):
-        find_robot("panda")
-
-
-def test_a_folder_is_refused_with_the_robot_files_in_it():
-    with pytest.raises(RobotError, match=r"is a folder, wanted a robot file: .*arm3\.urdf.*pendulum\.urdf"):
-        find_robot(ROBOTS)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: find_robot("emsp"),
+            r"no robot file 'emsp'.*built-in: .*emps.*did you mean emps\?",
+            id="a misspelt built in name suggests the right one",
+        ),
+        pytest.param(
+            lambda: find_robot(ROBOTS / "pendulm.urdf"),
+            r"did you mean .*pendulum\.urdf\?",
+            id="a misspelt file suggests the file beside it",
+        ),
+        pytest.param(
+            lambda: find_robot("panda"),
+            r"did you mean example:panda\?",
+            id="an example named without its prefix is suggested with it",
+        ),
+        pytest.param(
+            lambda: find_robot(ROBOTS),
+            r"is a folder, wanted a robot file: .*arm3\.urdf.*pendulum\.urdf",
+            id="a folder is refused with the robot files in it",
+        ),
+        pytest.param(
+            lambda: find_robot("example:talos"),
+            r"is ambiguous: give one of .*/talos_full_v2, ",
+            id="the beginning of several stems lists them",
+        ),
+        pytest.param(
+            lambda: find_robot("example:pamda"),
+            r"no example robot 'pamda': the examples are a1, .*did you mean panda\?$",
+            id="an unknown example lists the examples and the nearest",
+        ),
+        pytest.param(
+            lambda: find_robot("ur10"),
+            r"no robot file 'ur10'.*did you mean example:ur10\?",
+            id="an example without its prefix is hinted at",
+        ),
+        pytest.param(
+            lambda: find_example("panda", None),
+            r"pip install 'phantom-dyn\[examples\]'",
+            id="without the example package its extra is named",
+        ),
+        pytest.param(
+            lambda: load_robot(ROBOTS / "pendulum.urdf", config=ROBOTS / "nowhere.yaml"),
+            r"nowhere\.yaml cannot be read \(No such file or directory\)",
+            id="a missing configuration",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(RobotError, match=message):
+        call()
 
 
 @pytest.mark.parametrize(
@@ -110,26 +145,6 @@ def test_a_stem_that_two_folders_share_lists_both():
 
 def test_a_folder_before_the_stem_makes_an_example_unique():
     assert "anymal_c_simple" in str(find_robot("example:anymal_c_simple_description/anymal"))
-
-
-def test_the_beginning_of_several_stems_lists_them():
-    with pytest.raises(RobotError, match=r"is ambiguous: give one of .*/talos_full_v2, "):
-        find_robot("example:talos")
-
-
-def test_an_unknown_example_lists_the_examples_and_the_nearest():
-    with pytest.raises(RobotError, match=r"no example robot 'pamda': the examples are a1, .*did you mean panda\?$"):
-        find_robot("example:pamda")
-
-
-def test_an_example_without_its_prefix_is_hinted_at():
-    with pytest.raises(RobotError, match=r"no robot file 'ur10'.*did you mean example:ur10\?"):
-        find_robot("ur10")
-
-
-def test_without_the_example_package_its_extra_is_named():
-    with pytest.raises(RobotError, match=r"pip install 'phantom-dyn\[examples\]'"):
-        find_example("panda", None)
 
 
 def test_a_package_that_is_not_installed_has_no_folder(monkeypatch):
@@ -286,11 +301,6 @@ def test_a_configuration_that_is_given_replaces_the_one_beside_the_robot(tmp_pat
 def test_a_wrong_configuration_is_refused_in_a_sentence(load, text, message):
     with pytest.raises(RobotError, match=message):
         load(text)
-
-
-def test_a_missing_configuration_is_refused():
-    with pytest.raises(RobotError, match=r"nowhere\.yaml cannot be read \(No such file or directory\)"):
-        load_robot(ROBOTS / "pendulum.urdf", config=ROBOTS / "nowhere.yaml")
 
 
 def test_a_binary_configuration_is_refused(tmp_path):

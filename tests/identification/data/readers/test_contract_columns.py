@@ -60,24 +60,61 @@ def test_a_temperature_that_is_of_no_joint_stops_no_log(columns):
     assert table(columns, temp=columns["t"]).warnings == ("log.csv: column temp not used: no name of a log's columns.",)
 
 
-def test_a_temperature_that_no_drive_has_is_refused(columns):
-    with pytest.raises(LogError, match=r"column temp\.a is 3000, which no sensor gives \(limit 2000\)"):
-        table(columns, **{"temp.a": put(np.full(len(columns["t"]), 40.0), 3, 3000.0)})
-
-
-def test_a_log_without_time_lists_its_columns(columns):
-    with pytest.raises(LogError, match=r"has no column t \(time in seconds\), its columns are q\.a, v\.a"):
-        table(columns, t=None)
-
-
-def test_a_log_without_position_lists_its_columns(columns):
-    with pytest.raises(LogError, match=r"has no column q\.<joint> \(measured position\), its columns are t, v\.a"):
-        table(columns, **{"q.a": None, "q.b": None})
-
-
-def test_a_table_of_other_things_is_no_log(columns):
-    with pytest.raises(LogError, match=r"has none of a log's columns .* its columns are price, size"):
-        contract_table(RawTable("log.csv", {"price": columns["t"], "size": columns["t"]}))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda columns: table(columns, **{"temp.a": put(np.full(len(columns["t"]), 40.0), 3, 3000.0)}),
+            r"column temp\.a is 3000, which no sensor gives \(limit 2000\)",
+            id="a temperature that no drive has",
+        ),
+        pytest.param(
+            lambda columns: table(columns, t=None),
+            r"has no column t \(time in seconds\), its columns are q\.a, v\.a",
+            id="a log without time lists its columns",
+        ),
+        pytest.param(
+            lambda columns: table(columns, **{"q.a": None, "q.b": None}),
+            r"has no column q\.<joint> \(measured position\), its columns are t, v\.a",
+            id="a log without position lists its columns",
+        ),
+        pytest.param(
+            lambda columns: contract_table(RawTable("log.csv", {"price": columns["t"], "size": columns["t"]})),
+            r"has none of a log's columns .* its columns are price, size",
+            id="a table of other things is no log",
+        ),
+        pytest.param(
+            lambda columns: table(columns, t=1.7e18 + 1e7 * columns["t"]),
+            r"column t is .* which no sensor gives .* give the time in seconds",
+            id="a time in nanoseconds is told",
+        ),
+        pytest.param(
+            lambda columns: table(columns, t=put(columns["t"], 10, 0.05)),
+            r"row 11: the time goes back from 0\.09 s to 0\.05 s",
+            id="a time that goes back is told with both times",
+        ),
+        pytest.param(
+            lambda columns: table(columns, t=put(columns["t"], 10, columns["t"][9])),
+            r"row 11: the time 0\.09 s is that of the row before, but q\.a differs",
+            id="the same time with other values is told",
+        ),
+        pytest.param(
+            lambda columns: contract_table(
+                RawTable("log.csv", {name: values[:49] for name, values in columns.items()})
+            ),
+            "has 49 rows, too few to tell anything: record at least 50",
+            id="too few rows are told",
+        ),
+        pytest.param(
+            lambda columns: contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()})),
+            "has no rows",
+            id="no rows are told",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(columns, call, message):
+    with pytest.raises(LogError, match=message):
+        call(columns)
 
 
 def test_unknown_columns_are_ignored_with_a_warning(columns):
@@ -115,36 +152,11 @@ def test_a_value_that_no_sensor_gives_is_told(columns, name, value):
         table(columns, **{name: put(columns[name], 3, value)})
 
 
-def test_a_time_in_nanoseconds_is_told(columns):
-    with pytest.raises(LogError, match=r"column t is .* which no sensor gives .* give the time in seconds"):
-        table(columns, t=1.7e18 + 1e7 * columns["t"])
-
-
-def test_a_time_that_goes_back_is_told_with_both_times(columns):
-    with pytest.raises(LogError, match=r"row 11: the time goes back from 0\.09 s to 0\.05 s"):
-        table(columns, t=put(columns["t"], 10, 0.05))
-
-
-def test_the_same_time_with_other_values_is_told(columns):
-    with pytest.raises(LogError, match=r"row 11: the time 0\.09 s is that of the row before, but q\.a differs"):
-        table(columns, t=put(columns["t"], 10, columns["t"][9]))
-
-
 def test_identical_repeated_rows_are_dropped_and_counted(columns):
     repeated = {name: np.repeat(values, [1] * 20 + [3] + [1] * 39) for name, values in columns.items()}
     out = table(repeated)
     assert out.warnings == ("log.csv: 2 rows that repeat the one before were dropped.",)
     np.testing.assert_array_equal(out.columns["q.a"], columns["q.a"])
-
-
-def test_too_few_rows_are_told(columns):
-    with pytest.raises(LogError, match="has 49 rows, too few to tell anything: record at least 50"):
-        contract_table(RawTable("log.csv", {name: values[:49] for name, values in columns.items()}))
-
-
-def test_no_rows_are_told(columns):
-    with pytest.raises(LogError, match="has no rows"):
-        contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()}))
 
 
 @pytest.mark.parametrize("step", [1e-6, 2e-9, 1e-300])

@@ -109,24 +109,39 @@ def test_a_row_of_another_length_between_spaces_is_told(write, lines):
         read_table(write(rows))
 
 
-def test_a_name_given_twice_is_told(write, lines):
-    with pytest.raises(LogError, match=r"the column name q\.a stands there twice"):
-        read_table(write([lines[0].replace("q.b", "q.a"), *lines[1:]]))
-
-
-def test_a_column_without_name_is_told(write, lines):
-    with pytest.raises(LogError, match="column 5 has no name"):
-        read_table(write([lines[0].replace("q.b", ""), *lines[1:]]))
-
-
-def test_numbers_without_names_are_told(write, lines):
-    with pytest.raises(LogError, match="no column names: line 1 holds numbers; put a line such as t,q"):
-        read_table(write(lines[1:]))
-
-
-def test_names_without_rows_are_told(write, lines):
-    with pytest.raises(LogError, match=r"has no rows: there is nothing below its column names t, q\.a"):
-        read_table(write(lines[:1]))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda write, lines: read_table(write([lines[0].replace("q.b", "q.a"), *lines[1:]])),
+            r"the column name q\.a stands there twice",
+            id="a name given twice is told",
+        ),
+        pytest.param(
+            lambda write, lines: read_table(write([lines[0].replace("q.b", ""), *lines[1:]])),
+            "column 5 has no name",
+            id="a column without name is told",
+        ),
+        pytest.param(
+            lambda write, lines: read_table(write(lines[1:])),
+            "no column names: line 1 holds numbers; put a line such as t,q",
+            id="numbers without names are told",
+        ),
+        pytest.param(
+            lambda write, lines: read_table(write(lines[:1])),
+            r"has no rows: there is nothing below its column names t, q\.a",
+            id="names without rows are told",
+        ),
+        pytest.param(
+            lambda write, lines: read_table(write(lines, encoding="utf-16")),
+            "is UTF-16 text: save it as UTF-8",
+            id="utf 16 is told",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(write, lines, call, message):
+    with pytest.raises(LogError, match=message):
+        call(write, lines)
 
 
 @pytest.mark.parametrize("content", [b"", b"\n\n  \n", b"\xef\xbb\xbf"])
@@ -157,11 +172,6 @@ def test_a_file_that_is_no_log_is_told(tmp_path, content):
 def test_xml_and_json_are_told(write, text):
     with pytest.raises(LogError, match=r"is no log \(it looks like XML or JSON\)"):
         read_table(write([text]))
-
-
-def test_utf_16_is_told(write, lines):
-    with pytest.raises(LogError, match="is UTF-16 text: save it as UTF-8"):
-        read_table(write(lines, encoding="utf-16"))
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

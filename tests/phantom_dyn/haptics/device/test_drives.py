@@ -62,29 +62,41 @@ def test_warming_ends_at_heat_times_resistance():
     np.testing.assert_allclose([result.pulses, result.linear], [[0, 40], [0, 10]], rtol=1e-12)
 
 
-def test_less_heat_than_a_linear_drive_is_refused():
-    with pytest.raises(ParameterError, match="belongs to no duty cycle"):
-        duty_of_heat_ratio(0.9)
-
-
-def test_a_winding_without_resistance_is_refused():
-    with pytest.raises(ParameterError, match="give ohms above 0"):
-        Winding(0.0)
-
-
-def test_a_negative_inductance_is_refused():
-    with pytest.raises(ParameterError, match="give henry of 0 or more"):
-        Winding(1.0, -1.0)
-
-
-def test_pulses_of_no_voltage_are_refused():
-    with pytest.raises(ParameterError, match="voltage of the pulses is 0"):
-        switched_current(Winding(1.0), voltage=0.0, duty=0.5, frequency=1e4)
-
-
-def test_a_thermal_time_constant_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match=r"thermal time constant is 0\.0: give a number above 0"):
-        warming(heat_pulses=1.0, heat_linear=1.0, resistance=1.0, time_constant=0.0, t=np.zeros(1))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(lambda: duty_of_heat_ratio(0.9), "belongs to no duty cycle", id="less heat than a linear drive"),
+        pytest.param(lambda: Winding(0.0), "give ohms above 0", id="a winding without resistance"),
+        pytest.param(lambda: Winding(1.0, -1.0), "give henry of 0 or more", id="a negative inductance"),
+        pytest.param(
+            lambda: switched_current(Winding(1.0), voltage=0.0, duty=0.5, frequency=1e4),
+            "voltage of the pulses is 0",
+            id="pulses of no voltage",
+        ),
+        pytest.param(
+            lambda: warming(heat_pulses=1.0, heat_linear=1.0, resistance=1.0, time_constant=0.0, t=np.zeros(1)),
+            r"thermal time constant is 0\.0: give a number above 0",
+            id="a thermal time constant of nothing",
+        ),
+        pytest.param(lambda: BrushMotor(Winding(2.0), 0.02, 10), "give an odd number", id="an even commutator"),
+        pytest.param(
+            lambda: BrushMotor(Winding(2.0), 0.02, 11, joined=1.0),
+            "give one between 0 and 1",
+            id="brushes that always join",
+        ),
+        pytest.param(
+            lambda: steady_torque(SLOW, speed=200.0, voltage=4.0),
+            "no current flows",
+            id="a motor without current has no ripple to state",
+        ),
+        pytest.param(
+            lambda: guarded(GUARD, armed(), 1e-3, math.inf), "command is inf", id="a command that is no number"
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 SLOW = BrushMotor(Winding(2.0), 0.02, 11)
@@ -157,21 +169,6 @@ def test_the_mean_is_that_of_the_curve(motor):
     assert found.mean == pytest.approx(np.trapezoid(found.torque, found.angle) / motor.period, rel=1e-3)
 
 
-def test_an_even_commutator_is_refused():
-    with pytest.raises(ParameterError, match="give an odd number"):
-        BrushMotor(Winding(2.0), 0.02, 10)
-
-
-def test_brushes_that_always_join_are_refused():
-    with pytest.raises(ParameterError, match="give one between 0 and 1"):
-        BrushMotor(Winding(2.0), 0.02, 11, joined=1.0)
-
-
-def test_a_motor_without_current_has_no_ripple_to_state():
-    with pytest.raises(ParameterError, match="no current flows"):
-        steady_torque(SLOW, speed=200.0, voltage=4.0)
-
-
 MOTOR = ThermalMotor(resistance=2.0, thermal_resistance=10.0, time_constant=200.0)
 
 GUARD = Guard(MOTOR, current_per_force=0.5, slowest=250.0, warmest=60.0, cool=50.0)
@@ -237,8 +234,3 @@ def test_arming_does_not_cool_the_motor():
 def test_limits_that_cannot_be_are_refused(limits, words):
     with pytest.raises(ParameterError, match=words):
         Guard(MOTOR, 0.5, *limits)
-
-
-def test_a_command_that_is_no_number_is_refused():
-    with pytest.raises(ParameterError, match="command is inf"):
-        guarded(GUARD, armed(), 1e-3, math.inf)

@@ -157,14 +157,49 @@ def test_the_size_of_numbers_makes_no_difference(rng, scale):
     np.testing.assert_allclose(at_scale.coherence, at_one.coherence, rtol=1e-9)
 
 
-def test_a_constant_force_is_refused():
-    with pytest.raises(ParameterError, match="The force never changes"):
-        estimate_frequency_response(np.ones(1000), np.zeros(1000), period=T, segment=0.1)
-
-
-def test_too_short_a_recording_is_refused():
-    with pytest.raises(ParameterError, match="100 forces and 100 positions were given for segments of 80 samples"):
-        estimate_frequency_response(np.ones(100), np.zeros(100), period=T, segment=0.08)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: estimate_frequency_response(np.ones(1000), np.zeros(1000), period=T, segment=0.1),
+            "The force never changes",
+            id="a constant force",
+        ),
+        pytest.param(
+            lambda: estimate_frequency_response(np.ones(100), np.zeros(100), period=T, segment=0.08),
+            "100 forces and 100 positions were given for segments of 80 samples",
+            id="too short a recording",
+        ),
+        pytest.param(
+            lambda: Sweep(10.0, 4000.0, 10.0).force(1.0, T),
+            r"ends below 3141\.6 rad/s",
+            id="a sweep past half the sampling",
+        ),
+        pytest.param(
+            lambda: response_of_periods(np.ones(101), np.ones(101), period=T, periods=4),
+            "give 5 periods of equal length",
+            id="periods of unequal length",
+        ),
+        pytest.param(
+            lambda: response_of_periods(np.zeros(100), np.arange(100.0) ** 2, period=T, periods=4),
+            "force never changes",
+            id="a motor that stands still",
+        ),
+        pytest.param(
+            lambda: simulate_relay(LHIFAM_NEW_CABLE, period=T, force=0.0, start=SMALL, duration=1.0),
+            r"force of the relay is 0.*: give a number above 0",
+            id="a force of zero",
+        ),
+        pytest.param(
+            lambda: simulate_relay(LHIFAM_NEW_CABLE, period=T, force=1.0, start=SMALL, duration=0.05),
+            "of 50 samples was asked for",
+            id="a short experiment",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 SWEEP = Sweep(2 * math.pi * 2, 2 * math.pi * 300, 10.0)
@@ -240,21 +275,6 @@ def test_noise_lowers_the_coherence_where_the_device_moves_least(rng):
 def test_a_sweep_that_cannot_be_is_refused(arguments, words):
     with pytest.raises(ParameterError, match=words):
         Sweep(*arguments)
-
-
-def test_a_sweep_past_half_the_sampling_is_refused():
-    with pytest.raises(ParameterError, match=r"ends below 3141\.6 rad/s"):
-        Sweep(10.0, 4000.0, 10.0).force(1.0, T)
-
-
-def test_periods_of_unequal_length_are_refused():
-    with pytest.raises(ParameterError, match="give 5 periods of equal length"):
-        response_of_periods(np.ones(101), np.ones(101), period=T, periods=4)
-
-
-def test_a_motor_that_stands_still_is_refused():
-    with pytest.raises(ParameterError, match="force never changes"):
-        response_of_periods(np.zeros(100), np.arange(100.0) ** 2, period=T, periods=4)
 
 
 def test_positions_are_those_of_the_difference_equation(rng):
@@ -349,16 +369,6 @@ def test_stiffness_is_the_ratio_of_first_harmonics():
     assert found.frequency / HZ == pytest.approx(12.3, abs=0.02)
     assert found.stiffness == pytest.approx(4 / math.pi * 2 / 0.01, rel=0.01)
     assert found.amplitude == pytest.approx(0.01, rel=0.02)
-
-
-def test_a_force_of_zero_is_refused():
-    with pytest.raises(ParameterError, match=r"force of the relay is 0.*: give a number above 0"):
-        simulate_relay(LHIFAM_NEW_CABLE, period=T, force=0.0, start=SMALL, duration=1.0)
-
-
-def test_a_short_experiment_is_refused():
-    with pytest.raises(ParameterError, match="of 50 samples was asked for"):
-        simulate_relay(LHIFAM_NEW_CABLE, period=T, force=1.0, start=SMALL, duration=0.05)
 
 
 def test_too_little_left_after_settling_is_refused():

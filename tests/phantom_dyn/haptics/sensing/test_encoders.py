@@ -58,19 +58,45 @@ def test_a_step_that_is_not_positive_is_refused(step):
         Encoder(step)
 
 
-def test_a_misplacement_of_a_quarter_step_is_refused():
-    with pytest.raises(ParameterError, match="give four shares of a step"):
-        Encoder(1.0, (0.0, 0.25, 0.0, 0.0))
-
-
-def test_a_motion_shorter_than_two_samples_is_refused():
-    with pytest.raises(ParameterError, match="less than two samples: give a longer motion"):
-        record_motion(Encoder(), np.zeros(10), interval=1e-3, samples_apart=10)
-
-
-def test_a_motion_with_a_gap_is_refused():
-    with pytest.raises(ParameterError, match="not finite"):
-        record_motion(Encoder(), np.array([0.0, np.nan, 0.0]), interval=1e-3, samples_apart=1)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: Encoder(1.0, (0.0, 0.25, 0.0, 0.0)),
+            "give four shares of a step",
+            id="a misplacement of a quarter step",
+        ),
+        pytest.param(
+            lambda: record_motion(Encoder(), np.zeros(10), interval=1e-3, samples_apart=10),
+            "less than two samples: give a longer motion",
+            id="a motion shorter than two samples",
+        ),
+        pytest.param(
+            lambda: record_motion(Encoder(), np.array([0.0, np.nan, 0.0]), interval=1e-3, samples_apart=1),
+            "not finite",
+            id="a motion with a gap",
+        ),
+        pytest.param(lambda: SinusoidalEncoder(offset=(0.6, 0.0)), "of at most 0", id="errors in which a line is lost"),
+        pytest.param(
+            lambda: record_sinusoidal(SinusoidalEncoder(), np.linspace(0, 1, 100), interval=1e-3, samples_apart=1),
+            "at most a quarter of a line apart",
+            id="a motion too coarse to count lines",
+        ),
+        pytest.param(
+            lambda: estimator_figures(AccelerationObserver(), Encoder(), **MOTION),
+            "has no accelerometer",
+            id="an observer without an accelerometer",
+        ),
+        pytest.param(
+            lambda: Accelerometer(noise=-1.0),
+            "noise of the accelerometer is -1",
+            id="an accelerometer of negative noise",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 LINE = 2 * math.pi / SinusoidalEncoder().pitch
@@ -121,16 +147,6 @@ def test_edges_of_the_interpolated_counts_serve_the_period_measurement():
     position = 1e-3 + 0.05 * 1e-5 * np.arange(60_000)
     record = record_sinusoidal(SinusoidalEncoder(factor=16), position, interval=1e-5, samples_apart=100)
     assert estimate_velocity(PeriodMeasurement(), record)[-1] == pytest.approx(0.05, rel=1e-3)
-
-
-def test_errors_in_which_a_line_is_lost_are_refused():
-    with pytest.raises(ParameterError, match="of at most 0"):
-        SinusoidalEncoder(offset=(0.6, 0.0))
-
-
-def test_a_motion_too_coarse_to_count_lines_is_refused():
-    with pytest.raises(ParameterError, match="at most a quarter of a line apart"):
-        record_sinusoidal(SinusoidalEncoder(), np.linspace(0, 1, 100), interval=1e-3, samples_apart=1)
 
 
 T = 1e-3
@@ -186,17 +202,7 @@ def test_the_observed_error_has_the_deviation_that_the_gains_are_made_for(rng):
     assert found.std() == pytest.approx(math.sqrt(np.trapezoid(response, w) / math.pi), rel=0.05)
 
 
-def test_an_observer_without_an_accelerometer_is_refused():
-    with pytest.raises(ParameterError, match="has no accelerometer"):
-        estimator_figures(AccelerationObserver(), Encoder(), **MOTION)
-
-
 def test_accelerations_of_another_length_are_refused():
     record = record_motion(Encoder(), np.zeros(100), interval=T, samples_apart=1)
     with pytest.raises(ParameterError, match="one number for each of 100 samples"):
         observe_velocity(AccelerationObserver(), record, np.zeros(99))
-
-
-def test_an_accelerometer_of_negative_noise_is_refused():
-    with pytest.raises(ParameterError, match="noise of the accelerometer is -1"):
-        Accelerometer(noise=-1.0)

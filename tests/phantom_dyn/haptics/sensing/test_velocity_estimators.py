@@ -130,29 +130,43 @@ def test_every_estimator_is_zero_at_rest(estimator):
     np.testing.assert_array_equal(estimate_velocity(estimator, steady(0.0)), 0.0)
 
 
-def test_a_window_of_no_samples_is_refused():
-    with pytest.raises(ParameterError, match="samples is 0: give a whole number from 1 to 500"):
-        AveragedDifference(0)
-
-
-def test_a_bound_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="bound of the adaptive window is 0"):
-        AdaptiveWindow(10, 0.0)
-
-
-def test_an_acceleration_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="acceleration of the Kalman filter is 0"):
-        KalmanVelocity(0.0)
-
-
-def test_a_clock_that_stands_is_refused():
-    with pytest.raises(ParameterError, match="give a clock above 0 and 1 to 52 bits"):
-        PeriodMeasurement(clock=0.0)
-
-
-def test_an_unknown_overflow_is_refused():
-    with pytest.raises(ParameterError, match="give 'bounded' or 'wraps'"):
-        PeriodMeasurement(overflow="forgets")
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: AveragedDifference(0),
+            "samples is 0: give a whole number from 1 to 500",
+            id="a window of no samples",
+        ),
+        pytest.param(lambda: AdaptiveWindow(10, 0.0), "bound of the adaptive window is 0", id="a bound of nothing"),
+        pytest.param(
+            lambda: KalmanVelocity(0.0), "acceleration of the Kalman filter is 0", id="an acceleration of nothing"
+        ),
+        pytest.param(
+            lambda: PeriodMeasurement(clock=0.0), "give a clock above 0 and 1 to 52 bits", id="a clock that stands"
+        ),
+        pytest.param(
+            lambda: PeriodMeasurement(overflow="forgets"), "give 'bounded' or 'wraps'", id="an unknown overflow"
+        ),
+        pytest.param(
+            lambda: estimator_figures(STOCK, Encoder(), speed=0.1, acceleration=0.0),
+            "an acceleration that is not 0",
+            id="no acceleration",
+        ),
+        pytest.param(
+            lambda: gain_until_swinging(lambda _: swinging(0.0), 1e-5, low=2.0, high=1.0),
+            "give two above 0, the lower one first",
+            id="gains in the wrong order",
+        ),
+        pytest.param(
+            lambda: LoopSettings(delay=0.33e-4), "give a multiple of 5e-05 s", id="a delay between the substeps"
+        ),
+        pytest.param(lambda: LoopSettings(period=0.0), "period of the loop is 0", id="a period of nothing"),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 def figures(estimator: Estimator) -> EstimatorFigures:
@@ -207,11 +221,6 @@ def test_kalman_with_more_acceleration_lags_less_and_is_coarser():
     calm, agile = figures(KalmanVelocity(1.0)), figures(KalmanVelocity(10.0))
     assert agile.lag < calm.lag
     assert agile.granularity > calm.granularity
-
-
-def test_no_acceleration_is_refused():
-    with pytest.raises(ParameterError, match="an acceleration that is not 0"):
-        estimator_figures(STOCK, Encoder(), speed=0.1, acceleration=0.0)
 
 
 FINE = Encoder(1e-9)
@@ -305,21 +314,6 @@ def test_bisection_finds_the_gain_from_which_on_a_swing_lasts():
 def test_a_swing_at_the_lowest_gain_is_a_limit_of_nothing_and_none_at_the_highest_no_limit():
     assert gain_until_swinging(lambda _: swinging(0.0), 1e-5, low=1.0, high=2.0) == 0.0
     assert gain_until_swinging(lambda _: swinging(1.0), 1e-5, low=1.0, high=2.0) == np.inf
-
-
-def test_gains_in_the_wrong_order_are_refused():
-    with pytest.raises(ParameterError, match="give two above 0, the lower one first"):
-        gain_until_swinging(lambda _: swinging(0.0), 1e-5, low=2.0, high=1.0)
-
-
-def test_a_delay_between_the_substeps_is_refused():
-    with pytest.raises(ParameterError, match="give a multiple of 5e-05 s"):
-        LoopSettings(delay=0.33e-4)
-
-
-def test_a_period_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="period of the loop is 0"):
-        LoopSettings(period=0.0)
 
 
 def test_three_devices_are_refused():

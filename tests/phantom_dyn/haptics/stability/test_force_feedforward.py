@@ -152,34 +152,45 @@ def test_the_vibration_sets_the_limit_between_its_resonance_and_the_low_pass(fee
     assert loop.spectral_radius(0.999 * result.gain) < 1 < loop.spectral_radius(1.001 * result.gain)
 
 
-def test_nobody_at_the_device_is_refused():
-    with pytest.raises(ParameterError, match="Nobody holds the device"):
-        critical_feedforward(RIGID, FREE_HAND, Feedforward())
-
-
-def test_a_negative_delay_is_refused():
-    with pytest.raises(ParameterError, match="delay of the feedforward is -1"):
-        Feedforward(delay=-1.0)
-
-
-def test_a_period_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="period of the feedforward is 0"):
-        Feedforward(period=0.0)
-
-
-def test_a_cutoff_past_half_the_sampling_is_refused():
-    with pytest.raises(ParameterError, match=r"below 3141\.59 rad/s"):
-        low_pass(4000.0, period=1e-3)
-
-
-def test_a_hand_without_mass_has_no_worst_case():
-    with pytest.raises(ParameterError, match="give a hand's mass above 0"):
-        worst_critical_feedforward(5.4, 0.0)
-
-
-def test_a_bode_diagram_at_standstill_is_refused():
-    with pytest.raises(ParameterError, match="frequencies above 0"):
-        transparency(RIGID, YOKOKOHJI_YOSHIKAWA, Feedforward(), 1.0, np.zeros(1))
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(
+            lambda: critical_feedforward(RIGID, FREE_HAND, Feedforward()),
+            "Nobody holds the device",
+            id="nobody at the device",
+        ),
+        pytest.param(lambda: Feedforward(delay=-1.0), "delay of the feedforward is -1", id="a negative delay"),
+        pytest.param(lambda: Feedforward(period=0.0), "period of the feedforward is 0", id="a period of nothing"),
+        pytest.param(
+            lambda: low_pass(4000.0, period=1e-3), r"below 3141\.59 rad/s", id="a cutoff past half the sampling"
+        ),
+        pytest.param(
+            lambda: worst_critical_feedforward(5.4, 0.0),
+            "give a hand's mass above 0",
+            id="a hand without mass has no worst case",
+        ),
+        pytest.param(
+            lambda: transparency(RIGID, YOKOKOHJI_YOSHIKAWA, Feedforward(), 1.0, np.zeros(1)),
+            "frequencies above 0",
+            id="a bode diagram at standstill",
+        ),
+        pytest.param(
+            lambda: noise_felt(LHIFAM, HAND, Feedforward(), 5.0, ForceLink(noise=0.1)),
+            r"grows .* times a sample",
+            id="noise in an unstable loop",
+        ),
+        pytest.param(lambda: ForceLink(loss=1.0), "from 0 to below 1", id="a link that loses everything"),
+        pytest.param(
+            lambda: mean_square_radius(LHIFAM, HAND, Feedforward(delay=0.1), 1.0, ForceLink(loss=0.1)),
+            "give a delay of at most 53 samples",
+            id="a delay of too many samples",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(ParameterError, match=message):
+        call()
 
 
 HAND = YOKOKOHJI_YOSHIKAWA
@@ -279,18 +290,3 @@ def test_a_slow_push_moves_the_tip_as_the_frequency_response_says():
 def test_the_share_of_lost_samples_is_the_one_that_was_asked_for(rng):
     trace = simulate_link(RIGID, HAND, Feedforward(), 0.0, ForceLink(loss=0.3), np.zeros(20_000), rng)
     assert 1 - trace.arrived.mean() == pytest.approx(0.3, abs=0.02)
-
-
-def test_noise_in_an_unstable_loop_is_refused():
-    with pytest.raises(ParameterError, match=r"grows .* times a sample"):
-        noise_felt(LHIFAM, HAND, Feedforward(), 5.0, ForceLink(noise=0.1))
-
-
-def test_a_link_that_loses_everything_is_refused():
-    with pytest.raises(ParameterError, match="from 0 to below 1"):
-        ForceLink(loss=1.0)
-
-
-def test_a_delay_of_too_many_samples_is_refused():
-    with pytest.raises(ParameterError, match="give a delay of at most 53 samples"):
-        mean_square_radius(LHIFAM, HAND, Feedforward(delay=0.1), 1.0, ForceLink(loss=0.1))
