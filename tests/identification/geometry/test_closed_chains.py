@@ -261,8 +261,8 @@ def moving(lab, trusted):
     """Torques and poses of a five-bar in motion, by what is wrong: a length, or friction that the file lacks."""
     linkage = LINKAGES["fivebar"]
     robot = trusted(linkage.robot)
-    motion = lab.motion(2, seconds=15.0, rate=100.0, swing=0.4)
-    rows = np.arange(0, len(motion.t), 25)
+    motion = lab.motion(2, seconds=8.0, rate=100.0, swing=0.4)
+    rows = np.arange(0, len(motion.t), 13)
 
     def make(wrong: str):
         text = moved_joint(linkage.text, "right_to_pin", (0, 0, 0.002 if wrong == "length" else 0.0))

@@ -23,7 +23,7 @@ OFFSET = 0.05
 
 @pytest.fixture(scope="module")
 def found(lab, arm, trusted) -> Diagnosis:
-    motion = lab.motion(3, seconds=20.0)
+    motion = lab.motion(3, seconds=8.0)
     recording = lab.recording(arm, motion)
     moved = {joint: motion.q[:, k] for k, joint in enumerate(arm.joint_names)}
     text = (ROBOTS / "arm3.urdf").read_text()

@@ -358,7 +358,7 @@ def test_where_gravity_points_along_the_axis(lab, pendulum, trusted):
 @pytest.mark.whole
 def test_friction_under_the_load_of_a_payload(lab, planar2, trusted):
     # Known truth: the friction is a tenth of what the transmission passes with the payload.
-    robot, motion = trusted(planar2), lab.motion(2, 3, seconds=20.0, swing=1.5)
+    robot, motion = trusted(planar2), lab.motion(2, 3, seconds=10.0, swing=1.5)
     added = np.zeros_like(standard_parameters(robot))
     added[10:] = point_mass_parameters(1.5, np.array([0.0, 0.0, -0.4]))
     heavier = with_parameters(robot, added)
