@@ -63,7 +63,12 @@ def _bodies(robot: Robot, numbers: Numbers, before: int) -> str:
 def urdf(robot: Robot) -> str:
     """What the diagnosis is given."""
     numbers = robot.numbers
-    out = [f'<robot name="{robot.name}"><link name="trunk"/><link name="imu"/>']
+    mass, (xx, yy, zz) = robot.trunk
+    out = [
+        f'<robot name="{robot.name}"><link name="trunk"><inertial><origin xyz="0.02 0 0"/><mass value="{mass:.9g}"/>'
+        f'<inertia ixx="{xx:.9g}" iyy="{yy:.9g}" izz="{zz:.9g}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<link name="imu"/>'
+    ]
     out.append(
         f'<joint name="imu_joint" type="fixed"><parent link="trunk"/><child link="imu"/>'
         f'<origin xyz="{_text(robot.imu_at)}" rpy="{_text(robot.imu_turned)}"/></joint>'

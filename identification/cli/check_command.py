@@ -36,6 +36,11 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("--robot", metavar="ROBOT", help="the same as ROBOT in front of the recordings")
     out.add_argument("--robot-config", metavar="FILE", help="robot.yaml of the robot (default: beside its file)")
+    out.add_argument(
+        "--stance",
+        action="store_true",
+        help="of a robot that is not bolted down, say also what the rows of its base would add while feet stand",
+    )
     add_reading(out)
     return out
 
@@ -61,6 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
             progress.show(Announcement(Stage.READING, detail={"file": Path(log).name}))
             found = checked_file(log, robot, **options, progress=progress.show)
         say(found)
+        if arguments.stance and robot is not None:
+            from identification.data.floating.stance_rows import stance_words
+            from identification.data.reading import read_recording
+
+            say(stance_words(read_recording(log, robot, **options), robot))
     return DONE
 
 

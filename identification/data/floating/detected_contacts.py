@@ -44,6 +44,17 @@ def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"],
         recording: Of a base that is not bolted down, with torques.
         robot: The given model.
     """
+    motion, tau = slow_motion(recording, robot)
+    return motion.t, np.abs(tau - inverse_dynamics(robot, motion))
+
+
+def slow_motion(recording: Recording, robot: Robot) -> tuple[Motion, Float[Array, "N nv"]]:
+    """Motion and torque at uniform times, below the edge at which swings and stances differ.
+
+    Args:
+        recording: Of a base that is not bolted down, with torques.
+        robot: The given model.
+    """
     assert recording.tau is not None
     rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
     t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
@@ -52,7 +63,7 @@ def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"],
     both = low_passed(both, edge, rate, order=4, padding=min(int(3 * rate / edge), len(t) - 1))
     q, tau = np.hsplit(both, 2)
     there = filtered_base(recording, robot, t, rate, edge)
-    return t, np.abs(tau - inverse_dynamics(robot, Motion(t, q, *quintic_derivatives(q, rate), base=there)))
+    return Motion(t, q, *quintic_derivatives(q, rate), base=there), tau
 
 
 def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:

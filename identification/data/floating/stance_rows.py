@@ -1,0 +1,59 @@
+"""What stance would add: rows of base and joints from which the unknown forces of points that touch are projected out.
+
+No diagnosis uses them. They take the inertia of the base and the place of every contact as known, and a model of both
+that is wrong looks like a wrong joint.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from identification.data.floating.base_columns import carriers
+from identification.data.floating.detected_contacts import slow_motion
+from identification.data.recording import Recording
+from phantom_dyn.array_types import Array
+from phantom_dyn.dynamics.stance import contact_free, wrench_and_torque
+from phantom_dyn.model.robot import Robot
+
+_RATE = 50.0
+"""Of the samples that are looked at [Hz]: twice the edge of the motion, and a bit."""
+_MARGIN = 0.04
+"""[s] Left out beside a change of any contact, as the edge blurs it."""
+
+
+def stance_words(recording: Recording, robot: Robot) -> str:
+    """A sentence on how many rows stance adds to those of swings, and what the given model leaves in them."""
+    base, file = recording.base, recording.file
+    if base is None or recording.tau is None or robot.chain is not None:
+        return f"{file}: stance adds nothing, as it takes base: floating, torques, and a robot without closed loops."
+    motion, tau = slow_motion(recording, robot)
+    rate = (len(motion.t) - 1) / (motion.t[-1] - motion.t[0])
+    touches = {frame: np.interp(motion.t, recording.t, x) > 0.5 for frame, x in base.contacts.items()}
+    steady = np.ones(len(motion.t), dtype=bool)
+    for one in touches.values():
+        same = np.diff(one, prepend=one[0]) == 0
+        steady &= ndimage.minimum_filter1d(same, 2 * round(_MARGIN * rate) + 1)
+    rows = np.flatnonzero(steady)[:: max(1, round(rate / _RATE))]
+    needed = wrench_and_torque(robot, motion.at(rows))
+    given = np.hstack([np.zeros((len(rows), 6)), tau[rows]])
+    rest: list[Array] = []
+    whole: list[Array] = []
+    swings = 0
+    for k, row in enumerate(rows):
+        frames = [frame for frame, one in touches.items() if one[row]]
+        held = np.any([carriers(robot, frame) for frame in frames], axis=0) if frames else np.zeros(robot.nv, bool)
+        swings += int((~held).sum())
+        if frames:
+            some = np.concatenate([np.ones(6, dtype=bool), held])
+            free = contact_free(robot, motion.q[row], frames, some)
+            rest.append(free.T @ (given[k] - needed[k])[some])
+            whole.append(free.T @ needed[k][some])
+    if not rest:
+        return f"{file}: stance adds nothing, as nothing touches the ground."
+    added, left, all_ = sum(map(len, rest)), *(np.sqrt(np.mean(np.concatenate(x) ** 2)) for x in (rest, whole))
+    return (
+        f"{file}: {added / len(rows):.1f} rows a sample hold whatever points that touch are pushed by, beside "
+        f"{swings / len(rows):.1f} of joints that touch nothing. In these the given model, its base included, leaves "
+        f"{left:.2g} of {all_:.2g} (root mean square, N and N m together). No diagnosis uses them."
+    )
