@@ -33,12 +33,9 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.ablation_numbers import CHECKOUT, FACTORS, Named, named_numbers
 from benchmarks.ablation_runs import Case, Variant, cases_of, load_everything, run, stored_result
-from benchmarks.ablation_table import answer_of, base_of, between_markers, tables
+from benchmarks.ablation_table import answer_of, base_of, between_markers, gates_to_leave_out, tables
 
 FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
-OF_SEARCH = ("possible size", "bodies can exist", "more than chance", "fair part of the gap", "in enough blocks")
-CHANCE = "more than chance"
-STRUCTURAL = ("explains more than others",)  # the comparison of sets itself: without it no search ends
 GROUP = 8  # numbers that are changed in one run at first
 PACKAGES = ("identification", "phantom_dyn")
 # Counts that NumPy and deques ask to be whole numbers and nothing else.
@@ -58,19 +55,6 @@ def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
     unfollowed = set(result["skip"])
     return [
         name for name in names if name in unfollowed or trace["lost"].get(name) or trace["flips"].get(name, (0, 0))[k]
-    ]
-
-
-def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
-    """Gates without which a case could be answered otherwise: by what was followed, else by the stored ledger.
-
-    What chance gives is asked in the next gate too: no ledger says that it alone has refused.
-    """
-    if result.get("trace") is None:
-        return [gate for gate in gates if gate in result.get("refused", ()) and gate not in (*STRUCTURAL, CHANCE)]
-    met = result["trace"]["gates"]
-    return [
-        gate for gate in gates if gate not in STRUCTURAL and met["alone" if gate in OF_SEARCH else "refused"].get(gate)
     ]
 
 

@@ -175,9 +175,9 @@ def test_a_number_counts_by_the_runs_that_change_it_alone() -> None:
     ("name", "words"),
     [
         ("m:NEVER", "not reached"),
-        ("m:FAR", "never near"),
-        ("m:NEAR", "near, changes nothing"),
-        ("m:LOST", "near, changes nothing"),
+        ("m:FAR", "never near a decision"),
+        ("m:NEAR", "near one, or where it cannot be followed"),
+        ("m:LOST", "near one, or where it cannot be followed"),
     ],
 )
 def test_a_number_that_decides_nothing_is_told_by_how_near_it_came(name: str, words: str) -> None:
