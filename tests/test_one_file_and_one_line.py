@@ -24,7 +24,7 @@ LINE = "    QuadraticDrag(),\n"
 GOING_THROUGH_ALL = (
     "tests/phantom_dyn/effects/test_catalogue.py",
     "tests/phantom_dyn/effects/test_relations.py",
-    "tests/identification/diagnosis/law/test_library.py",
+    "tests/identification/diagnosis/law/test_law_library.py",
     "tests/identification/diagnosis/columns/test_structure.py",
     "tests/identification/diagnosis/columns/test_terms.py",
     "tests/identification/scenarios/test_changes.py",

@@ -1,10 +1,15 @@
-"""Floors with and without an effect, and the slow make. Oracles: counted by hand, the generator's own motion."""
+"""Benchmarks of silence and of noise floors."""
 
 import numpy as np
+import pytest
 
 from benchmarks.blind.makes import make_named
 from benchmarks.gapbench.generator.case import draw_case, with_and_without
 from benchmarks.silence import Pair, summary
+from benchmarks.tracking_gain import ARM, controller, drawn_causes, error_ratio, mean_ratio, sines, tracking_error
+from identification.diagnosis.columns.terms import KnownEffect
+from identification.export.corrected.corrected_model import corrected_model
+from phantom_dyn.model.loading import load_robot
 
 
 def test_a_floor_that_is_lower_with_the_effect_counts_as_one_that_is_higher():
@@ -35,3 +40,30 @@ def test_the_slow_make_gives_the_same_bytes_again_under_a_name_of_its_own():
     one, again = (make.draw_case(2, "null") for _ in range(2))
     assert np.array_equal(one.log, again.log)
     assert one.id == make.case_id(2, "null") != make_named("mujoco").case_id(2, "null")
+
+
+@pytest.mark.whole
+def test_a_controller_of_the_true_model_hardly_errs():
+    robot, rng = load_robot(ARM), np.random.default_rng(3)
+    causes = drawn_causes(rng)
+    effects = tuple(KnownEffect(c.effect.name, c.joint, tuple(np.asarray(c.theta).tolist())) for c in causes)
+    reference = sines(rng, 3.0, robot.nv)
+    true, given = (
+        tracking_error(robot, causes, controller(corrected_model(robot, found), reference), reference)
+        for found in (effects, ())
+    )
+    assert true < 2e-3
+    assert true < 0.1 * given
+
+
+@pytest.mark.whole
+def test_the_corrected_model_gives_the_better_controller():
+    _, before, after = error_ratio(load_robot(ARM), np.random.default_rng((0, 2)))
+    assert after < 0.5 * before
+
+
+@pytest.mark.whole
+def test_the_mean_is_geometric_and_lies_in_its_interval():
+    mean, low, high = mean_ratio(np.array([0.1, 0.4, 0.2, 0.2]), np.random.default_rng(0))
+    assert mean == pytest.approx(0.2)
+    assert low < mean < high

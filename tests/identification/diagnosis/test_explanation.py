@@ -1,11 +1,16 @@
-"""The search and the noise in turn: what chance gives is measured by the filters that the problem was made white by."""
+"""What a diagnosis explains, and a part that its model lacks."""
 
 from itertools import count
 
 import numpy as np
+import pytest
 
 from identification.diagnosis import explanation
 from identification.diagnosis.search.search import Threshold
+from identification.pipeline import diagnose
+from identification.words.note_words import sentences
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
 
 
 def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_on_probation(lab, planar2, monkeypatch):
@@ -33,3 +38,30 @@ def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_
     found = explanation._searched(prepared.search, prepared.noise, lambda _: None)
     assert found.chosen == frozenset(effects)
     assert [noise is prepared.noise for noise in filtered_by] == [True, True]
+
+
+HAND = """<link name="hand"><inertial><origin xyz="0 0 -0.05"/><mass value="0.6"/>
+<inertia ixx="0.002" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
+<joint name="to_hand" type="fixed"><origin xyz="0 0 -0.4"/><parent link="lower"/><child link="hand"/></joint>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def found(lab, tmp_path_factory):
+    """Diagnosis of the arm without a hand by a model that has one."""
+    file = tmp_path_factory.mktemp("handed") / "arm.urdf"
+    file.write_text((ROBOTS / "planar2.urdf").read_text().replace("</robot>", HAND))
+    bare = load_robot(ROBOTS / "planar2.urdf")
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    return diagnose(load_robot(file), (lab.recording(bare, motion),))
+
+
+def test_the_missing_hand_is_a_negative_payload_of_its_mass(found):
+    (finding,) = found.findings
+    assert finding.effect == "payload"
+    mass = finding.parameters["mass"]
+    assert abs(mass.value + 0.6) < max(3.0 * mass.std, 0.06)
+
+
+def test_the_missing_hand_is_named(found):
+    assert any("The model carries hand (0.6 kg)" in note for note in sentences(found.notes))

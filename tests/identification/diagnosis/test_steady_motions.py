@@ -19,11 +19,6 @@ from places import ROBOTS
 SECONDS = 20.0
 
 
-@pytest.fixture(scope="module")
-def pendulum() -> Robot:
-    return load_robot(ROBOTS / "pendulum.urdf")
-
-
 def sines(*hertz: float, rate: float = 200.0) -> Motion:
     t = np.arange(round(SECONDS * rate)) / rate
     w = 2 * np.pi * np.array(hertz)

@@ -35,12 +35,6 @@ KP, KD = np.array([60.0, 25.0]), np.array([6.0, 1.5])
 
 
 @pytest.fixture(scope="module")
-def pendulum() -> Robot:
-    """A rod on joint pin; nobody states its controller."""
-    return load_robot(ROBOTS / "pendulum.urdf")
-
-
-@pytest.fixture(scope="module")
 def planar() -> Robot:
     """Two links on shoulder and elbow."""
     return load_robot(ROBOTS / "planar2.urdf")

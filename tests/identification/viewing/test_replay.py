@@ -222,11 +222,6 @@ def _with_controllers(robot, gains):
     return replace(robot, actuators=tuple(replace(a, controller=Controller(**gains)) for a in robot.actuators))
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return load_robot(ROBOTS / "arm3.urdf")
-
-
 def test_poses_are_those_of_pinocchio(arm, rng):
     q = rng.uniform(-1, 1, (5, arm.nv))
     poses, data = link_poses(arm, q), arm.model.createData()

@@ -1,14 +1,20 @@
-"""Rivals: which effects, places and shapes are tried in a recording."""
+"""Terms of a diagnosis: structure, known friction, operations."""
 
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from identification.data.signals import process_all
+from identification.diagnosis.columns.operations import expecting, operate, with_known
 from identification.diagnosis.columns.structure import STRUCTURES
-from identification.diagnosis.columns.terms import FoundEffect, merged, shapes_of, untestable_places
+from identification.diagnosis.columns.terms import FoundEffect, KnownEffect, merged, shapes_of, untestable_places
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.inertia import point_mass_parameters
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +97,115 @@ def test_operations_follow_each_other_in_time(lab, planar2):
 
 def test_one_operation_is_itself(operation):
     assert merged((operation,)) is operation
+
+
+RUBS = KnownEffect("load_dependent_friction", "elbow", (0.3,))
+
+LOAD = KnownEffect("payload", None, (0.4, 0.0, 0.0, -0.3))
+
+
+@pytest.fixture
+def moving(lab, planar2):
+    return Operation.of(planar2, lab.motion(2))
+
+
+def test_what_a_load_asks_of_the_drive_holds_its_friction(planar2, moving):
+    # The model with both at once, less the model with the friction alone; samples near a change of the load's sign,
+    # where the law has a kink, are left out.
+    alone, both = (with_known(planar2, moving, known) for known in ((RUBS,), (LOAD, RUBS)))
+    assert alone.per_load is not None
+    added = np.zeros(10 * (planar2.model.njoints - 1))
+    mass, center = LOAD.theta[0], np.array(LOAD.theta[1:])
+    inertia = mass * (center @ center * np.eye(3) - np.outer(center, center))
+    added[-10:] = [mass, *(mass * center), inertia[0, 0], inertia[0, 1], inertia[1, 1], inertia[0, 2], inertia[1, 2],
+                   inertia[2, 2]]  # fmt: skip
+    asked = alone.per_load * (rigid_body_regressor(planar2, moving) @ added)
+    bare, loaded = moving.transmitted[:, 1], with_known(planar2, moving, (LOAD,)).tau[:, 1]
+    same = (np.sign(bare) == np.sign(loaded)) & (np.abs(bare) > 0.05 * np.abs(bare).max())
+    assert same.mean() > 0.5
+    np.testing.assert_allclose(asked[same, 1], (both.tau - alone.tau)[same, 1], rtol=1e-3, atol=1e-3)
+
+
+def test_only_the_joint_that_rubs_asks_for_more(planar2, moving):
+    found = with_known(planar2, moving, (RUBS,)).per_load
+    assert found is not None
+    assert np.all(found[:, 0] == 1.0)
+    np.testing.assert_allclose(np.unique(np.round(np.abs(found[:, 1] - 1.0), 3))[-1], 0.3)
+
+
+def test_friction_that_no_load_changes_asks_for_no_more(planar2, moving):
+    assert with_known(planar2, moving, (KnownEffect("coulomb_friction", "elbow", (0.3,)),)).per_load is None
+
+
+PAYLOAD = (0.8, 0.1, -0.02, 0.3)  # kg, m
+
+
+@pytest.fixture(scope="module")
+def heavier(planar):
+    """The arm with a point mass on its last link."""
+    added = np.zeros_like(standard_parameters(planar))
+    added[10:] = point_mass_parameters(PAYLOAD[0], np.array(PAYLOAD[1:]))
+    return with_parameters(planar, added)
+
+
+def test_the_transmissions_pass_what_a_payload_needs_and_not_what_a_rotor_needs(lab, planar, heavier):
+    operation = Operation.of(planar, lab.motion(2))
+    payload = FoundEffect(effect_named("payload"), None, (), point_mass_parameters(PAYLOAD[0], np.array(PAYLOAD[1:])))
+    rotor = FoundEffect(effect_named("rotor_inertia"), "elbow", (), np.array([0.2]))
+    model = heavier.model.copy()
+    model.armature = np.zeros(2)
+    expected = inverse_dynamics(replace(heavier, model=model), operation)
+    np.testing.assert_allclose(expecting(planar, operation, (payload, rotor)).load, expected, atol=1e-9)
+
+
+def test_what_was_found_of_the_load_is_not_counted_twice(lab, planar):
+    operation = Operation.of(planar, lab.motion(2))
+    spring = FoundEffect(effect_named("parasitic_spring"), "elbow", (), np.array([2.0, 0.3]))
+    once = expecting(planar, operation, (spring,))
+    np.testing.assert_allclose(expecting(planar, once, (spring,)).load, once.load, atol=1e-12)
+
+
+def test_friction_that_was_found_is_no_load(lab, planar):
+    operation = Operation.of(planar, lab.motion(2))
+    rubs = FoundEffect(effect_named("coulomb_friction"), "elbow", (), np.array([0.5]))
+    np.testing.assert_array_equal(expecting(planar, operation, (rubs,)).load, operation.transmitted)
+
+
+def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_with_its_known_payload(
+    lab, planar, heavier
+):
+    (log,), _ = process_all((lab.recording(planar, lab.motion(2)),), planar)
+    known = (
+        KnownEffect("torque_constant", "elbow", (0.8,)),
+        KnownEffect("load_dependent_friction", "elbow", (0.2,)),
+        KnownEffect("payload", None, PAYLOAD),
+    )
+    needed = inverse_dynamics(heavier, log.motion)
+    load = needed[:, 1] - planar.rotor_inertia[1] * log.motion.a[:, 1]
+    needed[:, 1] = (needed[:, 1] + 0.2 * np.abs(load) * np.sign(log.motion.v[:, 1])) / 0.8
+    np.testing.assert_allclose(operate(planar, log, known).tau, needed, atol=1e-9)
+
+
+TURNED = (0.05, -0.08, 0.0)  # rad, across the gravity of an arm that hangs along z
+
+
+@pytest.mark.parametrize(
+    "displacing",
+    [
+        (KnownEffect("encoder_offset", "elbow", (0.1,)),),
+        (KnownEffect("base_tilt", None, TURNED),),
+        (KnownEffect("encoder_offset", "elbow", (0.1,)), KnownEffect("base_tilt", None, TURNED)),
+        (KnownEffect("encoder_offset", "elbow", (0.1,)), KnownEffect("encoder_offset", "shoulder", (-0.2,))),
+    ],
+)
+def test_a_known_payload_is_where_the_links_truly_are(displacing, lab, planar, heavier):
+    # Oracle: Pinocchio with the loaded robot at its true positions, in the gravity that it truly feels.
+    (log,), _ = process_all((lab.recording(planar, lab.motion(2)),), planar)
+    offsets = {one.joint: one.theta[0] for one in displacing if one.effect == "encoder_offset"}
+    q = log.motion.q - [offsets.get(joint, 0.0) for joint in planar.joint_names]
+    model = heavier.model.copy()
+    if any(one.effect == "base_tilt" for one in displacing):
+        model.gravity = pin.Motion(pin.exp3(np.array(TURNED)) @ model.gravity.linear, np.zeros(3))
+    wanted = inverse_dynamics(replace(heavier, model=model), replace(log.motion, q=q))
+    known = (KnownEffect("payload", None, PAYLOAD), *displacing)
+    np.testing.assert_allclose(operate(planar, log, known).tau, wanted, atol=1e-9)

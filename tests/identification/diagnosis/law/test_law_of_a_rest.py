@@ -1,8 +1,10 @@
-"""The oracle is the law that the rest was made with."""
+"""The law of a rest, and of a diagnosis."""
 
 import numpy as np
 import pytest
 
+import phantom_dyn as dyn
+from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of
 from identification.diagnosis.result import JointGap
 from rests import made_up_rest
@@ -79,3 +81,29 @@ def test_what_lies_beyond_the_bounds_of_the_model_is_a_law():
     law, found = law_of(rest, (JOINT,))
     assert law is not None
     assert found.terms[0].coefficient == pytest.approx(-2.0, abs=0.05)
+
+
+@pytest.fixture(scope="module")
+def hose(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hose")
+    case = make(20, folder)
+    assert case.name == "hose"
+    return case, dyn.diagnose(folder / "robot.urdf", folder / "log.csv").result
+
+
+def test_the_inputs_of_the_law_are_named(hose):
+    case, diagnosis = hose
+    named = frozenset(diagnosis.unexplained.law.inputs)
+    assert all(named & group for group in case.law.required)
+    assert named <= case.law.allowed
+
+
+def test_it_closes_nearly_all_of_what_the_findings_leave(hose):
+    assert hose[1].unexplained.dependence.rest_closed > 0.9
+
+
+def test_what_is_explained_has_no_law(tmp_path):
+    make(0, tmp_path, null=True)
+    unexplained = dyn.diagnose(tmp_path / "robot.urdf", tmp_path / "log.csv").result.unexplained
+    assert unexplained.law is None
+    assert unexplained.dependence is None

@@ -8,19 +8,12 @@ import pytest
 from identification.data.log import Band, Log
 from identification.estimators.closed_loop.didim import didim
 from identification.regression.regressor import Regressor, gap_regressor
-from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
-from places import ROBOTS
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> Robot:
-    return load_robot(ROBOTS / "pendulum.urdf")
 
 
 @pytest.fixture(scope="module")
