@@ -3,175 +3,21 @@
 import dataclasses
 import json
 import math
-from typing import Literal
 
 import msgspec
 import numpy as np
 import pytest
 
+from diagnosis_schema import Document, Law, Rollout
 from identification.diagnosis import rest_law as results
 from identification.diagnosis.result import Unexplained, Value
 from identification.reporting.stored.diagnosis_files import json_text, to_json
 
 
-class Strict(msgspec.Struct, forbid_unknown_fields=True):
-    pass
-
-
-class Joint(Strict):
-    joint: str
-    unit: str
-    rms_before: float
-    rms_after: float
-    noise_floor: float
-    hold_out_samples: int
-    rms_torque: float | None
-    rms_within_tolerance: float | None
-    noise_floor_interval: tuple[float, float] | None
-    noise_floor_source: Literal["sensors", "repetitions", "none"] | None
-    closed: float | None
-    discrepancy: float | None
-
-
-class Gap(Strict):
-    closed: float | None
-    interval: tuple[float, float] | None
-
-
-class Number(Strict):
-    value: float | list[float]
-    std: float | list[float] | None
-    unit: str
-
-
-class At(Strict):
-    effect: str
-    joint: str | None
-
-
-class Rival(Strict):
-    effects: list[At]
-    probability: float
-
-
-class Finding(Strict):
-    effect: str
-    joint: str | None
-    regime: str
-    parameters: dict[str, Number]
-    share: float | None
-    gap_closed: float
-    gap_closed_interval: tuple[float, float]
-    probability: float
-    rivals: list[Rival]
-    verdict: Literal["one_of", "supported"]
-
-
-class Adjusted(Strict):
-    quantity: str
-    change: float
-    tolerance: float
-    at_limit: bool
-
-
-class Where(Strict):
-    joint: str | None
-    regime: str | None
-    times: list[tuple[float, float]]
-
-
-class Law(Strict):
-    joint: str
-    inputs: list[str]
-    formula: str
-    gap_closed: float
-    gap_closed_interval: tuple[float, float]
-    valid: dict[str, tuple[float, float]]
-    like: str | None
-
-
-class Rest(Strict):
-    fraction_of_explainable: float | None
-    structured: bool
-    where: Where
-    law: Law | None
-
-
-class Bound(Strict):
-    effect: str
-    joint: str | None
-    parameter: str
-    below: float
-    unit: str
-    of_torque: float | None
-
-
-class NotTestable(Strict):
-    effect: str
-    joint: str | None
-    why: str
-
-
-class Next(Strict):
-    separates: list[tuple[str, str | None]]
-    reference: str
-    expected_power: float
-    say: str
-
-
-class Rollout(Strict):
-    horizon_s: float
-    rms_before: dict[str, float | None]
-    rms_after: dict[str, float | None]
-
-
-class File(Strict):
-    file: str
-    rms_left: dict[str, float]
-    rms_given: dict[str, float]
-    holds: list[str]
-    lacks: list[str]
-    refused: str = ""
-
-
-class Gate(Strict):
-    gate: str
-    value: float | None
-    needed: float | None
-    unit: str
-    passed: bool
-
-
-class Entry(Strict):
-    effects: list[At]
-    gates: list[Gate]
-    outcome: Literal["claimed", "minor", "not_claimed", "displaced"]
-    instead: list[At]
-    figures: dict[str, float | None]
-    judged_by: Literal["torques", "poses", "rests"]
-
-
-class Document(Strict):
-    schema: Literal["gap-diagnosis/3"]
-    verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
-    run: str
-    robot: str
-    gap: Gap
-    joints: list[Joint]
-    band_hz: tuple[float, float]
-    findings: list[Finding]
-    minor: list[Finding]
-    adjusted: list[Adjusted]
-    unexplained: Rest
-    bounds: list[Bound]
-    not_testable: list[NotTestable]
-    data_warnings: list[str]
-    next_experiment: Next | None
-    rollout: Rollout | None
-    ledger: list[Entry]
-    files: list[File]
-    seconds: float
-    version: str
+@pytest.fixture
+def made_up(made_up):
+    """A made-up diagnosis that a run has signed, as every one in a file is."""
+    return lambda **given: dataclasses.replace(made_up(**given), run="0123456789abcdef")
 
 
 @pytest.mark.parametrize("findings", [0, 1, 15])
