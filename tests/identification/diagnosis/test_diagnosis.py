@@ -67,14 +67,14 @@ def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
         assert abs(parameters[name].value - truth) < max(4 * parameters[name].std, 0.01 * abs(truth))
 
 
-@pytest.mark.parametrize("seed", by_night(range(6), 0, 1, 2))
+@pytest.mark.parametrize("seed", by_night(range(6), 0))
 def test_nothing_is_found_where_nothing_is_wrong(diagnosed, seed):
     found = diagnosed(seed=seed)
     assert found.findings == ()
     assert found.verdict == "no_gap"
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
+@pytest.mark.parametrize("noise", by_night([0.0, 1e-5, 1e-4], 1))
 def test_a_joint_that_is_held_has_no_friction_to_find(lab, planar2, rng, noise):
     # Known truth: no gap; the elbow is held, and its encoder has noise.
     motion = lab.motion(2)
