@@ -255,7 +255,7 @@ NUMBERS = {
     "stribeck_friction": ("tilt", (0.5, 0.9, 0.1), ModelNumbers(coulomb=0.5)),
     "presliding_friction": ("tilt", (0.5, 0.9), ModelNumbers(coulomb=0.5)),
     "load_dependent_friction": ("tilt", (0.5,), ModelNumbers()),
-    "position_dependent_friction": ("tilt", (-0.5, 0.5, 1.5, 0.25, 0.75, 0.5), ModelNumbers(coulomb=0.5)),
+    "position_dependent_friction": ("tilt", (-0.5, 0.5, 0.9, 0.25, 0.75, 0.5), ModelNumbers(coulomb=0.5)),
     "temperature_dependent_friction": (
         "tilt",
         (0.5, 0.25, -0.02, -0.01, 40.0),
