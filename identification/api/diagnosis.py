@@ -14,12 +14,11 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.result import GeometryResult
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
-from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.geometry_words import all_findings
 from identification.words.ledger_words import listed, why
 from identification.words.note_words import sentences
-from identification.words.numbers_and_names import number, percent_short_of_all, value_words
+from identification.words.numbers_and_names import as_told, number, percent_short_of_all, value_words
 from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library

@@ -144,8 +144,7 @@ def _passive(logs: list) -> list[dict]:
 def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | None) -> tuple[list[dict], Figure]:
     from dataclasses import replace
 
-    from identification.experiments.blocked_arm import cutoff_of, loop_of, moving_joint
-    from identification.experiments.transmission import fit_transmission
+    from identification.experiments.transmission import cutoff_of, fit_transmission, loop_of, moving_joint
     from identification.reporting.experiment_figures import stiffness_figure
 
     if joint is not None and joint not in robot.joint_names:

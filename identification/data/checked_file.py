@@ -9,8 +9,7 @@ from pathlib import Path
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.drive_loops import loop_sentences
 from identification.data.drives.joint_torque import NoTorqueError
-from identification.data.readers.read_table import read_table
-from identification.data.readers.recognised_layouts import table_of
+from identification.data.readers.read_table import read_table, table_of
 from identification.data.reading import mended_and_checked, recording, unassigned_recording
 from identification.data.recording import Fault, Recording
 from identification.data.refusal import fault_sentence

@@ -27,8 +27,7 @@ from identification.data.readers.contract_columns import (
     MEANT,
     column_of,
 )
-from identification.data.readers.read_table import Files
-from identification.data.readers.recognised_layouts import table_of
+from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
@@ -347,7 +346,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     """A recording mended where that takes no guess, with what may be wrong with it and what certainly is.
 
     Args:
-        found: As it was read.
+        found: Table read from the file.
         robot: The robot that was recorded.
         anyway: Let it be judged although it is certainly wrong.
     """

@@ -17,7 +17,7 @@ def require_right(recordings: Iterable[Recording]) -> None:
     """Refuse the first recording that is certainly wrong, unless it is to be judged anyway.
 
     Args:
-        recordings: As they were read.
+        recordings: All that are to be judged.
 
     Raises:
         LogError: One sentence: what is wrong, what shows it, and what to do.

@@ -243,7 +243,7 @@ def replayed(
 
     Args:
         robot: The model.
-        motion: As recorded.
+        motion: Recorded motion.
         needed: Drive torque of the recorded motion [N m or N].
         limits: Of the drives; infinite where they have none.
 

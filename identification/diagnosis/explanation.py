@@ -12,7 +12,7 @@ from identification.diagnosis.columns.residual_columns import Columns, FitPoint,
 from identification.diagnosis.columns.resonances import resonances
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term
-from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.fit.gap import RowGaps, held_out_torque, residual_after, row_gaps
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.noise.chance import null_threshold
 from identification.diagnosis.noise.encoder_noise import (
@@ -31,7 +31,7 @@ from identification.diagnosis.noise.noise_floor import (
     smaller_noise,
     weights_of,
 )
-from identification.diagnosis.noise.sensed_noise import sensed_noise
+from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
 from identification.diagnosis.search.claims import asked, claimed
 from identification.diagnosis.search.refinement import (
@@ -42,7 +42,6 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import settled
-from identification.diagnosis.search.row_gaps import RowGaps, row_gaps
 from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from identification.gates import above_chance

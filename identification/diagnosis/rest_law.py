@@ -114,8 +114,8 @@ class ModelTerm:
     """One term of the residual model.
 
     Attributes:
-        text: As a formula has it.
-        code: As an expression of Python over ``x["name"]`` and states ``s[k]``.
+        text: The term in a formula.
+        code: The term as an expression of Python over ``x["name"]`` and states ``s[k]``.
         coefficient: Of the torque that acts on the joint.
     """
 

@@ -19,7 +19,7 @@ class Estimator:
     """One way from recordings to parameters.
 
     Attributes:
-        name: As a user gives it.
+        name: The one that a user gives.
         fit: Takes the equations.
         simulates: True if it simulates the closed loop: every log has references ``q_ref.<joint>``, and ``robot.yaml``
             states a controller of every driven joint.

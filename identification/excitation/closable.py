@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.loops.singularity import distance_from_singularity
-from phantom_dyn.loops.solver import closed_each
+from phantom_dyn.loops.solver import closed_each, distance_from_singularity
 from phantom_dyn.model.robot import Robot, tree_position_limits
 from phantom_dyn.random_streams import random_stream
 

@@ -98,7 +98,7 @@ def earlier_factor(
     Args:
         robot: Gives the rigid body.
         motions: All samples count: thin a recording out where its rate is far above that of its noise.
-        noise: As in `base_of`.
+        noise: Of each joint, see `base_of`.
     """
     sigma = _noise(robot, noise)
     return r_factor(rigid_body_regressor(robot, motion) / sigma[:, None] for motion in motions)

@@ -141,7 +141,7 @@ class Limits:
         collisions: Bodies that stay apart.
         notes: Sentences about limits that are not stated.
         clear: Least distance of loops that are closed numerically from a singularity, see
-            `phantom_dyn.loops.singularity`.
+            `phantom_dyn.loops.solver`.
     """
 
     lower: Float[Array, " nt"]

@@ -14,7 +14,7 @@ import numpy as np
 from identification.excitation.closable import solved_numerically
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_motion
-from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

@@ -177,7 +177,7 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
             ``(n, 3)``, of its joint in the frame of the parent; velocity in its own frame per velocity of its joint,
             ``(n, 6)``; number of joints that carry it, ``(n,)``.
         joints: Which these are, the base's first, ``(n, n)``.
-        gravity: As a spatial vector [m/s^2], ``(6,)``.
+        gravity: A spatial vector [m/s^2], ``(6,)``.
         motion: Positions, velocities and accelerations, ``(N, n - 1, 3)``.
         S: Weights, ``(N, n - 1, n - 1, 10)``: row, then body.
         slope: Receives the slopes in the three, ``(N, 3, n - 1)``; zero before.

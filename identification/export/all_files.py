@@ -53,8 +53,7 @@ from identification.export.file_names import (
     URDF,
     YAML,
 )
-from identification.export.proof.judged_files import Proof
-from identification.export.proof.proved_files import proved
+from identification.export.proof.judged_files import Proof, proved
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text

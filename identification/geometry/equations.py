@@ -133,7 +133,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
     """The model with its joints and pins where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
 
     Args:
-        model: As it was given; it is not changed.
+        model: The given one; it is not changed.
         terms: Others than those of a ``link_geometry`` are passed over.
         values: One for each.
     """

@@ -92,7 +92,7 @@ def without_estimated(robot: Robot, terms: JointTerms) -> Robot:
     """The robot without the friction and rotors that are unknowns, so that their estimates are whole values.
 
     Args:
-        robot: As its file states it.
+        robot: The given model.
         terms: What is unknown of each joint.
     """
     zero = np.zeros(robot.nv)
@@ -135,7 +135,7 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
     """The given robot with all parameters of a fit put in.
 
     Args:
-        given: As its file states it: the reference of the inertias.
+        given: The given model, the reference of the inertias.
         fitted: The robot that was fitted, without what was an unknown.
         fit: Of rigid body and effects.
     """

@@ -62,7 +62,7 @@ def shared_effects(
     """Effects on two joints that halve the held-out error of a joint that is missed, each joint named once.
 
     Args:
-        robot: As it was fitted, without what was an unknown.
+        robot: The one that was fitted, without the friction and rotors that were unknowns.
         split: What is fitted and judged on.
         effects: What was fitted.
         joints: Errors of every joint.

@@ -15,8 +15,7 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.next_experiment.candidates import safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, as_told, hypotheses_of, union_of
 from identification.next_experiment.laboratory import laboratory
-from identification.next_experiment.proposal import Proposal
-from identification.next_experiment.proposal_words import not_separated, proposal_words
+from identification.next_experiment.proposal import Proposal, not_separated, proposal_words
 from identification.next_experiment.separation import Pair, rivalry_of
 from identification.next_experiment.trials import Trial, ranked_trials
 from identification.notes import Code, Note

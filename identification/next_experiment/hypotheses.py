@@ -71,7 +71,7 @@ class Model:
         prior: Precision of each number, ``(n,)``.
         lower, upper: Bounds of each number, ``(n,)``.
         moves: Which of the numbers are moves within the tolerances, ``(n,)``.
-        score: As in `Variant`.
+        score: Held-out loss of the variant, see `Variant`.
         columns: Places of its effects' columns in the union.
     """
 

@@ -12,12 +12,18 @@ from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.engine import contract_levels
 from identification.notes import Said
 from identification.words import diagnosis_words as words
-from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
 from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent_short_of_all, value_words
+from identification.words.numbers_and_names import (
+    NO_BREAK,
+    as_told,
+    cut_name,
+    number,
+    percent_short_of_all,
+    value_words,
+)
 from identification.words.verdict_words import moves_carry, verdict_sentence
 from phantom_dyn.errors import printable
 

@@ -46,7 +46,7 @@ def stiffness_figure(joint: str, loops: Sequence[Loop], fit: LinearFit) -> Figur
 
     Args:
         joint: Its name.
-        loops: As recorded.
+        loops: Recorded hysteresis loops.
         fit: Of `identification.experiments.transmission.fit_transmission`.
     """
     ends = np.array([min(loop.position.min() for loop in loops), max(loop.position.max() for loop in loops)])

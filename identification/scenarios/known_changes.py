@@ -26,7 +26,7 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
     """The same judgement with the catalogue's names for effects of single recordings.
 
     Args:
-        judgement: As fits have left it.
+        judgement: The result of the fits.
         session: Says how the recordings differ.
     """
     own = {effect.name: effect for effect in session.differences.own}

@@ -28,7 +28,7 @@ class Chart:
     Attributes:
         title: What is drawn, with its unit.
         names: Of the curves.
-        colours: As ``#rrggbb``, of the curves.
+        colours: ``#rrggbb`` of each curve.
         t: Times [s], ``(m,)``.
         values: One column a curve, ``(m, k)``; NaN where there is nothing to draw.
     """

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
-from identification.words.certainty import as_told
 from identification.words.diagnosis_words import sureness
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, number, percent_short_of_all, value_words
+from identification.words.numbers_and_names import NO_BREAK, as_told, number, percent_short_of_all, value_words
 from identification.words.verdict_words import headline
 
 if TYPE_CHECKING:

@@ -74,7 +74,7 @@ def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> flo
     """Coulomb torque [N m] at another pretension: the torque times the ratio of both.
 
     Args:
-        coulomb: As found at the first pretension [N m].
+        coulomb: Dry friction found at the first pretension [N m].
         pretension: At which it was found [N].
         new_pretension: At which it is wanted [N].
 

@@ -42,7 +42,7 @@ class EffectWords:
     """Words for an effect, for a reader who knows the robot but not statistics.
 
     Attributes:
-        name: As in "... on joint j2".
+        name: A noun that "on joint j2" can follow.
         meaning: What it is, a phrase.
         next_step: What to do about it, a sentence.
         less: Name when the first parameter is negative, where that has a meaning of its own.

@@ -34,7 +34,7 @@ class Quantity:
     """One quantity of a map.
 
     Attributes:
-        name: As on the command line and in the files.
+        name: Used on the command line and in the files.
         title: In words.
         unit: Of the values; empty for a ratio.
         kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z by the columns).

@@ -10,10 +10,10 @@ from identification.data.signals import process_all
 from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns
 from identification.diagnosis.columns.session import Session, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect, Term
+from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import Whitening, whitened, whitening_of
-from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from identification.engine.products.blocks import Block
 from identification.engine.products.grams import Weights

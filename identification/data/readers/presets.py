@@ -32,7 +32,7 @@ class Preset:
     """A map that is shipped.
 
     Attributes:
-        name: As the user gives it.
+        name: Given by the user.
         entries: Alternatives by key, as they stand in its file.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers.
     """

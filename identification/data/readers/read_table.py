@@ -18,15 +18,17 @@ import numpy as np
 from identification.data.readers.array_files import read_npz, read_parquet
 from identification.data.readers.bags.rosbag import read_ros1_bag, read_ros2_bag
 from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map, require_joints
-from identification.data.readers.contract_columns import JOINT_QUANTITIES, contract_table
+from identification.data.readers.contract_columns import JOINT_QUANTITIES, UnknownNamesError, contract_table
 from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
-from identification.data.readers.presets import map_of, preset_of
+from identification.data.readers.presets import fitting_presets, map_of, preset_of
 from identification.data.readers.sage import with_neighbours
+from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
+from phantom_dyn.model.robot import Robot
 
 Files = str | Path | Sequence[str | Path]
 """A file, or several of one recording."""
@@ -223,3 +225,49 @@ def _require_same_times(first: RawTable, other: RawTable) -> None:
             f"{first.file} and {other.file} have different times, {t[row]:g} s and {own[row]:g} s in "
             f"{first.place(row)}: files side by side need the same rows; bring them to one time first."
         )
+
+
+def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None) -> Table:
+    """Columns of a file, see `read_table`; a known layout is read, and for other names the refusal shows a map."""
+
+    def read(columns: str | Path | None) -> Table:
+        others = (*robot.passive_names, *robot.locked)
+        more = {"topic": topic, "ref_topic": ref_topic, "joints": robot.joint_names, "other_joints": others}
+        return read_table(path, columns=columns, **more)
+
+    try:
+        return read(columns)
+    except UnknownNamesError as error:
+        if columns is not None:
+            raise
+        fitting = fitting_presets(error.names)
+        if len(fitting) == 1:
+            found = read(fitting[0])
+            return replace(found, warnings=(*found.warnings, _recognised(found, robot, fitting[0])))
+        raise LogError(f"{error}{_advice(error.names, robot)}") from error
+
+
+def _recognised(table: Table, robot: Robot, preset: str) -> str:
+    """The sentence on a layout that was read without being named.
+
+    Raises:
+        LogError: If it has currents and the robot no torque constants; the sentence asks for them.
+    """
+    lacking = [
+        joint
+        for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
+        if f"i.{joint}" in table.columns and f"tau.{joint}" not in table.columns and actuator.torque_constant is None
+    ]
+    if lacking:
+        raise LogError(
+            f"{table.file} was read as --columns {preset}: it has motor currents, and the robot no constants that make "
+            f"torques of them: add torque_constant and gear_ratio of {', '.join(lacking)} under joints in robot.yaml."
+            " docs/how_to/formats.md lists those of common drives."
+        )
+    return f"{table.file}: its columns are those of --columns {preset}, and were read so."
+
+
+def _advice(names: tuple[str, ...], robot: Robot) -> str:
+    """A map to begin with for columns of other names; empty where nothing helps."""
+    suggested = suggested_map(names, robot.joint_names)
+    return f" A map to begin with, to be checked and saved as columns.yaml:\n{suggested}" if suggested else ""

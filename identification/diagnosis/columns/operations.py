@@ -174,7 +174,7 @@ def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]
 
     Args:
         robot: The given model.
-        motion: As it was read.
+        motion: Recorded motion.
         found: Effects that displace links or turn gravity.
     """
     for point in found:

@@ -44,7 +44,7 @@ class Session:
         folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
         known: Effects that belong to the given model already.
         differences: What is known to be different between the recordings.
-        recordings: As they were read; empty where only logs are at hand.
+        recordings: Raw recordings of the logs; empty where only logs are at hand.
     """
 
     robot: Robot

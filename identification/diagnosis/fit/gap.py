@@ -11,6 +11,7 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
+from identification.gates import fair_part
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -129,3 +130,28 @@ def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
 def row_counts(problem: Problem) -> Float[Array, " nv"]:
     """Effective number of samples on each row, over the cores of all blocks."""
     return np.array([row.count.sum() for row in problem.grams.rows])
+
+
+@dataclass(frozen=True)
+class RowGaps:
+    """What claims are measured by on each row: squares over the noise, summed over the samples.
+
+    Attributes:
+        gap: What the given model leaves beyond the noise, moved within its tolerances, ``(nv,)``.
+        accuracy: What the method itself may leave, ``(nv,)``.
+    """
+
+    gap: Float[Array, " nv"]
+    accuracy: Float[Array, " nv"]
+
+
+def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
+    """What claims are measured by in the fits of one problem: squares count by its own weights, in its own band.
+
+    Args:
+        problem: Whose fits claim.
+        within: Its fit of the moves within the tolerances alone.
+    """
+    given = np.array([row.core_c.sum() for row in problem.grams.rows])
+    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (given, within.row_losses))
+    return RowGaps(gap, fair_part.ACCURACY * given)

@@ -27,12 +27,11 @@ from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_sound
-from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.judge.floors import Floor, Sensed, floor_of, sensed_floor, sensed_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
-from identification.diagnosis.judge.sensed_floors import Sensed, sensed_floor, sensed_of
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import (
     adjusted,
@@ -329,7 +328,7 @@ def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: fro
     """The moves with the heaviest payload that could hide behind those of masses that end at their limits.
 
     Args:
-        moves: As found so far, with the mass that each of them alone takes up.
+        moves: Moves found so far, with the mass that each of them alone takes up.
         search: Fits a payload beside the moves.
         chosen: What is shown; a payload among it does not hide.
     """

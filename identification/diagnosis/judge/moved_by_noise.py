@@ -18,11 +18,10 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_gaps
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.search.claims import asked
-from identification.diagnosis.search.row_gaps import row_gaps
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.gates import moved_joints

@@ -64,7 +64,7 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
     Samples in doubt count less, as if their noise were larger by that.
 
     Args:
-        columns: As computed.
+        columns: Not whitened yet.
         noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
     filters = whitening_of(columns, noise)
@@ -138,7 +138,7 @@ def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Seri
     little, it is then smaller than the noise of the sensors is.
 
     Args:
-        columns: As computed.
+        columns: Not whitened yet.
         noise: What no predictor foresees of each log's torque; zero where a sample is not usable.
         sensed: The noise of the sensors in it.
     """

@@ -15,11 +15,11 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
-from identification.diagnosis.search.row_gaps import RowGaps
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
 

@@ -24,7 +24,7 @@ class Plant(NamedTuple):
     Attributes:
         numbers: The joints of the tree, root first, as `phantom_dyn._kernels.single_state.joint_rows` gives them.
         places: The same.
-        root: As `phantom_dyn._kernels.single_state.at_root` gives it; copied before it is used.
+        root: Motion of the root from `phantom_dyn._kernels.single_state.at_root`; copied before it is used.
         chain: How the tree follows the active joints; friction of the passive ones is in ``dry`` instead.
         rotor: What rotors on the active joints add to the mass matrix, ``(nv, nv)``.
         passive: Places of the passive joints in the tree, ``(ne - nv,)``.

@@ -66,7 +66,7 @@ class Stated:
 
     Attributes:
         shape: Of its arrays.
-        problem: As cvxpy has it.
+        problem: The problem of cvxpy.
         unknowns: Its variable.
         limits: Its linear inequalities, or None.
         bodies: Its matrices that are not negative.

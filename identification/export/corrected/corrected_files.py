@@ -91,7 +91,7 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
 
     Args:
         text: Of the URDF.
-        robot: As it was given.
+        robot: The given model.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
     if robot.chain is None or not robot.chain.anchors:

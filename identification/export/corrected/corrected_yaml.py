@@ -273,7 +273,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     """One effect with its parameters in the contract's order, checked against the robot.
 
     Args:
-        entry: As it was read.
+        entry: Item of the file, not checked yet.
         robot: What it is to be added to.
         file: Where it stands, for messages.
 

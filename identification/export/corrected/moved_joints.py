@@ -78,7 +78,7 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
     from how the file is drawn.
 
     Args:
-        robot: As it was given.
+        robot: The given model.
         moves: By joint, or pin of a loop.
     """
     loops = loops_of(robot)

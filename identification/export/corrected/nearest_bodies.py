@@ -35,7 +35,7 @@ def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, 
 
     Args:
         robot: With estimated bodies.
-        given: As its file states it; its bodies give the lengths.
+        given: The given model; its bodies give the lengths.
 
     Raises:
         ParameterError: If a body weighs nothing or less.

@@ -126,7 +126,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
 
     Args:
         robot: With the new inertias and friction.
-        given: As the file states it.
+        given: The model that the file states.
         file: The URDF.
         folder: Where the text will lie: file names of meshes are made relative to it.
 

@@ -7,7 +7,7 @@ would do harm where it is loaded. It is not written, and the reason is said.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,7 +21,8 @@ from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
 from identification.export.corrected.found_effects import within_tolerance
-from identification.export.file_names import FEEDFORWARD, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
+from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
+from identification.export.headers import with_header
 from identification.export.proof.file_torques import (
     Asked,
     torque_of_actuators,
@@ -42,6 +43,7 @@ from identification.export.proof.formats import (
     Format,
     holds,
 )
+from identification.notes import Code, Note
 from identification.words.numbers_and_names import number
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.catalogue import effect_named
@@ -265,3 +267,44 @@ def _with_rotors_of(robot: Robot, other: Robot) -> Robot:
 
 def _named(effect: KnownEffect) -> str:
     return effect.effect if effect.joint is None else f"{effect.effect} {effect.joint}"
+
+
+def proved(
+    texts: dict[str, str], proof: Proof | None, *, moved_mjcf: bool = False
+) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
+    """Files that may be handed out, the error that each leaves (also in its header), and why others may not.
+
+    Args:
+        texts: By name.
+        proof: What they are compared with; None where no torque was judged.
+        moved_mjcf: True if poses have moved joints of the MJCF: what it leaves then is not known.
+    """
+    if proof is None:
+        return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()
+    checks: dict[str, Callable[[str], WrittenFile]] = {
+        YAML: proof.of_yaml,
+        URDF: proof.of_urdf,
+        MJCF: lambda _: proof.of_mjcf(),
+        RANDOMISATION: proof.of_randomisation,
+        FEEDFORWARD: proof.of_feedforward,
+        ISAAC: proof.of_actuators,
+        RESIDUAL: proof.of_residual,
+    }
+    kept, records, refused = dict(texts), [], []
+    for name, check in checks.items():
+        if name not in texts:
+            continue
+        record = check(texts[name])
+        if name == MJCF and moved_mjcf:
+            record = replace(record, rms_left={}, rms_given={})
+        records.append(record)
+        if record.refused:
+            del kept[name]
+            refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
+        else:
+            kept[name] = with_header(texts[name], record, proof.diagnosis, proof.fitted)
+    for name, other in GOES_WITH.items():
+        if name in kept and other not in kept:
+            del kept[name]
+            refused.append(Note(Code.NOT_ALONE, None, {"files": (name,), "other": other}))
+    return kept, tuple(records), tuple(refused)

@@ -36,12 +36,11 @@ from identification.reporting.page.report_tables import (
 from identification.reporting.page.robot_scene import joint_colours, robot_scene, shares_of
 from identification.reporting.page.time_curves import time_curves
 from identification.words import diagnosis_words as words
-from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.notes_on_motion import followed_words
-from identification.words.numbers_and_names import percent_short_of_all
+from identification.words.numbers_and_names import as_told, percent_short_of_all
 from identification.words.verdict_words import (
     headline,
     hidden_words,

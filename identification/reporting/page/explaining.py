@@ -32,7 +32,7 @@ class Variable:
     """What a residual is drawn over.
 
     Attributes:
-        name: As on the axis, without the unit.
+        name: Label of the axis, without the unit.
         unit: Its unit.
         x: Samples, shape ``(N,)``; not finite where it has no value.
         by_direction: True if the residual has two branches, one for each direction of motion.

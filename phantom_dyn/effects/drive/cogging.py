@@ -27,8 +27,7 @@ from phantom_dyn.effects.support.position_waves import (
     wave_parameters,
     waves_at,
 )
-from phantom_dyn.effects.support.ranges import stated_limit
-from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.support.rows import row_of, stated_limit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
 

@@ -18,8 +18,7 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Simulated, torque_law
-from phantom_dyn.effects.support.ranges import stated_limit
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, stated_limit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
 

@@ -18,12 +18,12 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Simulated, command_law
-from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     hidden_behind_drive,
     moving_average,
     on_one_joint,
     row_of,
+    stated_limit,
     torque_on_joint,
     torque_unit,
 )

@@ -17,8 +17,8 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.ranges import dry_range
 from phantom_dyn.effects.support.rows import (
+    dry_range,
     modelled_friction_of,
     on_any_joint,
     speed_of,

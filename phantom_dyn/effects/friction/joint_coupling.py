@@ -20,8 +20,14 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.ranges import stated_limit
-from phantom_dyn.effects.support.rows import damping_unit, inertia_unit, row_of, torque_on_rows, torque_unit
+from phantom_dyn.effects.support.rows import (
+    damping_unit,
+    inertia_unit,
+    row_of,
+    stated_limit,
+    torque_on_rows,
+    torque_unit,
+)
 from phantom_dyn.model.robot import Robot
 
 # Up to this many joints any two may be coupled; on longer arms a belt spans a joint at most.

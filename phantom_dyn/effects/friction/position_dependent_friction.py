@@ -23,8 +23,14 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
 from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.ranges import dry_range
-from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.support.rows import (
+    dry_range,
+    modelled_friction_of,
+    never_reverses,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+)
 from phantom_dyn.model.robot import Robot
 
 # Positions over the travel, from the first to the last: a bump as wide as a tenth of it has some on it.

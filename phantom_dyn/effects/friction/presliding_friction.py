@@ -22,11 +22,11 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     never_reverses,
     on_one_joint,
     row_of,
+    stated_limit,
     torque_on_joint,
     torque_unit,
     turning_points,

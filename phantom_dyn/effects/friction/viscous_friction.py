@@ -18,13 +18,13 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.ranges import viscous_range
 from phantom_dyn.effects.support.rows import (
     damping_unit,
     modelled_friction_of,
     on_any_joint,
     speed_of,
     torque_on_any_joint,
+    viscous_range,
 )
 from phantom_dyn.model.robot import Robot
 

@@ -53,7 +53,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
     """The effect, if it is one that a diagnosis of this robot can use.
 
     Args:
-        effect: As its author made it.
+        effect: The one that its author made.
         robot: That it is brought for.
         origin: Where it is from, the beginning of a sentence such as ``my_effects.py: class QuadraticDrag``.
 

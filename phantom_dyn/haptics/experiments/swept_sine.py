@@ -103,8 +103,8 @@ class SweptSineExperiment:
     Attributes:
         period: Sampling period [s].
         sweep: What was driven.
-        force: As given by the computer [N or N m], shape ``(N,)``.
-        position: As read [m or rad], shape ``(N,)``.
+        force: Commanded by the computer [N or N m], shape ``(N,)``.
+        position: Read by the encoder [m or rad], shape ``(N,)``.
     """
 
     period: float

@@ -21,8 +21,8 @@ class WhiteNoiseExperiment:
 
     Attributes:
         period: Sampling period [s].
-        force: As given by the computer [N or N m], shape ``(N,)``.
-        position: As read [m or rad], shape ``(N,)``.
+        force: Commanded by the computer [N or N m], shape ``(N,)``.
+        position: Read by the encoder [m or rad], shape ``(N,)``.
     """
 
     period: float

@@ -92,7 +92,7 @@ def observe_velocity(
     Args:
         observer: Noise and drift that it counts with.
         record: Of the encoder.
-        acceleration: As read at the samples of the encoder [m/s2 or rad/s2], shape ``(N,)``.
+        acceleration: Readings at the samples of the encoder [m/s2 or rad/s2], shape ``(N,)``.
 
     Raises:
         ParameterError: If there is not one finite acceleration for each reading.

@@ -86,7 +86,7 @@ class LinkTrace:
         t: [s], shape ``(N,)``.
         tip: Position of the body [m or rad], shape ``(N,)``.
         reading: What the sensor gives, noise and all [N or N m], shape ``(N,)``.
-        motor_force: As given by the computer [N or N m], shape ``(N,)``.
+        motor_force: Commanded by the computer [N or N m], shape ``(N,)``.
         arrived: Whether the sample arrived, shape ``(N,)``.
     """
 

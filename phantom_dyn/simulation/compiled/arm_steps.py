@@ -23,9 +23,9 @@ class Arm(NamedTuple):
     """A machine of ``nv`` joints and ``m`` loose motors behind them, ``n`` together.
 
     Attributes:
-        numbers: As `joint_rows` gives them.
+        numbers: Joints of the tree from `joint_rows`.
         places: The same.
-        root: As `at_root` gives it; copied before it is used.
+        root: Motion of the root from `at_root`; copied before it is used.
         added: Inertia besides that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.

@@ -15,7 +15,7 @@ from identification.excitation.motion_shapes import Triangle
 from identification.experiments.parallelogram_friction import Friction, friction_test_motion, loop_friction
 from identification.experiments.transmission import blocked_arm_loop, triangular_torque
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS

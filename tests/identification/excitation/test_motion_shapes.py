@@ -16,7 +16,7 @@ from identification.excitation.motion_shapes import (
     wave_motion,
 )
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS

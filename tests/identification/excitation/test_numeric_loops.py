@@ -19,7 +19,7 @@ from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import Motion

@@ -15,8 +15,7 @@ from identification.next_experiment.advise import length_of, proposed
 from identification.next_experiment.candidates import Candidate
 from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of
 from identification.next_experiment.laboratory import coarser, laboratory
-from identification.next_experiment.proposal import Proposal
-from identification.next_experiment.proposal_words import proposal_words, reference_text
+from identification.next_experiment.proposal import Proposal, proposal_words, reference_text
 from identification.next_experiment.separation import Pair
 from identification.next_experiment.trials import Trial
 from identification.notes import Code

@@ -13,7 +13,7 @@ from identification.next_experiment.advise import proposed
 from identification.next_experiment.candidates import SmallReversals, candidates, design_of, exciting, safe_limits
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

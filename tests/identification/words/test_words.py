@@ -12,10 +12,9 @@ from identification.notes import NOT_HELD, Code, Note
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.stages import Announcement, Stage
-from identification.words.certainty import beside_what_is_left
 from identification.words.effect_words import meaning_of, size_words, value_cell
 from identification.words.note_words import WORDS, sentence, sentences
-from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_std
+from identification.words.numbers_and_names import NO_BREAK, beside_what_is_left, number, percent, value_words, with_std
 from identification.words.stage_words import NAMES, in_words, stage_words
 from phantom_dyn.effects.catalogue import EFFECTS
 

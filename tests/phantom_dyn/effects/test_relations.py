@@ -11,7 +11,7 @@ from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import RELATIONS, related
-from phantom_dyn.effects.support.ranges import stated_limit
+from phantom_dyn.effects.support.rows import stated_limit
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

@@ -10,8 +10,7 @@ import pytest
 from phantom_dyn._kernels import jit
 from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn.errors import ChainError
-from phantom_dyn.loops.singularity import distance_from_singularity
-from phantom_dyn.loops.solver import drift, solve, tree_positions
+from phantom_dyn.loops.solver import distance_from_singularity, drift, solve, tree_positions
 from phantom_dyn.model.linear_loops import LinearExpression, linear_expression
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot

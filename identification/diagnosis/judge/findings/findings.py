@@ -28,9 +28,8 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
 )
 from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
-from identification.diagnosis.judge.findings.shown_numbers import only_shown
+from identification.diagnosis.judge.findings.shown_numbers import only_shown, with_other_causes, with_other_tolerances
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
-from identification.diagnosis.judge.findings.wider_deviations import with_other_causes, with_other_tolerances
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, shares_of
 from identification.diagnosis.result import Finding

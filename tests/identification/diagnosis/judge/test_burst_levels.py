@@ -5,8 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.judge.bursts import _level, _run, _threshold
-from identification.diagnosis.judge.expected_error import Causes, _grown, _variance, moving_torque
+from identification.diagnosis.judge.bursts import Causes, _grown, _level, _run, _threshold, _variance, moving_torque
 
 ALL = np.ones(60, dtype=bool)
 

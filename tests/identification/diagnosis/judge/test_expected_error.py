@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.expected_error import Causes, _variance, expected_error, moving_torque
+from identification.diagnosis.judge.bursts import Causes, _variance, expected_error, moving_torque
 
 N = 4000
 FOLD = np.arange(N) * 8 // N

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
-from identification.diagnosis.search.row_gaps import RowGaps
 
 
 def unfiltered(problem: Problem) -> Problem:

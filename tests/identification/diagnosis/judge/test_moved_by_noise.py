@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.recording import Recording
+from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import (
     _loud_until,
@@ -16,7 +17,6 @@ from identification.diagnosis.judge.moved_by_noise import (
     noise_results,
 )
 from identification.diagnosis.judge.shares import left_by
-from identification.diagnosis.search.row_gaps import RowGaps
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import measured_torque, sums
-from identification.diagnosis.judge.floors import REPETITIONS, Floor
-from identification.diagnosis.judge.sensed_floors import NONE, SENSORS, counted, sensed_floor, sensed_of
+from identification.diagnosis.judge.floors import NONE, REPETITIONS, SENSORS, Floor, counted, sensed_floor, sensed_of
 from identification.diagnosis.noise.sensor_floor import SensorFloor
 
 BEFORE = Floor(np.array([5.0, 6.0]), np.array([4.0, 5.0]), np.array([6.0, 7.0]), ("predictors", "predictors"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.noise.sensed_noise import sensed_noise
+from identification.diagnosis.noise.sensor_floor import sensed_noise
 
 
 def test_what_the_model_was_found_wrong_by_is_drawn_beside_the_sensors(lab, planar2):

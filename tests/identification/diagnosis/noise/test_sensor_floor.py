@@ -9,8 +9,7 @@ from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import usable_samples
 from identification.diagnosis.columns.residual_columns import FitPoint, build_columns
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.noise.sensed_noise import sensed_noise
-from identification.diagnosis.noise.sensor_floor import sensor_floor
+from identification.diagnosis.noise.sensor_floor import sensed_noise, sensor_floor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 
 WITHIN = 1.25  # the measured ratio of seeds; the goal of the method is 1.2 for 95 % of the joints

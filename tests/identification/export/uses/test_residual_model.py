@@ -11,8 +11,7 @@ import pytest
 
 import phantom_dyn as dyn
 from benchmarks.laws.cases import make
-from identification.diagnosis.law.find_law import law_of
-from identification.diagnosis.law.model_to_use import residual_terms
+from identification.diagnosis.law.find_law import law_of, residual_terms
 from identification.diagnosis.law.terms import library
 from identification.diagnosis.rest_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained

@@ -8,7 +8,7 @@ import pytest
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.joint_fit import joint_fit
 from identification.diagnosis.judge.findings.bench import Shown
-from identification.diagnosis.judge.findings.wider_deviations import with_other_causes
+from identification.diagnosis.judge.findings.shown_numbers import with_other_causes
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.search.rival_sets import Standing
 
