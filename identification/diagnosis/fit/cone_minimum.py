@@ -79,6 +79,7 @@ def best_bodies(
     most = 0.5 * float(line @ np.linalg.solve(square, line))
     change, room, inverse = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count)), np.empty((count, 4, 4))
     _follow_path(square, line, most, Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES), change, room, inverse)
+    # Given bodies on the edge of the cone stay as they are: no step from there is accepted.
     return standard @ change
 
 

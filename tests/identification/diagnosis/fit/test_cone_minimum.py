@@ -49,3 +49,10 @@ def test_entries_and_parameters_are_inverse_to_each_other(rng):
     entries = pseudo_inertia(body)[np.triu_indices(4)]
     assert np.allclose(ENTRIES @ body, entries)
     assert np.allclose(STANDARD @ entries, body)
+
+
+def test_a_given_body_on_the_edge_of_the_cone_stays_as_it_is(rng):
+    """A point mass: no body near it exists in all directions."""
+    point = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    a, b = quadratic(rng, 3.0 * rng.standard_normal(10))
+    assert np.array_equal(best_bodies(a, b, point[None], REACH[None]), np.zeros(10))
