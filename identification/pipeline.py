@@ -16,7 +16,7 @@ from identification.data.refusal import fault_warnings, wrong_with
 from identification.diagnosis.columns.prepared import Prepared, prepared
 from identification.diagnosis.columns.session import Session, session_of
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.diagnosis.explanation import Explanation, explained
+from identification.diagnosis.explanation import Explanation, explanation_of
 from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judged
@@ -208,7 +208,7 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
         return Answer(diagnosis_of_poses(robot, given.tracked, given.places))
     progress(Announcement(Stage.FILTERING))
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
-    explanation = explained(session, progress)
+    explanation = explanation_of(session, progress)
     progress(Announcement(Stage.RIVALS_COMPARED))
     judgement, shown = judged(explanation, progress)
     progress(Announcement(Stage.LAW))

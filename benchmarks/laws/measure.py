@@ -23,7 +23,7 @@ from benchmarks.gapbench.scoring.proportions import Proportion
 from benchmarks.laws.cases import RATE, Case, make
 from identification.data.reading import read_recording
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.explanation import explained
+from identification.diagnosis.explanation import explanation_of
 from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.law.find_law import with_law
@@ -86,7 +86,7 @@ def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
     """Judgement with its law, the fits behind it, and how long the law took."""
     robot = load_robot(case.folder / "robot.urdf")
     recording = read_recording(case.folder / "log.csv", robot)
-    before, shown = judged(explained(session_of(robot, (recording,))), lambda _: None)
+    before, shown = judged(explanation_of(session_of(robot, (recording,))), lambda _: None)
     started = time.perf_counter()
     return with_law(before, shown), shown, time.perf_counter() - started
 

@@ -78,7 +78,7 @@ class Explanation:
     encoders: Float[Array, " nv"] | None = None
 
 
-def explained(session: Session, progress: Progress = lambda _: None) -> Explanation:
+def explanation_of(session: Session, progress: Progress = lambda _: None) -> Explanation:
     """The effects that explain the recordings of a session, by a stepwise search that is judged on held-out blocks.
 
     Laws that are not linear are linearised; after each search they are taken again about what was found, and the noise

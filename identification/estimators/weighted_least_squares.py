@@ -58,7 +58,7 @@ def wls(regressor: Regressor) -> Fit:
     for again in reversed(range(PASSES)):
         sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
         following = floored(sigma, regressor)
-        if not again or settled(noise, following):
+        if not again or weights_agree(noise, following):
             break
         noise = following
         solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))
@@ -66,7 +66,7 @@ def wls(regressor: Regressor) -> Fit:
     return fit_of("wls", regressor, base, values_of_solution(regressor, base, solution, of_joints))
 
 
-def settled(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bool:
+def weights_agree(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bool:
     """True if another fit with the noise ``after`` would weigh the joints as the one with ``before`` did.
 
     Args:

@@ -25,9 +25,9 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.least_size import large_enough
 from identification.gates.possible import possible_size
 from identification.geometry.equations import DELAY
-from identification.geometry.explained import ExplainedPoses, explained_poses
+from identification.geometry.explanation import ExplainedPoses, explain_poses
 from identification.geometry.held_out import blocks_of, left_of_rows
-from identification.geometry.judged import Gap, Group, bounds_of, drawn_blocks, findings_of, gap_of, groups_of
+from identification.geometry.judgement import Gap, Group, bounds_of, drawn_blocks, findings_of, gap_of, groups_of
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
@@ -39,7 +39,7 @@ from identification.geometry.result import (
     PoseEvidence,
     PoseFinding,
 )
-from identification.geometry.told_frames import problem_of
+from identification.geometry.stated_frames import problem_of
 from identification.geometry.whitened import SEEN
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array
@@ -82,7 +82,7 @@ def diagnose_poses(
     if not problem.terms:
         names = ", ".join(dict.fromkeys(one.frame for one in sets))
         raise LogError(f"No joint of {robot.name} moves {names}: name a frame behind a joint, or leave p. out.")
-    return _result(explained_poses(problem))
+    return _result(explain_poses(problem))
 
 
 def _result(explained: ExplainedPoses) -> GeometryResult:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
+from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, converged, load_map, mass_bounds, reduced_load
 from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, bodies_of_terms, places_among
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
@@ -303,7 +303,7 @@ def _point_mass(
         last = start
         found = _fit_linear(problem, active, products, Point(payload=Load(payload, last)), near)
         near, start = near.after(found, ()), found.theta[list(payload.columns[:4])]
-        if settled(start, last):
+        if converged(start, last):
             break
     return start
 

@@ -37,7 +37,7 @@ _INERTIA = np.array(
 _NO_MASS = 1e-9
 
 
-def settled(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
+def converged(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
     """True if an estimate hardly differs from the last one."""
     return bool(np.abs(start - last).max() <= _SETTLED * np.abs(last).max())
 
@@ -71,7 +71,7 @@ class ReducedLoad:
             if not low <= start[0] <= high:
                 mass = float(np.clip(start[0], low, high))
                 start = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
-            if settled(start, last):
+            if converged(start, last):
                 break
         return start
 

@@ -12,7 +12,7 @@ from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.measured import measured_poses
 from identification.geometry.result import GeometryResult
-from identification.geometry.told_frames import problem_of
+from identification.geometry.stated_frames import problem_of
 from identification.words.geometry_words import sentences
 from phantom_dyn.errors import ParameterError
 

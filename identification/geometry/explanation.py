@@ -58,7 +58,7 @@ class _At:
     noise: Noise
 
 
-def explained_poses(problem: PoseProblem) -> ExplainedPoses:
+def explain_poses(problem: PoseProblem) -> ExplainedPoses:
     """The few terms that explain poses, with what it rests on.
 
     Args:

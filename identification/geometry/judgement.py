@@ -14,7 +14,7 @@ from identification.engine.resampling import block_counts, interval, probabiliti
 from identification.engine.search.few_columns import rivals_of
 from identification.engine.shapley import shapley_values
 from identification.geometry.equations import BASE, TOOL
-from identification.geometry.explained import ExplainedPoses
+from identification.geometry.explanation import ExplainedPoses
 from identification.geometry.held_out import Blocks
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
 from identification.geometry.terms import ELASTIC, ZERO, PoseTerm
