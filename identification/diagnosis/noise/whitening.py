@@ -17,7 +17,7 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
 _ORDER = 8
-_LOST = 0.25  # share of the usable samples, at most, that a filter may take for looking back
+_LOST = 0.5  # share of the usable samples, at most, that a filter may take for looking back
 _ROWS = 64
 
 

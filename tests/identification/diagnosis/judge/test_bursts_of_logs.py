@@ -159,15 +159,6 @@ def test_an_event_takes_as_much_with_it_on_either_side_as_the_shortest_one_lasts
         assert any(first <= other <= last for first, last, _ in events[1:]) is found
 
 
-@pytest.mark.parametrize(("count", "found"), [(239, 1), (241, 0)])
-def test_events_last_for_two_fifths_of_the_time_at_most(count, found):
-    # By hand: of 600 samples; a push that begins and ends at once.
-    use = np.ones(600, dtype=bool)
-    use[99] = use[100 + count] = False
-    events = _events(jumps((100, 100 + count, 40.0)), use, 0.05, 1)
-    assert len(events) == found
-
-
 @pytest.mark.parametrize(("elsewhere", "found"), [(0.0, 2), (4.9, 2), (5.1, 1), (-5.9, 1)])
 def test_an_event_is_twice_as_large_as_what_is_no_event(elsewhere, found):
     # By hand: events are six times what is expected; of 10 and 30, only the latter is twice as large as 5.1.

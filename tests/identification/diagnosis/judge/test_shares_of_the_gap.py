@@ -11,7 +11,7 @@ from identification.diagnosis.judge.findings.findings import (
     findings_without,
     remarks,
 )
-from identification.diagnosis.judge.findings.shown import in_band, shown_effects
+from identification.diagnosis.judge.findings.shown import shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import least_closed, left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
@@ -96,13 +96,6 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
     monkeypatch.setattr(contract_levels, "MINOR_FLOORS", floors * raised)
     minor = {claim.finding.effect: claim.minor for claim in findings_without(*judged)}
     assert minor[most.effect] is (share > 1.0 and floors > 1.0)
-
-
-def test_without_a_gap_nothing_is_shown(judged):
-    shown, _, _ = judged
-    loud = tuple(1e3 * np.ones_like(part) for part in shown.problem.columns.residual)
-    bench = Bench(shown.plain, shown.plain, loud, lambda _: pytest.fail("no gap, and yet its floors are asked for"))
-    assert in_band(bench, State.of(shown.chosen)).shown == frozenset()
 
 
 def test_sizes_of_a_sound_robot_are_not_doubted(judged):
