@@ -100,19 +100,19 @@ def test_samples_whose_filter_reaches_an_unusable_one_are_not_used(quiet):
     np.testing.assert_array_equal(white.usable[0][:, 0], expected)
 
 
-@pytest.mark.parametrize(("run", "order"), [(1, 0), (4, 1), (5, 1), (8, 2), (31, 7), (32, 8), (4000, 8)])
-def test_looking_back_takes_at_most_a_quarter_of_short_swings(run, order):
+@pytest.mark.parametrize(("run", "order"), [(1, 0), (4, 2), (5, 2), (8, 4), (15, 7), (16, 8), (4000, 8)])
+def test_looking_back_takes_at_most_half_of_short_swings(run, order):
     # By hand: a filter of order m has no use for the first m samples of every run.
     swings = np.tile(np.repeat([True, False], run), 20)
     assert longest_order([swings, swings[:run]]) == order
 
 
-def test_a_joint_that_is_free_in_short_swings_alone_keeps_most_of_its_samples(quiet):
+def test_a_joint_that_is_free_in_short_swings_alone_keeps_half_of_its_samples(quiet):
     usable = np.ones_like(quiet.columns.usable[0])
     usable[:, 0] = np.arange(len(usable)) % 12 < 6
     noise = np.random.default_rng(3).normal(size=usable.shape)
     white, _ = whitened(replace(quiet.columns, usable=(usable,)), (noise,))
-    assert white.usable[0][:, 0].sum() > 0.75 * usable[:, 0].sum()
+    assert white.usable[0][:, 0].sum() >= 0.5 * usable[:, 0].sum()
 
 
 def test_the_filter_solves_the_equations_of_yule_and_walker(rng):
