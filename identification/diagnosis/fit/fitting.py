@@ -330,7 +330,7 @@ def _fit_linear(
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     denied = -found.objective
     places = places_among(kept, bodies)
-    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places, bound)
+    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
     denied += found.objective
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)

@@ -130,7 +130,6 @@ def among_possible_bodies(
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
     bodies: list[tuple[Body, Int[Array, " 10"]]],
-    near: Float[Array, " n"],
 ) -> Minimum:
     """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
 
@@ -144,7 +143,6 @@ def among_possible_bodies(
         bounds: Of each coefficient.
         folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
         bodies: Bodies with the places of their changes.
-        near: Minimum of a similar fit; NaN where it has none.
     """
 
     def exist(x: Float[Array, " n"]) -> bool:
@@ -155,12 +153,12 @@ def among_possible_bodies(
     with_prior = square + np.diag(precision)
     x, objective, without = found.x, found.objective, found.without.copy()
     if not exist(x):
-        x = possible_minimum(with_prior, line, bounds, found.x, bodies, near)
+        x = possible_minimum(with_prior, line, bounds, found.x, bodies)
         objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
             less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies, x)
+            without[k] = possible_minimum(less, other, bounds, without[k], bodies)
     return Minimum(x, objective, without)
 
 
@@ -175,7 +173,6 @@ def possible_minimum(
     bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
     x: Float[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-    near: Float[Array, " k"] | None = None,
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, with bodies that can exist.
 
@@ -189,13 +186,11 @@ def possible_minimum(
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
         x: The minimum within the bounds alone.
         bodies: Each with the places of its changes among the coefficients.
-        near: Minimum of a similar problem with bodies that exist, whose bounds are tried first; NaN where it has none.
     """
     lower, upper = bounds
     free_bodies = np.zeros(len(b), dtype=bool)
     free_bodies[np.concatenate([at for _, at in bodies])] = True
     within = [not body.exists(x[at]) for body, at in bodies]
-    x = x if near is None else np.where(np.isnan(near) | free_bodies, x, np.clip(near, lower, upper))
     held = ~free_bodies & ((x <= lower) | (x >= upper))
     for _ in range(_EXCHANGES):
         x = _in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])

@@ -148,6 +148,8 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
     """The set with the most promising effects of joints that have not got one in this step, as far as they are needed.
 
+    Free inertial parameters take up a little of whatever is missing, so they are added alone, where they gain most.
+
     Args:
         search: Rivals.
         chosen: What is there, the best effect of this step among them.
@@ -156,7 +158,7 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
     """
     taken = {best.joint}
     for term in ranked:
-        if term.joint is None or term.joint in taken:
+        if term.joint is None or term.joint in taken or term.effect.inertial == "free":
             continue
         taken.add(term.joint)
         if possible(chosen, term) and claimed(search, with_term(chosen, term), chosen):
