@@ -69,7 +69,7 @@ def main() -> None:
         "directional": ols(torque_regressor(robot, log, [(effect_named(DIRECTIONAL), "axis")])),
     }
     published = np.array([MASS, *(PUBLISHED[DIRECTIONAL, name] for name in NAMES)])
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (f"relative error, {name} friction", f"{PUBLISHED_ERRORS[name]:.2f} %", "", f"{fit.relative_error[0]:.2f} %")
         for name, fit in fits.items()
     ]
