@@ -73,24 +73,21 @@ def best_bodies(
         reach: Rows ``reach @ (given + x) >= 0``, all of them above zero for the given bodies.
     """
     count = len(given)
-    standard = np.kron(np.eye(count), STANDARD)
-    square, line = standard.T @ a @ standard, standard.T @ b
-    # By how much the loss would fall without the cone.
-    most = 0.5 * float(line @ np.linalg.solve(square, line))
+    standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)
     change, room, inverse = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count)), np.empty((count, 4, 4))
-    _follow_path(square, line, most, Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES), change, room, inverse)
+    cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES)
+    _follow_path(standard.T @ a @ standard, standard.T @ b, cone, change, room, inverse)
     # Given bodies on the edge of the cone stay as they are: no step from there is accepted.
     return standard @ change
 
 
 @fused
-def _follow_path(a: Array, b: Array, most: float, cone: Cone, x: Array, room: Array, inverse: Array) -> None:
+def _follow_path(a: Array, b: Array, cone: Cone, x: Array, room: Array, inverse: Array) -> None:
     """Follow the central path to its end.
 
     Args:
         a: Quadratic part over the entries of all pseudo-inertias, ``(10 B, 10 B)``.
         b: Linear part.
-        most: By how much the loss falls without the cone.
         cone: The bodies.
         x: Changes of the entries: zero at first, then the minimum.
         room: Rows for a matrix, one for a gradient, one for a step, which is zero at first.
@@ -99,6 +96,16 @@ def _follow_path(a: Array, b: Array, most: float, cone: Cone, x: Array, room: Ar
     n = len(x)
     hessian, gradient, step = room[:n], room[n], room[n + 1]
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
+    # Loss of the given bodies beyond that of the best ones, were there no cone: its size gives the first weight.
+    most = 0.0
+    for i in range(n):
+        gradient[i] = b[i]
+        for j in range(n):
+            hessian[i, j] = a[i, j]
+    _factorise(hessian)
+    _solve(hessian, gradient)
+    for i in range(n):
+        most += 0.5 * b[i] * gradient[i]
     weight = numbers / max(most, _GAP)
     length, least, decrement = 0.0, np.inf, 0.0
     # Of the loss along a step: the change is small beside the loss, and would be lost in it.

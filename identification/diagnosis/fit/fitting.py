@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, converged, load_map, mass_bounds, reduced_load
-from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, bodies_of_terms, places_among
+from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, places_among
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
@@ -259,8 +259,7 @@ def _fit_at_point(
     products = products_of(problem, active, scalings, held_out)
     if payload is not None and load is None:
         load = Load(payload, _point_mass(problem, active, replace(products, held_out=None), payload, near))
-    bodies = bodies_of_terms(problem.session.robot, terms)
-    return _fit_linear(problem, active, products, Point(scalings, load), near, bodies)
+    return _fit_linear(problem, active, products, Point(scalings, load), near, problem.bodies_of(terms))
 
 
 def _point_mass(

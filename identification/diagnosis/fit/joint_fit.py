@@ -16,7 +16,7 @@ from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.covariance import covariance, free_numbers
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, possible_minimum
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.repeated_error import equations, repeated_variance
 from identification.diagnosis.fit.whole_model import (
@@ -294,8 +294,7 @@ def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
         if place.term.effect.inertial == "free"
         for k, column in enumerate(place.term.columns)
     }
-    robot = layout.problem.session.robot
-    return [(body, np.array([where[column] for column in body.columns])) for body in bodies_of_terms(robot, terms)]
+    return [(body, np.array([where[column] for column in body.columns])) for body in layout.problem.bodies_of(terms)]
 
 
 def _by_model(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,6 +55,12 @@ class Body:
     given: ReferenceBody
     reach: Float[Array, "F 10"]
 
+    @cached_property
+    def in_units(self) -> tuple[Float[Array, " 10"], Float[Array, "F 10"]]:
+        """The given body and the rows of its reach in the body's own units, rows with a largest entry of one."""
+        reach = self.reach * self.given.scale
+        return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
+
     def exists(self, change: Float[Array, "*b 10"]) -> Array:
         """True where the given body with a change can exist, to rounding, ``(*b,)``."""
         parameters = (self.given.standard + change) / self.given.scale
@@ -63,17 +70,10 @@ class Body:
         return (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
 
 
-def bodies_of_terms(robot: Robot, terms: Iterable[Term]) -> tuple[Body, ...]:
-    """Bodies whose inertial parameters some effects set free, each once."""
-    out: dict[int, Body] = {}
-    for term in terms:
-        if term.effect.inertial != "free":
-            continue
-        own = term.effect.regressor_columns(robot, term.joint)
-        for at in range(0, len(own), 10):
-            index = own[at] // 10 + 1
-            out[index] = body_of(robot, index, term.columns[at : at + 10])
-    return tuple(out[index] for index in sorted(out))
+def bodies_of_term(robot: Robot, term: Term) -> tuple[Body, ...]:
+    """Bodies whose inertial parameters an effect sets free."""
+    own = term.effect.regressor_columns(robot, term.joint)
+    return tuple(body_of(robot, own[at] // 10 + 1, term.columns[at : at + 10]) for at in range(0, len(own), 10))
 
 
 def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
@@ -221,14 +221,12 @@ def _in_cone(
     rest = ~held
     rest[at] = False
     free, x = np.flatnonzero(rest), x.copy()
-    line = b - a[:, held] @ x[held]
-    cross = a[np.ix_(free, at)]
-    made = solve(a[np.ix_(free, free)], np.column_stack([cross, line[free]]))
+    line, rows = b - a @ np.where(held, x, 0.0), a[free]
+    cross = rows[:, at]
+    made = solve(rows[:, free], np.column_stack([cross, line[free]]))
     scale = np.concatenate([body.given.scale for body, _ in bodies])
     square = (a[np.ix_(at, at)] - cross.T @ made[:, :-1]) * np.outer(scale, scale) + _HELD * np.eye(len(at))
-    reach = np.array([body.reach * body.given.scale for body, _ in bodies])
-    given = np.array([body.given.standard / body.given.scale for body, _ in bodies])
-    reach /= np.abs(reach).max(axis=2, keepdims=True)
+    given, reach = (np.array(part) for part in zip(*(body.in_units for body, _ in bodies), strict=True))
     x[at] = scale * best_bodies(square, (line[at] - cross.T @ made[:, -1]) * scale, given, reach)
     x[free] = made[:, -1] - made[:, :-1] @ x[at]
     return x

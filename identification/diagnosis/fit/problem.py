@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term
 from identification.engine.products.blocks import Block
 from identification.engine.products.grams import Grams, RowGrams, Weights, all_row_grams, summed
 from identification.engine.products.triangles import diagonal
@@ -37,6 +38,7 @@ class Problem:
         moves: Those of them that the fits contain: the others could not be seen in these recordings, see `seen_moves`.
         total_a, total_b: Products summed over the blocks that train.
         touched: Rows that each column touches.
+        bodies: Those that each effect changes which sets inertial parameters free.
         where_read: The same with moves and rigid bodies where the readings say, for fits without what displaces the
             links; None if these columns are that already.
     """
@@ -54,6 +56,7 @@ class Problem:
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
+    bodies: Mapping[Term, tuple[Body, ...]]
     where_read: Problem | None = None
 
     def of(self, terms: Iterable[Term]) -> Problem:
@@ -64,6 +67,12 @@ class Problem:
         if self.where_read is None or {term.place for term in terms}.issuperset(self.columns.displaced):
             return self
         return self.where_read
+
+    def bodies_of(self, terms: Iterable[Term]) -> tuple[Body, ...]:
+        """Bodies whose inertial parameters some effects set free, each once, in the order of their columns."""
+        free = (term for term in terms if term.effect.inertial == "free")
+        found = {body.name: body for term in free for body in self.bodies[term]}
+        return tuple(sorted(found.values(), key=lambda body: body.columns))
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -123,6 +132,7 @@ def set_up(
         grams.total_a,
         total_b,
         tuple(frozenset(rows) for rows in touched),
+        {term: bodies_of_term(session.robot, term) for term in columns.terms if term.effect.inertial == "free"},
     )
 
 

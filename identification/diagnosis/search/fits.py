@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_columns, fit
-from identification.diagnosis.fit.possible_bodies import bodies_of_terms, impossible
+from identification.diagnosis.fit.possible_bodies import impossible
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import products_of
 from identification.engine.fits.near_fits import LinearFit, NearFits
@@ -131,7 +131,7 @@ class Fits:
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
-            bodies = bodies_of_terms(self.problem.session.robot, chosen)
+            bodies = self.problem.bodies_of(chosen)
             if not any(impossible(bodies, theta) for theta in (found.theta, *_of_folds(found))):
                 return Fitted(self.problem, Point(), *found)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.

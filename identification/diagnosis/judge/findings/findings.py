@@ -22,7 +22,7 @@ from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_terms, places_among, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_notes,
@@ -224,7 +224,7 @@ def _of(shown: Shown, term: Term) -> Note | None:
     # The symmetric root, which does not turn with the rounding of the matrix as others do.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
-    bodies = places_among(np.array(term.columns), bodies_of_terms(robot, (term,)))
+    bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
     precision, anywhere = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, anywhere, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.possible_bodies import bodies_of_terms, body_of, impossible, possible_minimum
+from identification.diagnosis.fit.possible_bodies import body_of, impossible, possible_minimum
 from identification.engine.numerics.bounded import bounded_solve
 from identification.estimators.consistent.consistent_bodies import PSEUDO
 from phantom_dyn.model.inertia import point_mass_parameters
@@ -96,7 +96,7 @@ def of_elbow(prepared):
 def test_a_fit_states_bodies_that_exist_and_what_impossible_ones_would_have_gained(odd, planar2):
     term = of_elbow(odd)
     found, nothing = fit(odd.problem, (term,)), fit(odd.problem, ())
-    bodies = bodies_of_terms(planar2, (term,))
+    bodies = odd.problem.bodies_of((term,))
     assert impossible(bodies, found.theta) == ()
     assert all(impossible(bodies, theta) == () for theta in found.fold_theta)
     assert found.denied > nothing.objective - found.objective
