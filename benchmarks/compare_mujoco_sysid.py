@@ -5,7 +5,7 @@
 Both get the same two seconds of noisy positions, speeds and torques and the same model, and look for the armature of
 every joint, as the toolbox's own test does, and then for armature and damping; the torque of another motion is then
 predicted with what each has found. The toolbox follows the recording with the very simulator that made it, and from
-further away than its test it may end elsewhere; this library is told how that simulator's step uses the speed. Prints
+further away than its test it may end elsewhere; this library knows how that simulator's step uses the speed. Prints
 a table and exits with 1 where this library is slower. The toolbox is installed into an environment of its own at the
 first call; where it cannot be, one sentence says so and the exit code is 0.
 """

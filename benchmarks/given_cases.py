@@ -26,7 +26,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.blind.contradictions import contradiction
 from phantom_dyn.effects.catalogue import EFFECTS
 
-LEAST_FLOORS = 2.0  # smaller gaps are told, and count in no figure
+LEAST_FLOORS = 2.0  # smaller gaps are printed, and count in no figure
 EVENTS = ("push", "contact")
 Place = tuple[str, str | None]
 
@@ -119,7 +119,7 @@ def figures(cases: Sequence[Answered]) -> list[str]:
         _figure("both of a pair", of["pair"], lambda case: all(bool(case.reached & right) for right in case.accepted)),
         _figure("unknown outside", of["outside"], lambda case: case.verdict == "unknown"),
         _figure("saturation named", saturated, lambda case: bool(set(case.claims) & case.accepted[0])),
-        _figure("pushes told or unknown", events, lambda case: case.verdict == "unknown" or case.pushed),
+        _figure("pushes named or unknown", events, lambda case: case.verdict == "unknown" or case.pushed),
         _figure("times of events without any", quiet, lambda case: case.pushed),
         _figure("contradictory verdicts", cases, lambda case: case.said is not None and bool(contradiction(case.said))),
     ]

@@ -128,7 +128,7 @@ def told_apart(found: Diagnosis, truth: str, other: str) -> bool:
     return bool(named & _SAME[truth]) and not (named | rivals) & _SAME[other]
 
 
-def growth_told(rng: np.random.Generator) -> tuple[bool, bool]:
+def stated_growth(rng: np.random.Generator) -> tuple[bool, bool]:
     """Friction that grew: named with its ratio, to 10 %, if nothing is said and if changed friction is said."""
     model = rod(0.3, 0.7)
     before, after = 0.3, rng.uniform(0.7, 1.5)
@@ -154,7 +154,7 @@ def both(case: Case) -> tuple[bool, bool]:
 
 
 def main() -> None:
-    """Print how often causes are told apart."""
+    """Print how often causes are separated."""
     parser = argparse.ArgumentParser(description="How often a known change separates causes.")
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
@@ -162,13 +162,13 @@ def main() -> None:
     kinds = {
         "payload | torque constant, a known mass more": lambda rng: both(load_case(rng)),
         "delay | viscous friction, a second gain": lambda rng: both(gain_case(rng)),
-        "growth of friction, said to have changed": growth_told,
+        "growth of friction, said to have changed": stated_growth,
     }
     print(f"{'':<46}{'one / unsaid':>14}{'two / said':>14}")
     for k, (words, measure) in enumerate(kinds.items()):
-        told = [measure(np.random.default_rng([arguments.seed, k, case])) for case in range(arguments.cases)]
-        counts = np.sum(told, axis=0)
-        print(f"{words:<46}{counts[0]:>8} of {len(told):<3}{counts[1]:>8} of {len(told):<3}", flush=True)
+        outcomes = [measure(np.random.default_rng([arguments.seed, k, case])) for case in range(arguments.cases)]
+        counts = np.sum(outcomes, axis=0)
+        print(f"{words:<46}{counts[0]:>8} of {len(outcomes):<3}{counts[1]:>8} of {len(outcomes):<3}", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@
 
 Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
 without orientations. Errors are zeros, places and elasticity; of closed chains zeros and lengths of links, and half of
-the seeds are told in the root frame. The generator (``tests/common``) has forward kinematics and closes loops of its
-own.
+the seeds have their poses in the root frame. The generator (``tests/common``) has its own forward kinematics and closes
+its own loops.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ Key = tuple[str, str | None, str]
 
 
 def recording(
-    seed: int, robot: TrueRobot, joints: tuple[str, ...], told: tuple[np.ndarray, np.ndarray] | None = None
+    seed: int, robot: TrueRobot, joints: tuple[str, ...], root_poses: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Recording:
-    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, or at the told poses of base and target."""
+    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, or at given poses of base and target."""
     rng = np.random.default_rng(seed)
     poses = (20, 40, 60, 100)[seed % 4]
     q = rng.uniform(-1.5, 1.5, (poses, 6)) + np.array([0, -1.2, 0, 0, 0, 0])
     tracker = pose(rng.uniform(-3, 3, 3).tolist(), rng.uniform(-2, 2, 3).tolist())
     target = pose(rng.uniform(-0.1, 0.1, 3).tolist(), rng.uniform(-1, 1, 3).tolist())
-    tracker, target = (tracker, target) if told is None else told
+    tracker, target = (tracker, target) if root_poses is None else root_poses
     read = {joint: q[:, k] for k, joint in enumerate(joints)}
     p, R = measured(robot, "tool0", read, tracker=tracker, target=target)
     R = np.array([each @ rotation(3 * NOISE * rng.standard_normal(3)) for each in R])
@@ -64,7 +64,7 @@ def wrong_robot(seed: int, text: str, joints: tuple[str, ...]) -> tuple[TrueRobo
     return TrueRobot(text, {}, {joint: size}), ("joint_elasticity", joint, "compliance"), size
 
 
-def told_poses(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, float]:
+def poses_off_in_root(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, float]:
     """Poses of base and target near those of the log's names, with one number that is wrong, and its size."""
     rng = np.random.default_rng([seed, 2])
     part, of_tool = int(rng.integers(6)), bool(rng.integers(2))
@@ -165,12 +165,12 @@ def chains(seeds: range) -> None:
             right, said = (
                 diagnose_poses(
                     linkage.robot,
-                    (tracked_chain(one, number, poses=poses, turned=turned, told=at_root),),
+                    (tracked_chain(one, number, poses=poses, turned=turned, root_poses=at_root),),
                 )
                 for one, number in ((TrueChain(linkage, linkage.text), seed), (true, seed + 100_000))
             )
             scores[in_root].add(right, said, key, size)
-        print(f"{name}, told in the root frame: {scores[True].words()}")
+        print(f"{name}, in the root frame: {scores[True].words()}")
         print(f"{name}, tracker and target anywhere: {scores[False].words()}")
 
 
@@ -194,11 +194,11 @@ def main() -> None:
         assert right is not None
         false += bool(right.findings or right.verdict != "no_gap")
         true, key, size = wrong_robot(seed, text, robot.joint_names)
-        told = at_root
+        root_poses = at_root
         if given.in_root_frame and seed % 3:
             true = TrueRobot(text)
-            told, key, size = told_poses(seed)
-        said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, told),))
+            root_poses, key, size = poses_off_in_root(seed)
+        said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, root_poses),))
         assert said is not None
         sizes, rivals = named_and_rivals(said)
         unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}

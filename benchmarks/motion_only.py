@@ -140,12 +140,12 @@ def main() -> None:
         parser.error(f"--seed {arguments.seed} was given: seeds from 1000 on are sealed")
     print(f"Gains {arguments.gains}. Truth in the set, and nothing else found, of {arguments.cases} cases each:")
     for truth in SAME if arguments.only is None else (arguments.only,):
-        told, alone = 0, 0
+        included, alone = 0, 0
         for k in range(arguments.cases):
             found = diagnosed(
                 case(truth, np.random.default_rng([arguments.seed + k, list(SAME).index(truth)])), arguments.gains
             )
-            told, alone = told + in_set(found, truth), alone + clean(found, truth)
+            included, alone = included + in_set(found, truth), alone + clean(found, truth)
             if arguments.say:
                 print(
                     k,
@@ -162,7 +162,7 @@ def main() -> None:
                     ],
                     found.rollout,
                 )
-        print(f"  {truth:20s} {told:3d} {alone:3d}")
+        print(f"  {truth:20s} {included:3d} {alone:3d}")
 
 
 if __name__ == "__main__":

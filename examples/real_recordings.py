@@ -229,12 +229,12 @@ def diagnosed(recording: RealRecording, folder: Path) -> dict | str:
     """``diagnosis.json`` of a recording, or the sentence with which the command refused it."""
     report = folder / recording.name / "report"
     logs = recording.logs(folder / recording.name)
-    told = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(told):
+    errors = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
         words = ["diagnose", recording.robot(), *map(str, logs), *recording.options, "--out", str(report)]
         code = phantom_dyn(words)
     if code != 0:
-        return told.getvalue().strip().rpartition("phantom-dyn: ")[2]
+        return errors.getvalue().strip().rpartition("phantom-dyn: ")[2]
     return json.loads((report / "diagnosis.json").read_text())
 
 

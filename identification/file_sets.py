@@ -3,8 +3,8 @@
 They are written into a hidden folder beside the one that is wanted, with links to the files in it that stay, and the
 two folders are exchanged in one step of the system. Where that cannot be (folders inside, a process that works in it,
 a parent that may not be written to, a system without such a step) the files are renamed one after the other, the index
-last. Runs that write into one folder at the same time do so one after the other. Every text ends with the run that it
-is of, so that a mixture could be told.
+last. Runs that write into one folder at the same time do so one after the other. Every text ends with the name of its
+run, so that a mixture of two runs would show.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.explanation import Explanation, explanation_of
 from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
-from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.proposal import Proposal
 from identification.notes import Code, Note, Said
@@ -210,7 +210,7 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
     explanation = explanation_of(session, progress)
     progress(Announcement(Stage.RIVALS_COMPARED))
-    judgement, shown = judged(explanation, progress)
+    judgement, shown = judgement_of(explanation, progress)
     progress(Announcement(Stage.LAW))
     if judgement.unexplained.structured:
         from identification.diagnosis.law.find_law import with_law  # a dozen modules, which few runs need

@@ -77,9 +77,9 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
         return f"there are no {what}."
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     guess = nearest(name, names)
-    told = ", ".join(map(shortened, names[:_LISTED]))
+    listed = ", ".join(map(shortened, names[:_LISTED]))
     meant = f"did you mean {shortened(guess)}?" if guess else f"give one of these {what}."
-    return f"the {what} are {told}{more}; {meant}"
+    return f"the {what} are {listed}{more}; {meant}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -1,4 +1,4 @@
-"""A fit that is told the cause: what the best explanation would close of the gap.
+"""A fit that is given the true cause: what the best explanation would close of the gap.
 
 ``python oracle.py robot.urdf log.csv --json FILE`` in a folder that also holds the ``answer.json`` of the case. Same
 columns, nuisances, noise, blocks and refits as a diagnosis, but in the place of its search stand the true effects, each
@@ -26,10 +26,10 @@ from phantom_dyn.model.loading import load_robot
 Place = tuple[str, str | None]
 
 
-def told(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
+def true_set(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
     """A search that returns the true effects; those that leave no trace in the recording are left out."""
 
-    def search_told(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
+    def given_set(search: Search, progress: Progress, *_: object) -> frozenset[Term]:
         by_place: dict[Place, list[Term]] = {}
         for term in search.terms:
             if term.place in truth:
@@ -38,15 +38,15 @@ def told(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
         sets = [frozenset(chosen) for chosen in product(*by_place.values())]
         return min(sets, key=search.score)
 
-    return search_told
+    return given_set
 
 
 def oracle(robot_file: Path, log_file: Path, truth: frozenset[Place], json_file: Path) -> None:
-    """Writes the diagnosis of a case whose search is told the truth."""
+    """Writes the diagnosis of a case whose search is given the true causes."""
     robot = load_robot(robot_file)
     # The one place where pieces of the diagnosis are exchanged: this process does nothing else.
-    pieces.explain = told(truth)
-    pieces.settled = lambda _, chosen: chosen
+    pieces.explain = true_set(truth)
+    pieces.with_leading_rivals = lambda _, chosen: chosen
     diagnosis = diagnose(robot, (read_recording(log_file, robot),))
     write_outputs(diagnosis, robot, out=None, json_file=json_file)
 

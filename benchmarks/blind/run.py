@@ -80,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
         # From here on answers are open: every diagnosis is written.
         within = case_ids((b for b in first if b[0] in INSIDE), given.make)
         inside = [name for name in within if name in names]
-        run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
+        run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="given the true cause", answers=answers)
     judged = load_pairs(answers, results, names, oracle=oracle)
     beside = None if quick else load_baselines(answers, baselines, names)
     out = work / "score"

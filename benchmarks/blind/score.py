@@ -130,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--answers", type=Path, required=True, nargs="+", metavar="DIR")
     parser.add_argument("--results", type=Path, required=True, nargs="+", metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--oracle", type=Path, metavar="DIR", help="fits that were told the cause")
+    parser.add_argument("--oracle", type=Path, metavar="DIR", help="fits that were given the true cause")
     parser.add_argument("--baselines", type=Path, metavar="DIR", help="what the baselines said")
     given = parser.parse_args(arguments)
     if len(given.answers) != len(given.results):

@@ -25,9 +25,9 @@ from identification.data.reading import read_recording
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explanation_of
 from identification.diagnosis.judge.findings.findings import Shown
-from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.law.find_law import with_law
-from identification.diagnosis.law.formula_search import columns_of, settled, without_law
+from identification.diagnosis.law.formula_search import columns_of, with_held_moves, without_law
 from identification.diagnosis.law.rest import Rest, rest_of
 from identification.diagnosis.result import Judgement
 from identification.engine.products.block_products import Free, block_products
@@ -86,7 +86,7 @@ def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
     """Judgement with its law, the fits behind it, and how long the law took."""
     robot = load_robot(case.folder / "robot.urdf")
     recording = read_recording(case.folder / "log.csv", robot)
-    before, shown = judged(explanation_of(session_of(robot, (recording,))), lambda _: None)
+    before, shown = judgement_of(explanation_of(session_of(robot, (recording,))), lambda _: None)
     started = time.perf_counter()
     return with_law(before, shown), shown, time.perf_counter() - started
 
@@ -98,19 +98,19 @@ def answer_of(case: Case) -> Answer:
     except PhantomDynError as error:
         return Answer(case, "refused", text=str(error))
     left, found = judgement.unexplained, judgement.unexplained.dependence
-    told = "; ".join(f"{finding.effect} {finding.joint}" for finding in judgement.findings)
+    findings = "; ".join(f"{finding.effect} {finding.joint}" for finding in judgement.findings)
     named = frozenset(
         f"{kind}.{finding.joint}" for finding in judgement.findings
         for kind in _FINDINGS.get(finding.effect, finding.effect).split()
     )  # fmt: skip
     explained_by = case.law is not None and _names(case, named) and left.law is None
     if found is None:
-        return Answer(case, judgement.verdict, explained=explained_by, text=told)
+        return Answer(case, judgement.verdict, explained=explained_by, text=findings)
     right = case.law is not None and found.joint == case.joint and _names(case, frozenset(found.inputs))
     closed = 0.0
     if left.law is not None and case.law is not None and found.joint == case.joint:
         closed = found.rest_closed / max(_oracle(case, shown, judgement), 1e-9)
-    text = told if left.law is None else f"{left.law.formula}   [{told}]"
+    text = findings if left.law is None else f"{left.law.formula}   [{findings}]"
     law = left.law is not None
     return Answer(case, judgement.verdict, True, law, right, explained_by, closed, seconds, text)
 
@@ -126,7 +126,7 @@ def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
     rest = rest_of(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
     columns = columns_of(rest)
     before = without_law(rest, columns)
-    rest, _ = settled(rest, columns)
+    rest, _ = with_held_moves(rest, columns)
     x = np.concatenate([log.in_band(_parts(case, rest, k)) for k, log in enumerate(rest.logs)])
     x = x / np.sqrt(np.mean(x**2, axis=0))
     count = x.shape[1]

@@ -151,11 +151,11 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
         for key, stds in seen.items():
             usual = float(np.median(stds))
             beside = {other.effect for found in sizes.values() if key in found for other in found}
-            told = [row for row in own if key in sizes[row.log] or not _others(sizes[row.log], key) - beside]
-            if not told:
+            known_rows = [row for row in own if key in sizes[row.log] or not _others(sizes[row.log], key) - beside]
+            if not known_rows:
                 continue
-            values, deviations = np.array([sizes[row.log].get(key, (0.0, usual)) for row in told]).T
-            logs = tuple(Path(row.log).name for row in told)
+            values, deviations = np.array([sizes[row.log].get(key, (0.0, usual)) for row in known_rows]).T
+            logs = tuple(Path(row.log).name for row in known_rows)
             finding, parameter = capital(effect_at(EffectAt(key.effect, key.joint))), parameter_name(key.parameter)
             out.append(Series(names[folder], finding, parameter, key.unit, logs, values, deviations))
     return tuple(out)

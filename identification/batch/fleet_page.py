@@ -111,14 +111,14 @@ def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], 
     rows = []
     for folder in folders:
         verdicts = Counter(row.verdict for row in result.rows if str(Path(row.log).parent) == folder)
-        told = [f"out of line: {one.quantity}" for one in outliers if one.robot == names[folder]]
-        told += [
+        remarks = [f"out of line: {one.quantity}" for one in outliers if one.robot == names[folder]]
+        remarks += [
             f"{'drifts' if one.drifts else 'changed'} since {one.since}: {one.quantity}"
             for one in changed
             if one.robot == names[folder]
         ]
         counted = joined([f"{count} {verdict.replace('_', ' ')}" for verdict, count in verdicts.items()], last=", ")
-        rows.append((names[folder], str(verdicts.total()), counted, "; ".join(told) or "–"))
+        rows.append((names[folder], str(verdicts.total()), counted, "; ".join(remarks) or "–"))
     return table(("robot", "recordings", "verdicts", "stands out"), rows)
 
 

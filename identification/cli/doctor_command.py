@@ -43,9 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
     say("\nfor some uses only:")
     for library in OPTIONAL:
         found = version_of(library.distribution)
-        told = found or f"missing: pip install 'phantom-dyn[{library.extra}]'"
+        version = found or f"missing: pip install 'phantom-dyn[{library.extra}]'"
         use = library.use[0].lower() + library.use[1:]
-        say(f"  {library.distribution:<20} {told:<16} {use}")
+        say(f"  {library.distribution:<20} {version:<16} {use}")
     say(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
     say(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
     say(f"effects of installed packages: {', '.join(plug_ins()) or 'none'}")

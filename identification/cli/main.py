@@ -90,10 +90,10 @@ def main(argv: list[str] | None = None) -> int:
         forget(sys.stdout)
         return DONE
     except OSError as error:
-        told = full_words(error) if is_full(error) else unreachable_words(error)
-        if told is None:
+        message = full_words(error) if is_full(error) else unreachable_words(error)
+        if message is None:
             raise
-        complain(told)
+        complain(message)
         return BAD_INPUT
     return code
 

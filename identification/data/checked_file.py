@@ -1,4 +1,4 @@
-"""What is wrong with a recording, told to its user: what certainly is, what was mended, and what may be."""
+"""What is wrong with a recording, for its user: certain faults, what was mended, and doubts."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class CheckedRecording:
             *(f"warning: {warning}" for warning in self.warnings),
         ]
         if self.right:
-            limits = "" if self.with_robot else ", as far as can be told without a robot"
+            limits = "" if self.with_robot else ", as far as can be seen without a robot"
             lines.append(f"nothing is wrong with it{limits}")
         return "\n".join(lines)
 

@@ -27,8 +27,8 @@ def require_right(recordings: Iterable[Recording]) -> None:
             rest = len(recording.wrong) - 1
             them = "it" if rest == 1 else "them"
             more = f" ({rest} more of this kind: phantom-dyn check tells {them})" if rest else ""
-            told = fault_sentence(recording.file, recording.wrong[0]).removesuffix(".")
-            raise LogError(f"{told}; or judge it all the same with --anyway{more}.")
+            first_fault = fault_sentence(recording.file, recording.wrong[0]).removesuffix(".")
+            raise LogError(f"{first_fault}; or judge it all the same with --anyway{more}.")
 
 
 def wrong_with(recordings: Iterable[Recording]) -> tuple[str, ...]:

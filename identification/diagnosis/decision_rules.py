@@ -59,7 +59,7 @@ SAME_CAUSE = 0.01
 RUNNER_UP = 0.8
 
 # probability: that a further recording strikes off one of two rivals, from which on it is proposed for them; below it
-# the user is told in its place that no safe motion separates them. What is more likely to fail than not is no advice.
+# a note says in its place that no safe motion separates them. What is more likely to fail than not is no advice.
 # `benchmarks/next_experiment.py` compares what is proposed with random motions.
 SEPARATED = 0.5
 

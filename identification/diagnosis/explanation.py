@@ -41,7 +41,7 @@ from identification.diagnosis.search.refinement import (
     same_effects,
     unchanged,
 )
-from identification.diagnosis.search.rival_sets import settled
+from identification.diagnosis.search.rival_sets import with_leading_rivals
 from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from identification.gates import above_chance
@@ -108,7 +108,7 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
-        noise, ratio = _settled_noise(last, columns, sensed)
+        noise, ratio = _noise_left(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
         found = found_effects(fitted, last.chosen)
@@ -123,7 +123,7 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
             point = replace(at, found=found, runners_up=near, residual=residual)
-            # What is set up anew takes as much memory as what it replaces.
+            # The next set of products takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         again = replace(_set_up(session, columns, noise), record=record)
@@ -132,10 +132,12 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
-    return replace(last, chosen=settled(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders)
+    return replace(
+        last, chosen=with_leading_rivals(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders
+    )
 
 
-def _settled_noise(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
+def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
     """What the explanation leaves, weighed by itself: a fit that is weighed by too large a noise leaves more.
 
     It is never less than the noise of the sensors.
@@ -218,10 +220,10 @@ def _searched(
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
             break
-        anew = replace(_set_up(search.problem.session, search.problem.columns, quiet), record=search.record)
-        anew = _with_thresholds(anew, quiet, search.spurious, progress)
-        if not claimed(anew, tried, chosen):
+        quieter = replace(_set_up(search.problem.session, search.problem.columns, quiet), record=search.record)
+        quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
+        if not claimed(quieter, tried, chosen):
             break
-        anew.record.kept(tried - chosen, *asked(anew, tried, chosen))
-        search, chosen, noise, left = anew, explain(anew, progress, tried), quiet, quiet
+        quieter.record.kept(tried - chosen, *asked(quieter, tried, chosen))
+        search, chosen, noise, left = quieter, explain(quieter, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

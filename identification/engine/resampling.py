@@ -20,7 +20,7 @@ REPLICATES = 1000
 from which on a rival is listed, is known to 0.007."""
 
 CHOSEN_AGAIN = 40
-"""Of them, those in which a choice among hundreds of terms is made anew: each costs as much as the choice itself, and
+"""Of them, those in which a choice among hundreds of terms is made again: each costs as much as the choice itself, and
 whether six in ten choose the same is known to 0.08 then."""
 
 SAME_PREDICTIONS = 0.05

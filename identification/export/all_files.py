@@ -175,8 +175,8 @@ def _written(
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
     made = texts.get(MJCF)
-    texts, told = _with_moved_joints(texts, diagnosis, robot, config, known)
-    notes += told
+    texts, move_notes = _with_moved_joints(texts, diagnosis, robot, config, known)
+    notes += move_notes
     corrected, evidence = models.corrected, diagnosis.evidence
     proof = proof_of(corrected)
     texts, files, refused = proved(texts, proof, moved_mjcf=texts.get(MJCF) != made)
@@ -251,8 +251,8 @@ def _of_poses(
     for file in files:
         notes += [] if file.text else file.notes
     made = {file.name: file.text for file in files if file.text}
-    texts, told = _with_moved_joints(made, diagnosis, robot, config, known)
-    return texts, replace(diagnosis, notes=(*notes, *told))
+    texts, move_notes = _with_moved_joints(made, diagnosis, robot, config, known)
+    return texts, replace(diagnosis, notes=(*notes, *move_notes))
 
 
 @dataclass(frozen=True)
@@ -286,16 +286,16 @@ def _models(
 
     def models_on(base: Robot, *, possible: bool) -> _Models:
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
-        told: tuple[Note, ...] = ()
+        body_notes: tuple[Note, ...] = ()
         if possible:
-            bodies, told = _possible(corrected.robot, robot, motion)
+            bodies, body_notes = _possible(corrected.robot, robot, motion)
             corrected = replace(corrected, robot=bodies)
         try:
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (_not_written((URDF, MJCF), error),))
         kept, _, _ = proved({file.name: file.text for file in files if file.text}, proof_of(corrected))
-        return _Models(corrected, files, told, len(kept))
+        return _Models(corrected, files, body_notes, len(kept))
 
     best: _Models | None = None
     failure: PhantomDynError | None = None
@@ -319,13 +319,13 @@ def _models(
 
 def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
     """The robot with bodies that can be, and notes on them."""
-    nearest, told = with_nearest_bodies(robot, given)
+    nearest, body_notes = with_nearest_bodies(robot, given)
     if nearest is robot:
         return robot, ()
     try:
         same = same_torque_bodies(robot, given, motion)
     except EstimationError:
-        return nearest, told
+        return nearest, body_notes
     return same, (Note(Code.SAME_TORQUES, None, {}),)
 
 

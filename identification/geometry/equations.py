@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Linear equations of measured poses: what is left, and Pinocchio's kinematic regressor of all that may be wrong.
 
-A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are told in the root frame,
+A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the root frame,
 the first and the last are the unit and what a ``base_pose`` and a ``tool_pose`` add. What is left of a pose and all
 columns are twists of the target in its own axes, so that noise that is alike in all directions is so here. In a closed
 chain what is wrong moves the frame itself, and by the passive joints that keep the loops closed.
@@ -93,8 +93,8 @@ class PoseProblem:
         sets: Poses.
         paths: Of the joints of those recordings that are motions.
         terms: What may be wrong.
-        in_root: True if poses are told in the robot's root frame, so that no pose of the base is fitted.
-        on_frame: Frames that the targets are told to sit on, so that no pose of theirs is fitted.
+        in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
+        on_frame: Frames on which the targets sit by definition, so that no pose of theirs is fitted.
         loops: Of a closed chain, else None.
         taken_up: Places in its loops that move no measured frame, as passive joints take them up.
     """
@@ -190,9 +190,11 @@ def _of_set(
     delay = estimate.delay[one.recording]
     q, v = (one.q, one.v) if delay == 0.0 else problem.paths[one.recording].at(one.t - delay)
     q = true_positions(q, one.load, problem.terms, estimate.values)
-    told = {effect: _told(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))}
-    base = pin.SE3(estimate.base[one.recording]) * placed(told[BASE_POSE])
-    tool = pin.SE3(estimate.tool[number]) * placed(told[TOOL_POSE])
+    pose_errors = {
+        effect: _pose_error(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))
+    }
+    base = pin.SE3(estimate.base[one.recording]) * placed(pose_errors[BASE_POSE])
+    tool = pin.SE3(estimate.tool[number]) * placed(pose_errors[TOOL_POSE])
     x = tree_positions(problem, model, one, q)
     left, twists, regressor, pose = _each(model, one, x, base, tool)
     motions = _joint_columns(model, regressor)  # twist of the target per unit of each joint, (n, 6, nv)
@@ -211,8 +213,8 @@ def _of_set(
             nuisance[:, kind.part, k] = 1.0
         elif kind.kind == DELAY and kind.of == one.recording:
             nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
-    by_tool = np.broadcast_to(_slope(told[TOOL_POSE]), twists.shape)
-    slopes = {BASE_POSE: twists @ _slope(told[BASE_POSE]), TOOL_POSE: by_tool}
+    by_tool = np.broadcast_to(_slope(pose_errors[TOOL_POSE]), twists.shape)
+    slopes = {BASE_POSE: twists @ _slope(pose_errors[BASE_POSE]), TOOL_POSE: by_tool}
     columns = np.zeros((len(one.t), 6, len(problem.terms)))
     for k, term in enumerate(problem.terms):
         if term.effect not in slopes:
@@ -265,7 +267,7 @@ def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
     return out
 
 
-def _told(problem: PoseProblem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
+def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
     """The numbers of a ``base_pose`` or of the ``tool_pose`` of a frame."""
     out = np.zeros(6)
     for term, value in zip(problem.terms, estimate.values, strict=True):

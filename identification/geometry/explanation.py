@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.engine.chance import squares_by_chance
-from identification.engine.search.few_columns import SetFits, few_columns, set_fits, until_settled
+from identification.engine.search.few_columns import SetFits, few_columns, set_fits, until_same_set
 from identification.geometry.equations import Equations, Estimate, PoseProblem
 from identification.geometry.fit import fitted, start_of
 from identification.geometry.terms import PoseTerm, bounds_of
@@ -85,7 +85,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
 
-    def anew(at: _At, chosen: tuple[int, ...]) -> _At:
+    def retake(at: _At, chosen: tuple[int, ...]) -> _At:
         values = np.zeros(len(terms))
         values[list(chosen)] = at.estimate.values[list(chosen)]
         start = replace(at.estimate, values=values)
@@ -93,7 +93,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
         return replace(at, estimate=estimate, found=found)
 
     every = np.ones(len(first[1].left), dtype=bool)
-    at, chosen = until_settled(_At(*first, every, noise_of(first[1], *named, moving, every)), search, anew)
+    at, chosen = until_same_set(_At(*first, every, noise_of(first[1], *named, moving, every)), search, retake)
     at = replace(at, noise=noise(at))
     return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 

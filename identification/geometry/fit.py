@@ -33,7 +33,7 @@ RANK = 1e-7
 def start_of(problem: PoseProblem) -> Estimate:
     """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term.
 
-    Poses that are told are units.
+    Poses that need no fit are units.
     """
     first: dict[int, Array] = {}
     tools = []
@@ -41,8 +41,8 @@ def start_of(problem: PoseProblem) -> Estimate:
         frames = frame_poses(problem, one)
         if one.recording not in first:
             first[one.recording] = np.eye(4) if problem.in_root else _aligned(frames[:, :3, 3], one.position)
-        told = one.frame in problem.on_frame
-        tools.append(np.eye(4) if told else _target(frames, first[one.recording], one))
+        on_frame = one.frame in problem.on_frame
+        tools.append(np.eye(4) if on_frame else _target(frames, first[one.recording], one))
     base = tuple(first.get(number, np.eye(4)) for number in range(problem.recordings))
     return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
 

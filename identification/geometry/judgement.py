@@ -128,11 +128,11 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
     near = [group, *rivals_of(fits, chosen, group, _NEAR)]
     losses = np.array([blocks.losses((*rest, *trial)) for trial in near]).T
     share = probabilities(losses, (np.zeros(len(near)),), lead=share_by_likelihood)
-    told: dict[tuple[Place, ...], float] = {}
+    shares: dict[tuple[Place, ...], float] = {}
     for trial, probability in zip(near[1:], share[1:].tolist(), strict=True):
         places = _places([explained.problem.terms[k] for k in trial])
-        told[places] = told.get(places, 0.0) + probability
-    listed = {places: probability for places, probability in told.items() if probability >= contract_levels.LISTED}
+        shares[places] = shares.get(places, 0.0) + probability
+    listed = {places: probability for places, probability in shares.items() if probability >= contract_levels.LISTED}
     total = float(share[0]) + sum(listed.values())
     rivals = tuple(PoseRival(places, p / total) for places, p in sorted(listed.items(), key=lambda item: -item[1]))
     return (float(share[0]) / total if total > 0 else 1.0), rivals

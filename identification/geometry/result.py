@@ -68,7 +68,7 @@ class FrameGap:
     Attributes:
         frame: Its name.
         unit: ``m`` or ``rad``.
-        rms_before: With the given geometry; poses of base and target as they are told, or the best ones.
+        rms_before: With the given geometry; poses of base and target as given, or else fitted.
         rms_after: With the findings.
         noise_floor: What the tracker leaves.
         noise_floor_interval: At 95 %.
@@ -160,7 +160,7 @@ class GeometryResult:
         minor: Those that are seen but close less than a hundredth of the gap and leave less than half a floor.
         bounds: What would have been seen.
         not_testable: What these poses cannot show.
-        fitted: Poses of base and target that are not told.
+        fitted: Poses of base and target that the recordings do not give.
         delays: Of recordings that are motions.
         rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
         structured: True if something is left that depends on the posture.

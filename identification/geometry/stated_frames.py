@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Whether poses are told in the robot's root frame and on its own frames, as their columns say, or in others.
+"""Whether poses are given in the robot's root frame and of its own frames, as their columns say, or of others.
 
 A log says ``p.<frame>``: the position of a frame of the robot in its root frame. A laser tracker writes its own axes
 under that name, and a reflector sits beside the frame. What is off by more than anyone would overlook is such another
@@ -30,7 +30,7 @@ _CHANCE = 1e-4
 def problem_of(
     robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all that may be wrong, poses of base and tool among it where these are told.
+    """Measured poses with all that may be wrong, poses of base and tool among it where these are given.
 
     Args:
         robot: The given model.
@@ -47,18 +47,18 @@ def problem_of(
     parts: dict[str, int] = {}
     for one in sets:
         parts[one.frame] = max(parts.get(one.frame, 3), 3 if one.turn is None else 6)
-    told = pose_terms(BASE_POSE, None)
+    terms = pose_terms(BASE_POSE, None)
     for frame, count in parts.items():
-        told += pose_terms(TOOL_POSE, frame, count)
-    near = replace(free, terms=told, in_root=True, on_frame=tuple(parts))
+        terms += pose_terms(TOOL_POSE, frame, count)
+    near = replace(free, terms=terms, in_root=True, on_frame=tuple(parts))
     weights = np.ones(2 * len(sets))
-    estimate, here = fitted(near, start_of(near), range(len(told)), weights)
+    estimate, here = fitted(near, start_of(near), range(len(terms)), weights)
     _, there = fitted(free, start_of(free), (), weights)
-    far = {term.place for term, value in zip(told, estimate.values, strict=True) if abs(value) > term.largest}
-    if (BASE_POSE, None) in far or not _as_good(here, len(told), there):
+    far = {term.place for term, value in zip(terms, estimate.values, strict=True) if abs(value) > term.largest}
+    if (BASE_POSE, None) in far or not _as_good(here, len(terms), there):
         return free
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
-    kept = tuple(term for term in told if term.effect == BASE_POSE or term.joint in frames)
+    kept = tuple(term for term in terms if term.effect == BASE_POSE or term.joint in frames)
     return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
 
 

@@ -3,7 +3,7 @@
 
 Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``; of a
 closed chain also those by which a frame sits elsewhere that a loop keeps at another one), the
-deflection of a joint under its load (``joint_elasticity``), and, where poses are told in the robot's root frame, the
+deflection of a joint under its load (``joint_elasticity``), and, where poses are given in the robot's root frame, the
 six numbers by which the base stands elsewhere (``base_pose``) and a target sits elsewhere on its frame (``tool_pose``).
 """
 
@@ -22,7 +22,7 @@ from phantom_dyn.model.robot import Robot
 ZERO, LINK, ELASTIC = "encoder_offset", "link_geometry", "joint_elasticity"
 BASE_POSE, TOOL_POSE = "base_pose", "tool_pose"
 PLACES = (LINK, BASE_POSE, TOOL_POSE)
-"""Effects that are a pose: six numbers, of which those are told that are wrong."""
+"""Effects that are a pose: six numbers, of which a finding states those that are wrong."""
 PARTS = ("x", "y", "z", "rx", "ry", "rz")
 _ALONG = 1.0 - 1e-9  # cosine above which a joint moves along one of its own axes
 

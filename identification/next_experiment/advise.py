@@ -13,7 +13,7 @@ from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.refinement import found_effects
 from identification.next_experiment.candidates import safe_limits
-from identification.next_experiment.hypotheses import Hypothesis, as_told, hypotheses_of, union_of
+from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of, with_all_findings
 from identification.next_experiment.laboratory import laboratory
 from identification.next_experiment.proposal import Proposal, not_separated, proposal_words
 from identification.next_experiment.separation import Pair, rivalry_of
@@ -37,7 +37,7 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
         explanation: All effects that the search has found, those too that are not shown.
         findings: What is shown.
     """
-    chosen = as_told(explanation.search, explanation.chosen, findings)
+    chosen = with_all_findings(explanation.search, explanation.chosen, findings)
     search = explanation.search.of(chosen)
     session = search.problem.session
     groups = tuple(group for finding in findings if (group := hypotheses_of(search, chosen, finding)))

@@ -255,12 +255,12 @@ def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) 
     shapes = FourierSeries(duration, _HARMONICS)
     grid, postures = Grid.of(shapes, shapes.samples), feasible_postures(problem, rng)
     starts = [_random(problem, shapes, postures, rng) for _ in range(_STARTS)]
-    told = [_information(problem, grid, weights) for weights in starts]
-    start = starts[int(np.argmax(told))]
+    information = [_information(problem, grid, weights) for weights in starts]
+    start = starts[int(np.argmax(information))]
     better = descend(problem, grid, start, rounds=_ROUNDS, iterations=_STEPS, criterion=DOptimality())
     posture = grid.motion(start).q.mean(axis=0)
     kept = largest_within_limits(problem, grid, better, posture, _SHARES)
-    weights = kept if _information(problem, grid, kept) > max(told) else start
+    weights = kept if _information(problem, grid, kept) > max(information) else start
     return Candidate("an exciting Fourier series", shapes, weights)
 
 

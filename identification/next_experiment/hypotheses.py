@@ -101,34 +101,34 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
     Args:
         search: Knows all effects and fits them.
         chosen: The set that the diagnosis has found.
-        finding: One of them, as it was told.
+        finding: One of them, as the diagnosis states it.
     """
     place = (finding.effect, finding.joint)
     term = next((other for other in chosen if other.place == place), None)
     if term is None or not finding.rivals:
         return ()
-    told = [((EffectAt(*place, words=finding.words),), finding.probability)]
-    told += [(rival.effects, rival.probability) for rival in finding.rivals]
+    causes = [((EffectAt(*place, words=finding.words),), finding.probability)]
+    causes += [(rival.effects, rival.probability) for rival in finding.rivals]
     out = []
-    for effects, probability in sorted(told, key=lambda one: -one[1])[:_MOST]:
+    for effects, probability in sorted(causes, key=lambda one: -one[1])[:_MOST]:
         variants = _variants(search, chosen, term, effects)
         if variants:
             out.append(Hypothesis(effects, probability, variants))
     return tuple(out) if len(out) > 1 else ()
 
 
-def as_told(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ...]) -> frozenset[Term]:
-    """The set that the search has found, with every finding that was told in it.
+def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ...]) -> frozenset[Term]:
+    """The set that the search has found, with every finding of the diagnosis in it.
 
-    Where a rival leads in the diagnosis, it was told in the place of what the search had found; without this its own
-    rivals would have no fits to be compared by.
+    Where a rival leads in the diagnosis, it is the finding in the place of what the search had found; without this no
+    fits would compare its own rivals.
 
     Args:
         search: Knows all effects and fits them.
         chosen: What it has found.
-        findings: What was told.
+        findings: Those of the diagnosis.
     """
-    told = {(finding.effect, finding.joint) for finding in findings}
+    found_places = {(finding.effect, finding.joint) for finding in findings}
     for finding in findings:
         place = (finding.effect, finding.joint)
         shapes = [term for term in search.terms if term.named and term.place == place]
@@ -138,7 +138,8 @@ def as_told(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ..
         gone = frozenset(
             term
             for term in chosen
-            if term.place not in told and (term.place in rivals or any(contains(term, shape) for shape in shapes))
+            if term.place not in found_places
+            and (term.place in rivals or any(contains(term, shape) for shape in shapes))
         )
         chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.quick)
     return chosen

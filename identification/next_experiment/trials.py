@@ -148,11 +148,11 @@ def ranked_trials(
     problem = design_of(robot, limits)
     drawn = candidates(problem, duration=duration, count=count, rng=rng)
     drawn = (*drawn, exciting(problem, duration, random_stream("exciting motion of a next experiment")))
-    trials = [judged(candidate, robot, lab, rivalries) for candidate in drawn]
+    trials = [trial_of(candidate, robot, lab, rivalries) for candidate in drawn]
     trials.sort(key=lambda trial: trial.worth, reverse=True)
-    for _ in range(0 if _settled(trials) else count):
+    for _ in range(0 if _is_best(trials) else count):
         candidate = varied(trials[0].candidate, problem, rng)
-        other = judged(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
+        other = trial_of(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
             trials.insert(0, other)
     if (trials[0].power >= rules.SEPARATED).all():
@@ -166,7 +166,7 @@ def ranked_trials(
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
-def _settled(trials: list[Trial]) -> bool:
+def _is_best(trials: list[Trial]) -> bool:
     """True if no variation of the best motion can be noticeably better: each pair is separated, or by no motion."""
     never = np.max([trial.power for trial in trials], axis=0) < contract_levels.LISTED
     return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
@@ -180,7 +180,7 @@ def loaded_trial(
         mass = known_mass(robot, share)
         loaded = carried(robot, mass)
         if keeps(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
-            return judged(candidate, loaded, lab, rivalries, mass=mass)
+            return trial_of(candidate, loaded, lab, rivalries, mass=mass)
     return None
 
 
@@ -192,11 +192,11 @@ def softer_trial(
     for share in GAINS:
         motion = followed(robot, candidate.motion(lab.band.rate_hz), share)
         if motion is not None and stays(robot, limits, motion) and keeps(robot, limits, motion):
-            out.append(judged(candidate, robot, lab, rivalries, gains=share, motion=motion))
+            out.append(trial_of(candidate, robot, lab, rivalries, gains=share, motion=motion))
     return max(out, key=lambda trial: trial.worth, default=None)
 
 
-def judged(
+def trial_of(
     candidate: Candidate,
     robot: Robot,
     lab: Laboratory,

@@ -18,11 +18,11 @@ from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import (
     NO_BREAK,
-    as_told,
     cut_name,
     number,
     percent_short_of_all,
     value_words,
+    with_stated_probabilities,
 )
 from identification.words.verdict_words import moves_carry, verdict_sentence
 from phantom_dyn.errors import printable
@@ -41,7 +41,7 @@ _DIFFERS = 2.0  # standard deviations
 def summary(diagnosis: Diagnosis) -> str:
     """Verdict, gap before and after, findings with their sizes, each joint; then what the user should know, shortly."""
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
-    diagnosis = as_told(diagnosis.of_torques)
+    diagnosis = with_stated_probabilities(diagnosis.of_torques)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposed = next_experiment_lines(diagnosis)
     if proposed:
@@ -128,9 +128,9 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
-    told = [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings[:MOST_FINDINGS], start=1)]
-    more = len(findings) - len(told)
-    return [*told, *[f"{more} more in the report and in diagnosis.json (--out DIR)."] * bool(more)]
+    lines = [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings[:MOST_FINDINGS], start=1)]
+    more = len(findings) - len(lines)
+    return [*lines, *[f"{more} more in the report and in diagnosis.json (--out DIR)."] * bool(more)]
 
 
 def _finding_line(finding: Finding) -> str:
@@ -147,16 +147,18 @@ def _finding_line(finding: Finding) -> str:
 
 
 def _sizes(values: Mapping[str, Value]) -> str:
-    """Sizes with their deviations; one alone needs no name, of several each is told which it is."""
+    """Sizes with their deviations; one alone needs no name, each of several has its own."""
     if len(values) == 1:
         return value_words(next(iter(values.values())))
-    told = values
+    shown = values
     if len(values) > MOST_SIZES:
-        told = dict(sorted(values.items(), key=_certainty, reverse=True)[:MOST_SIZES])
-        told = {name: value for name, value in values.items() if name in told and _certainty((name, value)) > _DIFFERS}
-    sizes = [f"{words.parameter_name(name)} {value_words(value)}" for name, value in told.items()]
-    more = len(values) - len(told)
-    return ", ".join([*sizes, *[f"{more} more in the report" if told else f"{more} sizes in the report"] * bool(more)])
+        shown = dict(sorted(values.items(), key=_certainty, reverse=True)[:MOST_SIZES])
+        shown = {
+            name: value for name, value in values.items() if name in shown and _certainty((name, value)) > _DIFFERS
+        }
+    sizes = [f"{words.parameter_name(name)} {value_words(value)}" for name, value in shown.items()]
+    more = len(values) - len(shown)
+    return ", ".join([*sizes, *[f"{more} more in the report" if shown else f"{more} sizes in the report"] * bool(more)])
 
 
 def _certainty(size: tuple[str, Value]) -> float:

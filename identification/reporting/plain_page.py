@@ -54,6 +54,6 @@ def figure(caption: str, svg: str, notes: Sequence[str] = ()) -> str:
         svg: The element.
         notes: Escaped here.
     """
-    told = "".join(f"<p>{escape(note)}</p>" for note in notes)
+    below = "".join(f"<p>{escape(note)}</p>" for note in notes)
     above = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    return f"<figure>{above}{svg}{told}</figure>"
+    return f"<figure>{above}{svg}{below}</figure>"

@@ -34,7 +34,7 @@ _LATE = 0.005  # [s]: and places by so much of that
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class HiddenStart:
     """A model with all its states, some samples before a window.
 
     Attributes:
@@ -59,11 +59,11 @@ def look_back(rate_hz: float) -> float:
 
 
 def tries(model: Model) -> int:
-    """About how many short simulations `settled` takes."""
+    """About how many short simulations `hidden_start` takes."""
     return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
 
 
-def settled(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> Settled:
+def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
     """States of a model before a window; at its start, as smoothed, where too few samples lead up to it.
 
     Args:
@@ -79,7 +79,7 @@ def settled(log: Log, states: States, window: Window, model: Model, torque: Floa
     rate = log.band.rate_hz
     fitted = max(round(_THROUGH * rate), _FEWEST)
     if window.lead < fitted:
-        return Settled(model, window.start, true_state(model, states, window.start, 1.0 / rate))
+        return HiddenStart(model, window.start, true_state(model, states, window.start, 1.0 / rate))
     at = window.start - fitted
     begun = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
     spread = _spread(model, states, begun)
@@ -93,13 +93,13 @@ def settled(log: Log, states: States, window: Window, model: Model, torque: Floa
         return np.concatenate([((run(moves).q - states.raw[rows]) / states.read_std).ravel(), moves])
 
     moves = _best_fitted(misses, _elsewhere(model, spread))
-    return Settled(model, at, _shifted(model, begun, moves * spread))
+    return HiddenStart(model, at, _shifted(model, begun, moves * spread))
 
 
-def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> Settled:
+def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
     """States of a model at the start of a window by the pull alone: rougher, in one simulation instead of `tries`."""
     lead = min(round(LEAD * log.band.rate_hz), window.lead)
-    return Settled(model, window.start, _pulled(log, states, model, torque, window.start, lead))
+    return HiddenStart(model, window.start, _pulled(log, states, model, torque, window.start, lead))
 
 
 def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:

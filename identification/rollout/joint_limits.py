@@ -84,11 +84,11 @@ def limit_notes(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[Note, ...]:
     Several joints have one note: one each would hide all else that is said.
     """
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
-    told = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
+    shown = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
     units = dict(zip(robot.joint_names, robot.position_units, strict=True))
     out = []
-    for recording, model in dict.fromkeys((one.recording, one.model) for one in told):
-        here = [one for one in told if (one.recording, one.model) == (recording, model)]
+    for recording, model in dict.fromkeys((one.recording, one.model) for one in shown):
+        here = [one for one in shown if (one.recording, one.model) == (recording, model)]
         first, numbers = here[0], {"file": recording, "model": model, "of": here[0].of}
         if len(here) == 1:
             own = {"windows": first.windows, "limit": first.limit, "unit": units[first.joint], "t": first.t}

@@ -85,7 +85,7 @@ def rollout_of(explained: Explained) -> Rollout:
     def settle(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
-        return (shot.settled if compiles() else shot.pulled)(model, torque(shot, model))
+        return (shot.with_hidden_start if compiles() else shot.pulled)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, settle)
     if explained.controlled and loop is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.rollout.driven import STEP, moved, pull, pulling, simulated
-from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
+from identification.rollout.hidden_states import HiddenStart, hidden_start, hides, pulled_to
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Array, Float
@@ -33,7 +33,7 @@ class Shot:
     log: Log
     states: States
     window: Window
-    begun: Settled | None = None
+    begun: HiddenStart | None = None
 
     @property
     def t(self) -> Float[Array, " n"]:
@@ -46,9 +46,9 @@ class Shot:
         """Positions as they were read."""
         return self.states.raw[self.window.start : self.window.stop]
 
-    def settled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
+    def with_hidden_start(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
         """The same with the hidden states of a model, estimated under the torque of its drives."""
-        return replace(self, begun=settled(self.log, self.states, self.window, model, torque))
+        return replace(self, begun=hidden_start(self.log, self.states, self.window, model, torque))
 
     def pulled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
         """The same with the hidden states that the recorded motion pulls a model into."""
@@ -72,7 +72,7 @@ def under_torque(
     if hides(model):
         begun = shot.begun
         if begun is None or begun.model is not model:
-            begun = settled(shot.log, shot.states, shot.window, model, torque)
+            begun = hidden_start(shot.log, shot.states, shot.window, model, torque)
         return _freely(shot, begun, torque, nudge)
     shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     window, states = shot.window, shot.states
@@ -84,7 +84,7 @@ def under_torque(
     return np.array(moved(model, law, start).q[lead:])
 
 
-def _freely(shot: Shot, begun: Settled, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+def _freely(shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
     """Readings from where hidden states were estimated."""
     rows = slice(begun.at, shot.window.stop)
     law = torque_over_time(shot.log.motion.t[rows], torque[rows])

@@ -148,8 +148,8 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], away: float) -
     std = np.sqrt((_STRETCHES - 1) * others.var(axis=0)).tolist()
     free = np.linalg.qr(columns[:, 1:])[0]
     size = [float(np.linalg.norm(part - free @ (free.T @ part))) ** 2 for part in samples[:, 5:].T]
-    told = zip(("gravity", "inertia"), size, strict=True)
-    rests = tuple(name for name, square in told if square > _RESTS_ON**2 * max(sum(size), 1e-300))
+    shares = zip(("gravity", "inertia"), size, strict=True)
+    rests = tuple(name for name, square in shares if square > _RESTS_ON**2 * max(sum(size), 1e-300))
     return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], rests)
 
 
@@ -186,15 +186,15 @@ def _note(robot: Robot, one: Gains) -> Note:
 def _refusal(file: str, robot: Robot, unknown: Sequence[Gains]) -> str:
     """Why the gains of some joints cannot be used."""
     names = ", ".join(one.joint for one in unknown)
-    told = [
+    found = [
         f"kp of {one.joint} is {one.kp:.2g} ± {one.kp_std:.2g} {stiffness_unit(robot, one.joint)}"
         for one in unknown
         if np.isfinite(one.kp)
     ]
     return (
         f"{file}: positions and references only, and neither gravity nor inertia tells the gain kp of {names} in this "
-        f"motion{' (' + ', '.join(told) + ')' if told else ''}: state controller: {{kind: pd, kp: ..., kd: ...}} under "
-        "joints in robot.yaml, in N m/rad and N m s/rad at the joint, or record a faster motion with wide postures. "
-        "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
-        "link, can be judged."
+        f"motion{' (' + ', '.join(found) + ')' if found else ''}: state controller: {{kind: pd, kp: ..., kd: ...}} "
+        "under joints in robot.yaml, in N m/rad and N m s/rad at the joint, or record a faster motion with wide "
+        "postures. Without a gain, only joints that rest under loads of either sign (weight or f. columns), with "
+        "encoder_side: link, can be judged."
     )

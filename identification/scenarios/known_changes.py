@@ -34,7 +34,10 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
         return judgement
     return replace(
         judgement,
-        findings=tuple(_told(finding, judgement, session.robot, own, session.known) for finding in judgement.findings),
+        findings=tuple(
+            _with_catalogue_names(finding, judgement, session.robot, own, session.known)
+            for finding in judgement.findings
+        ),
         bounds=tuple(bound for bound in judgement.bounds if bound.effect not in own),
         not_testable=tuple(entry for entry in judgement.not_testable if entry.effect not in own),
         ledger=tuple(
@@ -48,7 +51,7 @@ def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
     )
 
 
-def _told(
+def _with_catalogue_names(
     finding: Finding,
     judgement: Judgement,
     robot: Robot,

@@ -19,7 +19,7 @@ from identification.words.effect_words import (
 )
 from identification.words.numbers_and_names import NO_BREAK, percent, percent_short_of_all, value_words
 
-UNDECIDED = 0.5  # probability below which a finding is told as undecided
+UNDECIDED = 0.5  # probability below which a finding is called undecided
 
 SURENESS = (
     (0.99, "practically certain"),

@@ -8,7 +8,13 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival,
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
 from identification.words.diagnosis_words import sureness
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, as_told, number, percent_short_of_all, value_words
+from identification.words.numbers_and_names import (
+    NO_BREAK,
+    number,
+    percent_short_of_all,
+    value_words,
+    with_stated_probabilities,
+)
 from identification.words.verdict_words import headline
 
 if TYPE_CHECKING:
@@ -27,7 +33,7 @@ EFFECTS = {
 
 def answer(diagnosis: Diagnosis) -> str:
     """The verdict in few sentences: of the torques where there are any, then of the poses where there are any."""
-    torques = [] if diagnosis.poses_alone else [headline(as_told(diagnosis.of_torques))]
+    torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.of_torques))]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
 
 
@@ -127,8 +133,8 @@ def _gap_sentence(found: GeometryResult) -> str:
         said.append(f"{frame.frame} is off by {size}" if frame.unit == "m" else f"turned by {size}")
     fitted = {one.what for one in found.fitted}
     poses = "the poses of base and target are" if "base" in fitted else "the pose of the target is"
-    told = f"once {poses} fitted" if fitted else "in the robot's root frame"
-    return f"Measured poses: {joined(said)} {told}."
+    condition = f"once {poses} fitted" if fitted else "in the robot's root frame"
+    return f"Measured poses: {joined(said)} {condition}."
 
 
 def _cause_sentences(found: GeometryResult) -> list[str]:
@@ -174,10 +180,10 @@ def _rivals(finding: PoseFinding) -> str:
     """What else explains the same, which these poses do not separate."""
     if not finding.rivals:
         return ""
-    # A set that is told for its new member only reads shorter.
+    # A set of which only the new member is named reads shorter.
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
-    told = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
-    return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(told)}"
+    named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
+    return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
 
 
 def _late_sentences(found: GeometryResult) -> list[str]:

@@ -57,9 +57,9 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
         return [
             f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
         ]
-    told = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
+    has_gain = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
     out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
-    if not told:
+    if not has_gain:
         out.append(
             "Most formulas that fit stretches drawn at random use that; smooth functions of other pairs foresee more."
         )

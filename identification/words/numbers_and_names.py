@@ -76,10 +76,10 @@ def cut_name(name: str, width: int) -> str:
     return name if len(name) <= width else f"{name[: width - 1]}…"
 
 
-def as_told(diagnosis: Diagnosis) -> Diagnosis:
-    """A diagnosis with the probabilities that its words state, see `beside_what_is_left`.
+def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
+    """A diagnosis with the probabilities that texts state, see `beside_what_is_left`.
 
-    Its file keeps the comparison among the effects of the catalogue, whose probabilities sum to one.
+    Its file keeps those of the comparison among the effects of the catalogue, which sum to one.
     """
     findings, minor = (
         tuple(beside_what_is_left(finding, diagnosis.joints) for finding in some)

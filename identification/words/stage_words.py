@@ -63,6 +63,6 @@ def stage_words(now: Announcement) -> str:
     return f"{name} {detail['file']}" if "file" in detail else name
 
 
-def in_words(told: Callable[[str], None]) -> Progress:
+def in_words(say: Callable[[str], None]) -> Progress:
     """Takes announcements and hands on their words, for whoever gave a callback that takes a text."""
-    return lambda now: told(stage_words(now))
+    return lambda now: say(stage_words(now))

@@ -34,14 +34,14 @@ def with_user_words(judgement: Judgement, robot: Robot) -> Judgement:
     def at(place: EffectAt) -> EffectAt:
         return replace(place, words=words(place.effect))
 
-    def told(finding: Finding) -> Finding:
+    def with_words(finding: Finding) -> Finding:
         rivals = tuple(Rival(tuple(map(at, rival.effects)), rival.probability) for rival in finding.rivals)
         return replace(finding, rivals=rivals, words=words(finding.effect))
 
     return replace(
         judgement,
-        findings=tuple(map(told, judgement.findings)),
-        minor=tuple(map(told, judgement.minor)),
+        findings=tuple(map(with_words, judgement.findings)),
+        minor=tuple(map(with_words, judgement.minor)),
         bounds=tuple(replace(bound, words=words(bound.effect)) for bound in judgement.bounds),
         not_testable=tuple(replace(entry, words=words(entry.effect)) for entry in judgement.not_testable),
         ledger=tuple(

@@ -23,7 +23,7 @@ _HEADLINE, _HEADED = 128, 4  # letters of a headline, two lines at 1200 and five
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 _MOVES = 3  # moves within tolerance that a sentence names
-_CARRIED = 0.1  # share of the gap from which on what moves within tolerance carry is told
+_CARRIED = 0.1  # share of the gap from which on moves within tolerance are mentioned
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -103,7 +103,7 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
 
 
 def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
-    """A group with its places; what has less than half of the probability is told as undecided."""
+    """A group with its places; what has less than half of the probability is called undecided."""
     decided = [finding.probability >= UNDECIDED for found in kinds for finding in found]
     return group_name(kinds, diagnosis) + (
         "" if all(decided) else " (in part undecided)" if any(decided) else " (undecided)"

@@ -84,7 +84,7 @@ class ClosedChain:
 
 @dataclass(frozen=True)
 class Constraints:
-    """Pinocchio's constraint models of the anchors, made anew for each trajectory, as they hold working memory."""
+    """Pinocchio's constraint models of the anchors, made for each trajectory, as they hold working memory."""
 
     model: pin.Model
     anchors: tuple[Anchor, ...]

@@ -48,7 +48,7 @@ _KINDS = {
 }
 """What Pinocchio's joints of more than one velocity are called in a message."""
 _GYRATION, _TIMES_SIZE = 1.0, 3.0
-"""Radius of gyration [m], and in lengths of the robot, beyond which an inertia is told to be a placeholder."""
+"""Radius of gyration [m], and in lengths of the robot, beyond which an inertia is called a placeholder."""
 _DRIVE = (
     "gear_ratio",
     "torque_constant",

@@ -179,7 +179,7 @@ def _depth(root: Element) -> int:
 
 
 def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
-    """Refuse a name that is empty, stands twice, is endless or holds control characters, which no terminal shows."""
+    """Refuse a name that is empty, is there twice, is endless or holds control characters, which no terminal shows."""
     seen: set[str] = set()
     for element in elements:
         name = element.get("name")
@@ -259,7 +259,7 @@ def require_finite(root: Element, path: Path) -> None:
 
 
 def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path) -> None:
-    """Refuse an element that stands twice where the parsers take the first or the last without a word."""
+    """Refuse an element that is there twice where the parsers take the first or the last without a word."""
     for tag in tags:
         found = len(parent.findall(tag))
         if found > 1:

@@ -32,7 +32,7 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
 
     Raises:
         RobotError: If a number is none, an axis is zero, friction is negative, limits are swapped, an element that
-            there can be one of stands twice, or a joint mimics one that is not there.
+            there can be one of is there twice, or a joint mimics one that is not there.
     """
     require_names(root.findall("link"), "link", path)
     require_names(root.findall("joint"), "joint", path)

@@ -4,7 +4,7 @@
 Reduced meshes of robots, kept from run to run in the user's cache: to load and reduce them takes a second.
 
 A file is named after all that its content follows from: the robot's file, its meshes, what reads and what reduces them.
-So it is never out of date; what cannot be read, or written, is made anew. Nothing but speed depends on it.
+So it is never out of date; what cannot be read, or written, is computed again. Nothing but speed depends on it.
 """
 
 from __future__ import annotations

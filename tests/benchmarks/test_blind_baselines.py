@@ -1,4 +1,4 @@
-"""The baselines, and the fit that is told the cause: on columns written by hand, and on a pendulum from MuJoCo."""
+"""The baselines, and the fit that is given the true cause: on columns written by hand, and on a pendulum from MuJoCo."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ from benchmarks.blind.baselines.always_coulomb import always_coulomb
 from benchmarks.blind.baselines.answers import timed
 from benchmarks.blind.baselines.independent_bic import bic, independent_bic, select
 from benchmarks.blind.baselines.least_squares import Choice, Row, Task, fit, residual_rms
-from benchmarks.blind.oracle import told
+from benchmarks.blind.oracle import true_set
 from benchmarks.blind.processes import ORACLE, run_case
 from benchmarks.gapbench.baselines import mujoco_sysid as sysid_baseline
 from benchmarks.gapbench.baselines.mujoco_sysid import DELAY, mujoco_sysid, torque_of
@@ -228,7 +228,7 @@ def test_a_search_that_is_told_takes_the_best_shape_and_nothing_else():
     terms = (term(("cogging", "j1"), 6), term(("cogging", "j1"), 12), term(("payload", None), 0))
     search = SimpleNamespace(terms=terms, score=lambda chosen: sum(abs(t.shape - 12) for t in chosen))
     truth = frozenset({("cogging", "j1"), ("backlash", "j2")})
-    assert told(truth)(search, lambda _: None, frozenset()) == {terms[1]}  # pyright: ignore[reportArgumentType]
+    assert true_set(truth)(search, lambda _: None, frozenset()) == {terms[1]}  # pyright: ignore[reportArgumentType]
 
 
 def test_the_oracle_closes_the_gap_of_the_true_effect(sticky, tmp_path):

@@ -159,10 +159,10 @@ def tracked_chain(
     poses: int = 60,
     turned: bool = False,
     noise: float = NOISE,
-    told: tuple[Array, Array] | None = None,
+    root_poses: tuple[Array, Array] | None = None,
     q: Array | None = None,
 ) -> Recording:
-    """Poses of the linkage's frame in the axes of a tracker that stands anywhere, or at told poses of base and target.
+    """Poses of the linkage's frame in the axes of a tracker that stands anywhere, or at given poses of base and target.
 
     Args:
         true: The linkage as it is.
@@ -170,7 +170,7 @@ def tracked_chain(
         poses: Number of them.
         turned: True if orientations are measured.
         noise: Of each coordinate [m]; three times that in radian.
-        told: Pose of the root in the tracker's axes, and of the target on the frame.
+        root_poses: Pose of the root in the tracker's axes, and of the target on the frame.
         q: Readings, where they are not drawn.
     """
     rng, linkage = np.random.default_rng(seed), true.linkage
@@ -178,7 +178,7 @@ def tracked_chain(
     q = middle + span * rng.uniform(-1, 1, (poses, len(middle))) if q is None else q
     tracker = pose(rng.uniform(-3, 3, 3).tolist(), rng.uniform(-2, 2, 3).tolist())
     target = pose(rng.uniform(-0.1, 0.1, 3).tolist(), rng.uniform(-1, 1, 3).tolist())
-    tracker, target = (tracker, target) if told is None else told
+    tracker, target = (tracker, target) if root_poses is None else root_poses
     joints = linkage.robot.joint_names
     seen = [true.frames(dict(zip(joints, map(float, row), strict=True)))[linkage.frame] for row in q]
     out = tracker @ np.array(seen) @ target

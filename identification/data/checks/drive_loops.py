@@ -49,10 +49,12 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
         parts.append(f"nothing below an error of {loop.dead_band:.3g}")
     if loop.hold is not None:
         parts.append(f"a reference every {1e3 * loop.hold:.3g} ms")
-    told = f"loop of {joint}, from its {_COLUMN[loop.output]}: {', '.join(parts)}"
+    described = f"loop of {joint}, from its {_COLUMN[loop.output]}: {', '.join(parts)}"
     if loop.computed:
-        return f"{told}; it follows reference and position to the last digit, so that it was computed, not measured"
-    return f"{told}; {loop.rest:.2g} {unit} rms are left"
+        return (
+            f"{described}; it follows reference and position to the last digit, so that it was computed, not measured"
+        )
+    return f"{described}; {loop.rest:.2g} {unit} rms are left"
 
 
 def check_computed(recording: Recording) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Positions and torques that stand in each other's columns, told by how well a plausible robot explains either order.
+"""Positions and torques in each other's columns, found by how well a plausible robot explains either order.
 
 As with the other readings of `identification.data.checks.certain_faults`, no plausible robot may explain the data as
 they stand, and one has to explain them the other way round. The bars are higher: this reading has motion of its own, so

@@ -289,7 +289,7 @@ def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[
     tolerance = _tolerance(recording, prismatic, noise)
     still = np.ptp(q, axis=0) <= _still_below(recording, prismatic, tolerance)
     for joint in np.array(recording.joint_names)[still]:
-        out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
+        out.append(f"{recording.file}: {joint} never moves, so this recording shows nothing about it.")
     if still.all():
         return tuple(out)
     after = _last_away(q, np.median(q[-20:], axis=0), tolerance) + 1

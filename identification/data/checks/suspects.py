@@ -45,7 +45,7 @@ _NEAR_UNIT = float(np.log(2.5))
 _MATTERS = 0.2
 # Share of gravity from which on the weight is there, if perhaps from elsewhere: torque constants may halve it.
 _FELT = 0.3
-# Logarithm of a gear ratio from which on the sides of a gear can be told apart.
+# Logarithm of a gear ratio from which on the two sides of a gear can be distinguished.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
 _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)

@@ -103,7 +103,7 @@ def _require_unique(path: Path, names: Iterable[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise LogError(
-            f"{path.name}: the column name {shortened(twice[0])} stands there twice: give every column its own name."
+            f"{path.name}: the column name {shortened(twice[0])} is there twice: give every column its own name."
         )
 
 
@@ -166,7 +166,7 @@ def open_parquet(path: Path) -> Any:
     """A Parquet file that holds no more than a file of its size can.
 
     Raises:
-        LogError: If it declares more, a column name stands there twice, or the library is not installed.
+        LogError: If it declares more, a column name is there twice, or the library is not installed.
     """
     if not is_installed("pyarrow"):
         raise LogError(f"{path.name} is Parquet. {missing_library('pyarrow')}")
@@ -188,7 +188,7 @@ def read_parquet(path: Path) -> RawTable:
         Its columns; those that hold no numbers are listed under ``problems``.
 
     Raises:
-        LogError: If a column name stands there twice, or the library for Parquet is not installed.
+        LogError: If a column name is there twice, or the library for Parquet is not installed.
     """
     file = open_parquet(path)
     kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))

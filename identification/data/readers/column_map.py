@@ -287,10 +287,10 @@ def _expanded(
             numbered[key] = {int(number): name for number, name in found.items()}
         else:
             out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
-    told: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     if numbered:
         positions = numbered.get("q") or next(iter(numbered.values()))
-        taken, told = joints_of_numbers(raw, positions, joints)
+        taken, warnings = joints_of_numbers(raw, positions, joints)
         for key, found in numbered.items():
             strange = sorted(set(found) - set(positions))
             if strange:
@@ -303,7 +303,7 @@ def _expanded(
                 f"{key}.{taken[number]}": Source(found[number], factor) for number in sorted(found) if number in taken
             }
     out |= {key: source for key, source in columns.sources.items() if column_of(key) is not None}
-    return out, told
+    return out, warnings
 
 
 def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = None) -> RawTable:
@@ -317,7 +317,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     Raises:
         LogError: If the map names a column that the file does not have, or one that holds no numbers.
     """
-    sources, told = _expanded(columns, raw, joints)
+    sources, number_warnings = _expanded(columns, raw, joints)
     for name in [*(source.name for source in sources.values()), *columns.ignored]:
         if name not in raw.names:
             raise LogError(
@@ -336,7 +336,7 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     if columns.rate is not None:
         out = {"t": _times(raw, columns, columns.rate, out), **out}
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
-    warnings = (*raw.warnings, *told)
+    warnings = (*raw.warnings, *number_warnings)
     table = RawTable(
         raw.file,
         out,

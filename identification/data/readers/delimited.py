@@ -109,9 +109,7 @@ def _require_unique(file: str, names: list[str]) -> None:
         if not name:
             raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
         if name in seen:
-            raise LogError(
-                f"{file}: the column name {shortened(name)} stands there twice: give every column its own name."
-            )
+            raise LogError(f"{file}: the column name {shortened(name)} is there twice: give every column its own name.")
         seen.add(name)
 
 

@@ -1,7 +1,7 @@
 """Which joint each number of a format means: by the names that the file states, else in the robot's order.
 
-UR's RTDE, libfranka, Unitree's LowState and arrays number their joints (``actual_q_0``, ``q[0]``). The order that was
-taken is told in a sentence, as nothing in such a file shows that it is the robot's.
+UR's RTDE, libfranka, Unitree's LowState and arrays number their joints (``actual_q_0``, ``q[0]``). A warning states the
+order that was taken, as nothing in such a file shows that it is the robot's.
 """
 
 from __future__ import annotations

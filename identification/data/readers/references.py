@@ -50,10 +50,10 @@ def with_references(table: RawTable, reference: SentReferences) -> RawTable:
     columns = {name: values[kept] for name, values in table.columns.items()}
     columns |= {name: values[rows] for name, values in reference.columns.items()}
     first = int(np.argmax(kept))
-    told = f"{table.file}: {first} states before the first reference of {reference.source} were left out."
+    warning = f"{table.file}: {first} states before the first reference of {reference.source} were left out."
     return replace(
         table,
         columns=columns,
         place=lambda row: table.place(row + first),
-        warnings=(*table.warnings, told) if first else table.warnings,
+        warnings=(*table.warnings, warning) if first else table.warnings,
     )

@@ -41,7 +41,8 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
     Args:
         names: Columns of the file.
-        joints: Of the robot; columns that are numbered are taken in their order, those beyond the last joint are told.
+        joints: Of the robot; numbered columns are taken in their order, and a comment lists those beyond the
+            last joint.
 
     Returns:
         YAML with one entry a line, none for what has the right name; a position that no column seems to hold has a line

@@ -81,11 +81,11 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
         known: Effects of earlier diagnoses.
     """
     recordings = _in_root(recordings, known)
-    told = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
-    if not told:
+    in_positions = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
+    if not in_positions:
         return recordings
     zeros, compliance = np.zeros(robot.nv), np.zeros(robot.nv)
-    for one in told:
+    for one in in_positions:
         (zeros if one.effect == ZERO else compliance)[robot.joint_names.index(str(one.joint))] += one.theta[0]
 
     def links(recording: Recording) -> Recording:

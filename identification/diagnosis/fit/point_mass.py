@@ -17,7 +17,7 @@ from phantom_dyn.model.robot import Robot
 
 STEPS = 8
 """Steps from one estimate to the next at most."""
-# Relative change of the estimate below which it is settled.
+# Relative change of the estimate below which it has converged.
 _SETTLED = 3e-3
 # A point has no inertia about its centre.
 _POINT = np.zeros(6)

@@ -53,7 +53,7 @@ from phantom_dyn.array_types import Array, Float
 _FEW = 0.01
 
 
-def judged(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
+def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session

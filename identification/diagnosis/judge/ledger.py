@@ -81,9 +81,9 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
             continue
         if place in near:
             # What the search has decided beside other effects is asked once more beside the final ones.
-            anew, others = _asked_anew(search, shown.beside, near[place])
-            if not anew[-1].passed or failed is None:
-                gates[place], instead[place] = anew, others
+            again, others = _asked_again(search, shown.beside, near[place])
+            if not again[-1].passed or failed is None:
+                gates[place], instead[place] = again, others
     terms = {place: near[place].term for place in gates if place in near}
     terms |= {term.place: term for term in shown.beside if term.place in gates}
     terms |= {term.place: term for term in shown.named}
@@ -132,7 +132,7 @@ def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
     return out
 
 
-def _asked_anew(
+def _asked_again(
     search: Search, found: frozenset[Term], near: _Nearness
 ) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
     """What the gates of the search say of an effect beside a set; and what of the set it could stand for, if it fails.

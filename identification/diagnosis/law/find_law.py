@@ -29,7 +29,7 @@ from identification.diagnosis.law.formula_search import (
     columns_of,
     cross_validated,
     search_formula,
-    settled,
+    with_held_moves,
     without_law,
 )
 from identification.diagnosis.law.rest import Rest, rest_of
@@ -74,11 +74,11 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
     bare = rest
     columns = columns_of(rest, memory=False)
     before = without_law(rest, columns)
-    rest, columns = settled(rest, columns)
+    rest, columns = with_held_moves(rest, columns)
     gains = input_gains(rest)
     if gains.frequency is not None:
         # Answers with memory mimic much that has none, so that they come in only where nothing else does it.
-        rest, columns = settled(bare, columns_of(bare))
+        rest, columns = with_held_moves(bare, columns_of(bare))
     choice = search_formula(rest, columns, before)
     judged = _judged(rest)
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
@@ -90,12 +90,12 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
         terms = _terms(rest, columns, choice)
         law = _law(rest, choice, terms, joints)
     inputs = law.inputs if law is not None else (gains.frequency,) if mimics and gains.frequency else ()
-    inputs = inputs or _voted(rest, choice, gains.told)
+    inputs = inputs or _voted(rest, choice, gains.listed)
     dependence = Dependence(
         joint=rest.joint,
         unit=rest.unit,
         inputs=inputs,
-        gains=gains.told,
+        gains=gains.listed,
         curves=input_curves(rest, inputs),
         answers=frequency_answers(rest, inputs),
         terms=terms,
@@ -160,7 +160,7 @@ def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[J
     named = frozenset().union(*(library[k].inputs for k in choice.chosen))
     inputs = rest.named(named)
     first = {library[k].texts[0]: library[k].kind for k in choice.chosen}
-    told = {first[term.term]: term.coefficient for term in terms if term.term in first}
+    coefficients = {first[term.term]: term.coefficient for term in terms if term.term in first}
     closed, interval = _share_of_gap(rest, choice, joints)
     return Law(
         joint=rest.joint,
@@ -169,7 +169,7 @@ def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[J
         gap_closed=closed,
         gap_closed_interval=interval,
         valid=rest.ranges(inputs),
-        like=looks_like(told.keys(), told.values()),
+        like=looks_like(coefficients.keys(), coefficients.values()),
     )
 
 

@@ -92,7 +92,7 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
     return LibraryColumns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
 
 
-def settled(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
+def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
     """The same with moves that end at their bounds beside the best choice held there.
 
     All other fits of a law take the rest of the moves as free within a prior, and are products and solutions. A term

@@ -35,7 +35,7 @@ _PLACES = 7  # of a table over one input
 _RIDGE = 3e-3  # of the samples at a place
 _DRAWS = 60  # orders of the blocks
 _CHANCE = 0.95  # quantile over them of the largest gain
-_PAIRS = 6  # that are told
+_PAIRS = 6  # that are listed
 _CURVE = 25  # places of a curve
 _CLEARLY = 0.03  # of the squares of the rest that an answer with memory has to foresee beyond everything without
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
@@ -67,14 +67,14 @@ class Gains:
     """Held-out gains of inputs and pairs.
 
     Attributes:
-        told: What is said of them, the largest first.
+        listed: Those that the report lists, the largest first.
         frequency: Name of the frequency that foresees the rest clearly better than every function without memory, None
             where there is none.
         left: Squares that its answer leaves of each block, ``(B,)``; without one, nothing is known and it is infinite.
         judged: Blocks that count.
     """
 
-    told: tuple[InputGain, ...]
+    listed: tuple[InputGain, ...]
     frequency: str | None
     left: Float[Array, " B"]
     judged: Array
@@ -111,12 +111,12 @@ def input_gains(rest: Rest) -> Gains:
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
     judged = np.flatnonzero(rest.folds < 0) if (rest.folds < 0).any() else np.arange(len(rest.folds))
-    told = []
+    listed = []
     for names, gain in (*single.items(), *((names, pairs[names]) for names in best), *dynamic.items()):
         share, interval = _shares(gain[:, 0], plain[:, 0], judged)
-        told.append(InputGain(names, share, interval, chance))
-    told.sort(key=lambda one: -one.gain)
-    first = next((one for one in told if one.inputs in dynamic), None)
+        listed.append(InputGain(names, share, interval, chance))
+    listed.sort(key=lambda one: -one.gain)
+    first = next((one for one in listed if one.inputs in dynamic), None)
     frequency, left = None, np.full(len(rest.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
         own = dynamic[first.inputs][:, 0]
@@ -124,7 +124,7 @@ def input_gains(rest: Rest) -> Gains:
         best_still = max((gain[:, 0] for gain in still), key=lambda gain: gain[judged].sum())
         if _clearly(own - best_still, judged, plain[judged, 0].sum()):
             frequency, left = first.inputs[0], plain[:, 0] - own
-    return Gains(tuple(told), frequency, left, judged)
+    return Gains(tuple(listed), frequency, left, judged)
 
 
 def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:

@@ -320,7 +320,7 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
     )
 
 
-def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with findings replaced by the rivals that have to lead, see `Standing`.
 
     The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name. Where

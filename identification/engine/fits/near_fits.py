@@ -18,7 +18,7 @@ from identification.engine.fits.projection import gains_within
 from identification.engine.fits.solved_set import End, SolvedSet, marked, quadratic
 from identification.engine.numerics.held_minimum import answers_among
 from identification.engine.numerics.tableau import tableau
-from identification.engine.numerics.tableau_changes import Settled, changed
+from identification.engine.numerics.tableau_changes import ChangedMinimum, changed
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Float, Int
 
@@ -96,11 +96,11 @@ class NearFits:
 
     def _coefficients(
         self, active: Int[Array, " k"], *, held_out: bool
-    ) -> tuple[SolvedSet, list[Settled], Float[Array, "G v"]]:
+    ) -> tuple[SolvedSet, list[ChangedMinimum], Float[Array, "G v"]]:
         """The set that a fit is computed from, its minima (see `_minima`), and their coefficients."""
         problem, solved = self.problem, self._nearest(active)
         found = self._minima(solved, active, held_out=held_out)
-        if not all(one.settled for one in found):
+        if not all(one.converged for one in found):
             # Rounding of what is far from it is too large.
             solved = self._solve(active)
             found = self._minima(solved, active, held_out=held_out)
@@ -110,7 +110,7 @@ class NearFits:
         self._keep(End(self._bits(active), index, x, marked(index, count), marked(index[at_bound], count)))
         return solved, found, x
 
-    def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[Settled]:
+    def _minima(self, solved: SolvedSet, active: Int[Array, " k"], *, held_out: bool) -> list[ChangedMinimum]:
         """Fits of some columns from a solved set: if they are held out without each fold first, and that of all."""
         new, gone, index = solved.changes(active)
         bounds = self.problem.lower[index], self.problem.upper[index]
@@ -143,7 +143,7 @@ class NearFits:
         """How much further columns lower the loss in sample, to second order, with those at a bound held there."""
         problem, solved = self.problem, self._nearest(active)
         (found,) = self._minima(solved, active, held_out=False)
-        if not found.settled:
+        if not found.converged:
             solved = self._solve(active)
             (found,) = self._minima(solved, active, held_out=False)
         new, _, _ = solved.changes(active)
@@ -191,7 +191,7 @@ class _Beside:
         wanted: The columns, in order.
     """
 
-    def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: Settled, wanted: Int[Array, " w"]):
+    def __init__(self, solved: SolvedSet, new: Int[Array, " m"], found: ChangedMinimum, wanted: Int[Array, " w"]):
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
         cross, answer, slope, self._scale = solved.pieces(wanted)
         entered = solved.entering(new)

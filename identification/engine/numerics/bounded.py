@@ -140,10 +140,10 @@ def _minima(
                 else:
                     _go_to_first_bound(outside, trial, end, fixed, x)
                 continue
-            settled = descending and reached >= last  # but for rounding
+            converged = descending and reached >= last  # but for rounding
             most = _release(matrices, gradient, trial, lower, upper, fixed)
             _hold(outside, end, fixed, x)
-            if left == 0 and (settled or most < 0):
+            if left == 0 and (converged or most < 0):
                 break
             if descending:
                 least, last = reached, reached

@@ -88,7 +88,7 @@ def refined(one: Tableau, more: Entering, held: Array, found: HeldMinimum) -> tu
     for j in range(v - n):
         for i in range(n):
             b[n + j] += more.cross[j, i] * one.x[i]
-    total, settled, last = 0.0, False, np.inf
+    total, converged, last = 0.0, False, np.inf
     for _ in range(_CORRECTED):
         slope = _slope(one, more, x, b)
         for i in range(v):
@@ -101,14 +101,14 @@ def refined(one: Tableau, more: Entering, held: Array, found: HeldMinimum) -> tu
             lowered += slope[i] * step[i]
             x[i] += step[i]
         total, gained = total + lowered, abs(lowered)
-        settled = gained <= _SMALL
-        if settled or gained > last:
+        converged = gained <= _SMALL
+        if converged or gained > last:
             break
         last = gained
     for i in range(v):
         if not held[i]:
             slope[i] = 0.0
-    return HeldMinimum(x, slope, found.places, found.action, found.flipped), total, settled
+    return HeldMinimum(x, slope, found.places, found.action, found.flipped), total, converged
 
 
 @fused

@@ -23,14 +23,14 @@ _WRONG = 1e-9
 
 
 @dataclass(frozen=True)
-class Settled:
+class ChangedMinimum:
     """The minimum of a changed problem.
 
     Attributes:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Of the loss by each, zero where it is free, ``(n + m,)``.
         value: ``x a x - 2 b x`` of the changed problem.
-        settled: False where rounding is too large for this, or steps were not enough: it has to be solved as a whole.
+        converged: False where rounding is too large for this, or steps were not enough: it has to be solved as a whole.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
         action: What makes the change: unknowns, those that are flipped first and then those that are held elsewhere,
             and a force on each that was free or a shift of each that was held.
@@ -39,7 +39,7 @@ class Settled:
     x: Float[Array, " v"]
     slope: Float[Array, " v"]
     value: float
-    settled: bool
+    converged: bool
     flipped: Int[Array, " k"]
     action: tuple[Int[Array, " d"], Float[Array, " d"]]
 
@@ -50,7 +50,7 @@ def changed(
     leaving: Int[Array, " l"],
     bounds: tuple[Float[Array, " v"], Float[Array, " v"]],
     near: Float[Array, " v"],
-) -> Settled:
+) -> ChangedMinimum:
     """Minimum with unknowns that enter and without some that are there.
 
     Args:
@@ -63,8 +63,8 @@ def changed(
     """
     # One form of arrays, as a function is compiled once more for every other one.
     ends = np.stack([*bounds, near])
-    x, slope, value, settled, places, action, flipped = _changed(solved, entering, leaving, ends)
-    return Settled(x, slope, value, settled, places[:flipped], (places, action))
+    x, slope, value, converged, places, action, flipped = _changed(solved, entering, leaving, ends)
+    return ChangedMinimum(x, slope, value, converged, places[:flipped], (places, action))
 
 
 class _Held(NamedTuple):
@@ -94,20 +94,20 @@ def _changed(one: Tableau, more: Entering, leaving: Array, ends: Array) -> tuple
         bounds.gone[place] = True
     held, value = np.empty(v, dtype=np.bool_), np.empty(v)
     _begin(one, bounds, ends[2] / unit, held, value)
-    found, total, settled, done = _at_once(one, more, held, value, bounds)
+    found, total, converged, done = _at_once(one, more, held, value, bounds)
     if not done and not np.isnan(ends[2]).all():
         # Sets that are as similar may bind elsewhere: the solved problem is often nearer than the nearest of them.
         _begin(one, bounds, np.full(v, np.nan), held, value)
-        found, total, settled, done = _at_once(one, more, held, value, bounds)
+        found, total, converged, done = _at_once(one, more, held, value, bounds)
     if not done:
         _begin(one, bounds, ends[2] / unit, held, value)
-        found, total, settled = _step_by_step(one, more, held, value, bounds)
+        found, total, converged = _step_by_step(one, more, held, value, bounds)
     x, slope = np.zeros(v), found.slope / unit
     for i in range(v):
         if not bounds.gone[i]:
             low, high = found.x[i] <= bounds.low[i], found.x[i] >= bounds.high[i]
             x[i] = ends[0, i] if low else ends[1, i] if high else found.x[i] * unit[i]
-    return x, slope, total, settled, found.places, found.action, found.flipped
+    return x, slope, total, converged, found.places, found.action, found.flipped
 
 
 @fused
@@ -125,7 +125,7 @@ def _begin(one: Tableau, bounds: _Held, near: Array, held: Array, value: Array) 
 
 @fused
 def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _Held) -> tuple:
-    """Minimum by exchanging all that is amiss at once, its value, if it is settled, and if this went not astray."""
+    """Minimum by exchanging all that is amiss at once, its value, if it is converged, and if this went not astray."""
     v = len(held)
     fewest, tries = v + 1, _TRIES
     amiss, outside = np.empty(v, dtype=np.bool_), np.empty(v, dtype=np.bool_)
@@ -133,9 +133,9 @@ def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _H
     while True:
         count = _amiss(found.x, found.slope, held, bounds, amiss, outside)
         if count == 0:
-            # What is settled has to be so beyond rounding.
-            found, total, settled = refined(one, more, held, found)
-            if not settled:
+            # What is converged has to be so beyond rounding.
+            found, total, converged = refined(one, more, held, found)
+            if not converged:
                 return found, total, False, True
             count = _amiss(found.x, found.slope, held, bounds, amiss, outside)
             if count == 0:
@@ -178,12 +178,12 @@ def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _
         _end(found.x, bounds, x)
         worst = _most_pulled(x, found.slope, held, bounds)
         if worst < 0:
-            # What is settled has to be so beyond rounding.
-            found, total, settled = refined(one, more, held, found)
+            # What is converged has to be so beyond rounding.
+            found, total, converged = refined(one, more, held, found)
             _end(found.x, bounds, x)
             worst = _most_pulled(x, found.slope, held, bounds)
-            if not settled or worst < 0:
-                return found, total, settled
+            if not converged or worst < 0:
+                return found, total, converged
         all_at_once = held.copy()
         for i in range(v):
             all_at_once[i] = held[i] and not _pulls(x[i], found.slope[i], bounds, i)

@@ -1,7 +1,7 @@
 """Search for the few columns that explain a residual: a beam over sets, each column at the price of chance.
 
 Nuisances have been taken out of residual and columns, so that a fit of any set is a small system of products. Where the
-columns depend on what was found, `until_settled` takes them anew and searches again.
+columns depend on what was found, `until_same_set` takes them again at each set and searches again.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MOST = 20
 _PATIENCE = 2  # columns that a set may cost before it pays
 _TIE = 1e-8  # of all squares: twins differ by less, through rounding
 _APART = 1e-9  # least eigenvalue of products of columns of size one: less are combinations of each other
-_ROUNDS = 5  # of taking columns anew
+_ROUNDS = 5  # of taking columns again
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
     return out
 
 
-def until_settled(
-    state: State, search: Callable[[State, int], tuple[State, Chosen]], anew: Callable[[State, Chosen], State]
+def until_same_set(
+    state: State, search: Callable[[State, int], tuple[State, Chosen]], retake: Callable[[State, Chosen], State]
 ) -> tuple[State, Chosen]:
     """The set of columns that a search finds again where the columns are taken at what it has found.
 
@@ -161,7 +161,7 @@ def until_settled(
     Args:
         state: Where the columns are taken first.
         search: The state with what it needs for a search, and the set found, from the number of earlier rounds.
-        anew: The state where columns are taken at the fit of a set.
+        retake: The state with columns taken at the fit of a set.
     """
     chosen: Chosen = ()
     tried: list[Chosen] = []
@@ -171,5 +171,5 @@ def until_settled(
             break
         chosen = now
         tried.append(now)
-        state = anew(state, chosen)
+        state = retake(state, chosen)
     return state, chosen

@@ -368,12 +368,12 @@ def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None
     # A number is a list of one: so one wave was written once, and so one writes it by hand.
     lengths = {name: len(value) if isinstance(value, list) else 1 for name, value in values.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
-        told = ", ".join(
+        found = ", ".join(
             f"{name} {f'{lengths[name]} numbers' if isinstance(value, list) else 'one number'}"
             for name, value in values.items()
         )
         raise ParameterError(
-            f"{file}: {entry.effect} has {told}, wanted lists of one length, an entry for each wave: correct them."
+            f"{file}: {entry.effect} has {found}, wanted lists of one length, an entry for each wave: correct them."
         )
 
 

@@ -2,7 +2,7 @@
 """``corrected.xml`` and how it was checked: the given MJCF with the findings, or one that is made from the model.
 
 One is made where the robot's file is a URDF, and where the given MJCF says something by which the findings would have
-another meaning; the reason is told.
+another meaning; a note gives the reason.
 """
 
 from __future__ import annotations

@@ -110,12 +110,12 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
         found: What measured poses say; None where there are none.
         known: Effects that belong to the given model already.
     """
-    told = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
-    joints = dict.fromkeys(str(joint) for effect, joint in told if effect == ELASTIC)
+    places = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
+    joints = dict.fromkeys(str(joint) for effect, joint in places if effect == ELASTIC)
     out: list[tuple[str, tuple[str, ...]]] = [("elasticity", tuple(joints))] if joints else []
-    if any(effect == BASE_POSE for effect, _ in told):
+    if any(effect == BASE_POSE for effect, _ in places):
         out.append(("base", ()))
-    frames = dict.fromkeys(str(joint) for effect, joint in told if effect == TOOL_POSE)
+    frames = dict.fromkeys(str(joint) for effect, joint in places if effect == TOOL_POSE)
     if frames:
         out.append(("tool", tuple(frames)))
     numbers = ({"files": _FILES, "quantity": quantity, "names": names} for quantity, names in out)

@@ -41,7 +41,7 @@ def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, 
         ParameterError: If a body weighs nothing or less.
     """
     model = robot.model.copy()
-    told = []
+    notes = []
     for body in range(1, model.njoints):
         standard = model.inertias[body].toDynamicParameters()
         mass, _, inertia = central_parameters(standard)
@@ -56,8 +56,8 @@ def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, 
         found, distance = nearest_possible(standard, _length(reference, pseudo_inertia(standard)))
         model.inertias[body] = pin.Inertia.FromDynamicParameters(found)
         numbers = {"body": name, "distance": distance, "mass": float(found[0]), "found": float(mass)}
-        told.append(Note(Code.NEAREST_BODY, None, numbers))
-    return (replace(robot, model=model), tuple(told)) if told else (robot, ())
+        notes.append(Note(Code.NEAREST_BODY, None, numbers))
+    return (replace(robot, model=model), tuple(notes)) if notes else (robot, ())
 
 
 def nearest_possible(standard: Float[Array, " 10"], length: float) -> tuple[Float[Array, " 10"], float]:

@@ -207,8 +207,8 @@ def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ..
     for kind, values in numbers_of(corrected).items():
         there = {joint: value for joint, value in values.items() if value}
         if there and kind not in simulator.fields:
-            told = ", ".join(f"{joint} {value:.4g}" for joint, value in there.items())
-            out.append(f"{simulator.name} has no place for {kind}: {told}.")
+            listed = ", ".join(f"{joint} {value:.4g}" for joint, value in there.items())
+            out.append(f"{simulator.name} has no place for {kind}: {listed}.")
     for effect in corrected.others:
         words = effect_named(effect.effect, corrected.given).words
         kept = f"it has, {words.kept}" if words.kept else "it is left out"

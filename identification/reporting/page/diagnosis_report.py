@@ -40,7 +40,7 @@ from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.notes_on_motion import followed_words
-from identification.words.numbers_and_names import as_told, percent_short_of_all
+from identification.words.numbers_and_names import percent_short_of_all, with_stated_probabilities
 from identification.words.verdict_words import (
     headline,
     hidden_words,
@@ -142,7 +142,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
 
     poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
     badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
-    diagnosis = as_told(diagnosis.of_torques)
+    diagnosis = with_stated_probabilities(diagnosis.of_torques)
     diagnosis = replace(diagnosis, evidence=diagnosis.evidence.drawn)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")

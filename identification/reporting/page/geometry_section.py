@@ -29,7 +29,7 @@ class PosesView:
         sentences: What they say.
         findings: Cause, size, share, certainty and what else explains it, a row each.
         frames: Gap of each frame: given, corrected, noise.
-        fitted: Poses that are not told.
+        fitted: Poses that the recordings do not give.
         bounds: What would have been seen.
         not_testable: What these poses cannot show, those of one reason together.
         chart: Errors of the poses before and after.

@@ -259,7 +259,7 @@ def write_outputs(
         json_file: Another place for the JSON. None: nowhere.
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
-        tell: Is told in a sentence each which files could not be written, and what model files do not hold.
+        tell: Called with a sentence for each file that could not be written, and for what model files do not hold.
         completed: Adds what is to be recorded next, asked when the models are made; by default nothing.
 
     Returns:

@@ -64,8 +64,8 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema not in (SCHEMA, *OLDER):
-        told = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
-        raise LogError(f"{path} {told}, wanted {SCHEMA}: diagnose the recording again with this version.")
+        found = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
+        raise LogError(f"{path} {found}, wanted {SCHEMA}: diagnose the recording again with this version.")
     try:
         require_document(content)
         return _diagnosis(content)

@@ -112,7 +112,7 @@ class UnseenPart(_Part, frozen=True):
 
 
 class FittedPart(_Part, frozen=True):
-    """A pose that is not told, and fitted."""
+    """A pose that was fitted, as the recordings do not give it."""
 
     what: str
     file: str

@@ -83,7 +83,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], ways[row]))
     gaps = tuple(_gap(robot, row, every[row], ways.get(row)) for row in range(robot.nv))
     rest = _unexplained(robot, every, ways)
-    warnings = [note for row in rows for note in _told(robot, row, every[row], ways[row])]
+    warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], ways[row])]
     found = Diagnosis(
         verdict=_verdict(ways, findings, rest),
         robot=robot.name,
@@ -170,7 +170,7 @@ def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
     return {"stiffness": Value(1.0 / value, std / value**2, unit)}
 
 
-def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Note]:
+def _rest_notes(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Note]:
     """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
     load = np.abs(stills.middles(stills.load))

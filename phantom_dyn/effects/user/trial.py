@@ -308,7 +308,7 @@ def _moment(operation: Operation, sample: int) -> Moment:
 
 
 def _asked(origin: str, method: str, call: Callable[[], R]) -> R:
-    """What a method of the author gives; an error in it is told with the method."""
+    """What a method of the author gives; an error in it names the method."""
     try:
         return call()
     except PhantomDynError as error:

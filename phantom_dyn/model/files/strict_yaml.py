@@ -25,7 +25,7 @@ def load_yaml(text: str) -> Any:
     """The plain values of a YAML text: mappings, lists, texts, numbers, true and false, None.
 
     Raises:
-        yaml.YAMLError: If it is broken, or no plain values; where it can be told, with its place.
+        yaml.YAMLError: If it is broken, or holds other than plain values; with the place where that is known.
     """
     # _Loader derives from SafeLoader: it builds plain values only.
     return yaml.load(text, Loader=_Loader)

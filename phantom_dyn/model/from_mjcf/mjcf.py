@@ -46,7 +46,7 @@ def check_mjcf(root: Element, path: Path) -> None:
     """Refuse names and numbers that MuJoCo takes, or refuses without a place; keyframes and contacts are not looked at.
 
     Raises:
-        RobotError: If a name stands twice or is empty, or a number is impossible.
+        RobotError: If a name is there twice or is empty, or a number is impossible.
     """
     require_names(root.iter("body"), "body", path)
     require_names((joint for body in root.iter("body") for joint in body.findall("joint")), "joint", path)

@@ -41,7 +41,7 @@ def test_a_clean_log_is_said_to_be_so(log, capsys):
 
 def test_without_a_robot_it_says_that_less_is_checked(log, capsys):
     assert main(["check", str(log)]) == 0
-    assert "nothing is wrong with it, as far as can be told without a robot" in capsys.readouterr().out
+    assert "nothing is wrong with it, as far as can be seen without a robot" in capsys.readouterr().out
 
 
 def test_warnings_are_printed_and_the_job_is_done(log, capsys):

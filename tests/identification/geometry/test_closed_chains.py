@@ -45,7 +45,9 @@ def tracked(name: str, seed: int, *, zeros: Mapping[str, float] | None = None, m
     for joint, shift in moves:
         text = moved_joint(text, joint, shift)
     compliance = how.pop("compliance", {})
-    return tracked_chain(TrueChain(LINKAGES[name], text, zeros or {}, compliance), seed, **({"told": AT_ROOT} | how))
+    return tracked_chain(
+        TrueChain(LINKAGES[name], text, zeros or {}, compliance), seed, **({"root_poses": AT_ROOT} | how)
+    )
 
 
 def judged(name: str, recording: Recording) -> GeometryResult:
@@ -54,7 +56,7 @@ def judged(name: str, recording: Recording) -> GeometryResult:
     return result
 
 
-def told(result: GeometryResult) -> set[tuple[str, str | None, str]]:
+def numbers_found(result: GeometryResult) -> set[tuple[str, str | None, str]]:
     """All numbers that are named, or listed as a rival."""
     named = {(f.effect, f.joint, name) for f in result.findings for name in f.parameters}
     rivals = (place for f in result.findings for rival in f.rivals for place in rival.places)
@@ -77,7 +79,7 @@ def test_a_link_length_is_found_within_two_tenths_of_a_millimetre(name, moved, j
     shift = 0.002 * np.eye(3)["xyz".index(axis)]
     result = judged(name, tracked(name, 201, moves=[(moved, shift)]))
     (finding,) = result.findings
-    assert ("link_geometry", joint, axis) in told(result)
+    assert ("link_geometry", joint, axis) in numbers_found(result)
     if finding.joint == joint:
         assert finding.parameters[axis].value == pytest.approx(0.002, abs=2e-4)
     assert result.frames[0].rms_after == pytest.approx(np.sqrt(3) * 1e-4, rel=0.2)
@@ -86,7 +88,7 @@ def test_a_link_length_is_found_within_two_tenths_of_a_millimetre(name, moved, j
 @pytest.mark.parametrize("name", list(LINKAGES))
 @pytest.mark.parametrize("seed", [210, 211, 212])
 def test_a_linkage_that_is_right_is_not_blamed(name, seed):
-    how = {"poses": 20 + 20 * (seed % 3), "turned": bool(seed % 2)} | ({} if seed % 3 else {"told": None})
+    how = {"poses": 20 + 20 * (seed % 3), "turned": bool(seed % 2)} | ({} if seed % 3 else {"root_poses": None})
     result = judged(name, tracked(name, seed, **how))
     assert (result.verdict, result.findings, result.minor) == ("no_gap", (), ())
 
@@ -102,13 +104,16 @@ def test_the_stiffness_of_an_active_joint_is_found_through_the_parallelogram():
 def test_two_sides_of_a_parallelogram_that_are_the_same_are_one_of():
     # The forearm stays parallel to the crank: a longer arm of the one is a shorter one of the other.
     result = judged("phantom", tracked("phantom", 221, moves=[("crank", (0, 0.0005, 0))]))
-    assert told(result) == {("link_geometry", "crank", "y"), ("link_geometry", "forearm_to_parallel_link", "y")}
+    assert numbers_found(result) == {
+        ("link_geometry", "crank", "y"),
+        ("link_geometry", "forearm_to_parallel_link", "y"),
+    }
 
 
 def test_of_two_places_that_fit_alike_both_are_told_and_none_as_too_small():
     # In these twenty poses another place fits better by less than a tenth of a square, in nearly all draws of blocks.
-    result = judged("cea", tracked("cea", 100_008, moves=[("q8", (0.0026535557, 0, 0))], poses=20, told=None))
-    assert ("link_geometry", "pin3", "x") in told(result)
+    result = judged("cea", tracked("cea", 100_008, moves=[("q8", (0.0026535557, 0, 0))], poses=20, root_poses=None))
+    assert ("link_geometry", "pin3", "x") in numbers_found(result)
     (finding,) = result.findings
     assert finding.probability == pytest.approx(0.5, abs=0.1)
     silent = {(one.joint, one.parameter): one.why for one in result.not_testable}
@@ -129,11 +134,11 @@ def test_a_frame_on_a_passive_link_and_one_on_the_other_side_are_judged_together
     linkage = LINKAGES["fivebar"]
     there = tracked("fivebar", 223, moves=[("right_to_pin", (0, 0, 0.002))])
     text = moved_joint(linkage.text, "right_to_pin", (0, 0, 0.002))
-    other = tracked_chain(TrueChain(replace(linkage, frame="right_forearm"), text), 223, told=AT_ROOT)
+    other = tracked_chain(TrueChain(replace(linkage, frame="right_forearm"), text), 223, root_poses=AT_ROOT)
     both = replace(there, positions=there.positions | other.positions)
     result = judged("fivebar", both)
     assert {one.frame for one in result.frames} == {"tip", "right_forearm"}
-    assert ("link_geometry", "right_pin", "z") in told(result)
+    assert ("link_geometry", "right_pin", "z") in numbers_found(result)
 
 
 def test_a_motion_that_is_stamped_late_is_told_and_its_length_found():
@@ -145,13 +150,13 @@ def test_a_motion_that_is_stamped_late_is_told_and_its_length_found():
     result = judged("fivebar", replace(found, t=t, q=q))
     (lateness,) = result.delays
     assert lateness.delay == pytest.approx(late, abs=2e-3)
-    assert ("link_geometry", "right_pin", "z") in told(result)
+    assert ("link_geometry", "right_pin", "z") in numbers_found(result)
 
 
 @pytest.mark.parametrize("tool", [(0, 0, 0.01), (0.004, 0, 0)])
 def test_known_places_zeros_and_targets_leave_nothing(tool):
     zeros, moves = {"crank": 0.004}, [("rocker_to_pin", (0, 0, 0.002))]
-    recording = tracked("fourbar", 225, zeros=zeros, moves=moves, told=(np.eye(4), pose(tool, (0, 0, 0))))
+    recording = tracked("fourbar", 225, zeros=zeros, moves=moves, root_poses=(np.eye(4), pose(tool, (0, 0, 0))))
     known = (
         KnownEffect("encoder_offset", "crank", (0.004,)),
         KnownEffect("link_geometry", "rocker_pin", (0, 0, 0.002, 0, 0, 0)),
@@ -166,7 +171,7 @@ def test_known_places_zeros_and_targets_leave_nothing(tool):
 
 def test_a_shift_across_the_plane_is_found_though_the_loop_stays_open():
     result = judged("fivebar", tracked("fivebar", 226, moves=[("to_tip", (0, 0.003, 0))]))
-    assert ("tool_pose", "tip", "y") in told(result)
+    assert ("tool_pose", "tip", "y") in numbers_found(result)
 
 
 def test_a_file_of_a_linkage_is_written_that_closes_and_has_its_tip_in_place(tmp_path, rng):
@@ -222,7 +227,7 @@ def test_loops_that_would_not_close_are_left_out_of_the_urdf_and_told(tmp_path, 
     # A tilt across the plane, which a solver of closed loops refuses.
     text = moved_joint(LINKAGES["fourbar"].text, "coupler", (0, 0, 0), (0.004, 0, 0))
     linkage = replace(LINKAGES["fourbar"], frame="coupler_pin")
-    recording = tracked_chain(TrueChain(linkage, text), 232, told=AT_ROOT, turned=False, noise=1e-5)
+    recording = tracked_chain(TrueChain(linkage, text), 232, root_poses=AT_ROOT, turned=False, noise=1e-5)
     out = _diagnosed(recording, tmp_path, "fourbar")
     found = json.loads((out / "diagnosis.json").read_text())["findings"]
     assert any(one["effect"] == "link_geometry" for one in found)
@@ -270,7 +275,7 @@ def moving(lab, trusted):
         if wrong == "friction":
             driven = replace(robot, viscous_friction=robot.viscous_friction + np.array([0.2, 0.0]))
         recording = lab.recording(driven, motion)
-        poses = tracked_chain(TrueChain(linkage, text), 240, told=AT_ROOT, q=motion.q[rows])
+        poses = tracked_chain(TrueChain(linkage, text), 240, root_poses=AT_ROOT, q=motion.q[rows])
         rest = replace(recording, positions={}, file="torques.csv")
         return diagnose(robot, (rest, replace(poses, file="poses.csv")))
 
@@ -281,7 +286,7 @@ def test_a_wrong_length_is_no_finding_of_torques(moving):
     found = moving("length")
     assert [one.effect for one in found.findings] == []
     assert found.geometry is not None
-    assert ("link_geometry", "right_pin", "z") in told(found.geometry)
+    assert ("link_geometry", "right_pin", "z") in numbers_found(found.geometry)
 
 
 def test_friction_is_no_finding_of_poses(moving):

@@ -49,7 +49,7 @@ class Recorded:
             return under_torque(shot, model, torque[model], nudge)
 
         def settle(shot, model):
-            return shot.settled(model, torque[model]) if hides(model) else shot
+            return shot.with_hidden_start(model, torque[model]) if hides(model) else shot
 
         pair = given, corrected
         shoot = under_control if controlled else open_loop

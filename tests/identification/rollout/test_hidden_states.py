@@ -79,7 +79,7 @@ def test_a_link_in_its_play_is_found(in_play):
     torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
     errors = []
     for shot in in_play.shots():
-        begun = shot.settled(model, torque).begun
+        begun = shot.with_hidden_start(model, torque).begun
         errors.append(abs(begun.start.q - in_play.truth.links.q[begun.at])[1])
     # Of 15 mrad to either side.
     assert np.median(errors) < 1e-3
@@ -122,7 +122,7 @@ def test_no_sample_behind_the_start_is_used(in_play):
     raw[shot.window.start + 1 :] += 1.0
     late[shot.window.start + 1 :] += 10.0
     other = replace(shot, states=replace(shot.states, raw=raw))
-    ours, theirs = shot.settled(model, torque).begun.start, other.settled(model, late).begun.start
+    ours, theirs = shot.with_hidden_start(model, torque).begun.start, other.with_hidden_start(model, late).begun.start
     np.testing.assert_array_equal(ours.q, theirs.q)
     np.testing.assert_array_equal(ours.motor_v, theirs.motor_v)
 
@@ -132,7 +132,7 @@ def test_without_samples_before_a_window_the_smoothed_state_is_taken(in_play):
     torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
     shot = in_play.shots()[3]
     bare = replace(shot, window=replace(shot.window, lead=0))
-    begun = bare.settled(model, torque).begun
+    begun = bare.with_hidden_start(model, torque).begun
     assert begun.at == shot.window.start
     np.testing.assert_array_equal(begun.start.q, true_state(model, shot.states, begun.at, 1 / 250.0).q)
 

@@ -130,10 +130,10 @@ def _opened(
     others = sorted({c.topic for c in connections if c.msgtype == CONTROLLER_STATE} - {states[0].topic})
     if not others or asked:
         return table
-    told = (
+    warning = (
         f"{file}: the references of the controllers are on {listed(others)} and are read with --ref-topic {others[0]}."
     )
-    return replace(table, warnings=(*table.warnings, told))
+    return replace(table, warnings=(*table.warnings, warning))
 
 
 def _open_ros1(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:

@@ -249,7 +249,7 @@ def test_a_missing_value_in_parquet_is_refused_with_its_row(tmp_path, columns):
 def test_a_name_twice_in_parquet_is_refused(tmp_path, columns):
     arrays = [pa.array(v) for v in columns.values()]
     pq.write_table(pa.Table.from_arrays([*arrays, arrays[0]], names=[*columns, "t"]), tmp_path / "log.parquet")
-    with pytest.raises(LogError, match="the column name t stands there twice"):
+    with pytest.raises(LogError, match="the column name t is there twice"):
         read_table(tmp_path / "log.parquet")
 
 

@@ -114,7 +114,7 @@ def test_a_row_of_another_length_between_spaces_is_told(write, lines):
     [
         pytest.param(
             lambda write, lines: read_table(write([lines[0].replace("q.b", "q.a"), *lines[1:]])),
-            r"the column name q\.a stands there twice",
+            r"the column name q\.a is there twice",
             id="a name given twice is told",
         ),
         pytest.param(

@@ -11,7 +11,7 @@ from identification.data.drives.joint_torque import external_torque
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explanation_of
 from identification.diagnosis.judge.bursts import burst_notes, bursts_in, from_quiet
-from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.result import Burst, JointGap
 from identification.pipeline import diagnose
 from identification.words.note_words import sentences
@@ -137,7 +137,7 @@ def test_a_hole_in_a_recording_is_no_event(planar2, lacking):
 
 def test_a_judgement_holds_the_bursts(planar2, pushed):
     recording, force = pushed
-    judgement, _ = judged(explanation_of(session_of(planar2, (recording,))), lambda _: None)
+    judgement, _ = judgement_of(explanation_of(session_of(planar2, (recording,))), lambda _: None)
     (burst,) = judgement.bursts
     assert (burst.file, burst.joint) == (recording.file, "shoulder")
     assert 11.8 < burst.start < 12.1 < 12.4 < burst.stop < 12.7

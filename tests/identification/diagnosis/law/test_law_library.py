@@ -203,18 +203,18 @@ def test_beyond_the_ends_the_value_of_the_end_holds():
 
 
 def test_the_input_of_the_law_foresees_most():
-    gains = input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).told
+    gains = input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).listed
     assert gains[0].inputs == ("q.j1",)
     assert gains[0].gain > 0.9 > gains[0].chance
 
 
 def test_an_input_that_has_no_part_is_not_beyond_chance():
-    gains = {one.inputs: one for one in input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).told}
+    gains = {one.inputs: one for one in input_gains(made_up_rest(lambda x: x["q.j1"] ** 3)).listed}
     assert gains["v.j2",].gain < gains["v.j2",].chance
 
 
 def test_a_pair_foresees_what_neither_of_its_inputs_does():
-    gains = {one.inputs: one.gain for one in input_gains(made_up_rest(lambda x: x["q.j2"] * np.sign(x["v.j1"]))).told}
+    gains = {one.inputs: one.gain for one in input_gains(made_up_rest(lambda x: x["q.j2"] * np.sign(x["v.j1"]))).listed}
     best = max(gains, key=lambda names: gains[names])
     assert set(best) in ({"v.j1", "q.j2"}, {"dx.j1", "q.j2"})
     assert gains[best] > 0.8 > 0.4 > max(gains["v.j1",], gains["q.j2",])

@@ -12,8 +12,8 @@ from identification.diagnosis.search.fair_costs import costs_of, odds_of_richer
 from identification.diagnosis.search.rival_sets import (
     Standing,
     _with_places,
-    settled,
     stand,
+    with_leading_rivals,
 )
 from identification.diagnosis.search.search import with_wide_tolerances
 from identification.diagnosis.search.stepwise import explain
@@ -50,7 +50,7 @@ def test_a_richer_law_of_the_same_kind_that_earns_its_price_takes_the_place_of_a
     drag = np.where(motion.v > 0, 0.06, 0.0) * motion.v + 0.5 * np.sign(motion.v)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -drag * [0.0, 1.0]),))
     coulomb = frozenset([prepared.term("coulomb_friction", "elbow")])
-    (term,) = settled(prepared.searched(2000.0), coulomb)
+    (term,) = with_leading_rivals(prepared.searched(2000.0), coulomb)
     assert term.place == ("direction_dependent_friction", "elbow")
 
 
@@ -216,7 +216,7 @@ def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, pla
         return Standing(0.1, named, frozenset(instead) if instead else None)
 
     monkeypatch.setattr(rivals, "stand", standing)
-    assert settled(prepared.search, frozenset({first, second})) == {fourth, third}
+    assert with_leading_rivals(prepared.search, frozenset({first, second})) == {fourth, third}
 
 
 def test_wide_tolerances_are_three_times_as_wide_and_leave_effects_alone(quiet):

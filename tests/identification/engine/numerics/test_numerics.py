@@ -131,8 +131,8 @@ def test_steps_within_the_bounds_end_at_the_minimum_wherever_they_begin(tableau_
     low, high, free = lower / known.scale, upper / known.scale, np.zeros(ALL, dtype=bool)
     bounds = tableau_changes._Held(low, high, free, np.full(ALL, known.rounding))
     start = np.where(rng.random(ALL) < share, high, low)
-    found, _, settled = tableau_changes._step_by_step(known, nothing, ~free, start, bounds)
-    assert settled
+    found, _, converged = tableau_changes._step_by_step(known, nothing, ~free, start, bounds)
+    assert converged
     np.testing.assert_allclose(found.x, bounded_solve(a, b, lower, upper) / known.scale, atol=1e-8)
 
 
@@ -172,8 +172,8 @@ def test_a_change_that_rounding_spoils_says_so(tableau_problem):
     nothing = spoilt.joined(*spoilt.pieces(np.zeros((0, KNOWN)), np.zeros(0), np.zeros(0)), np.zeros((0, 0)))
     gone = np.flatnonzero(~known.held)[:5]
     again = changed(spoilt, nothing, gone, (lower[:KNOWN], upper[:KNOWN]), np.full(KNOWN, np.nan))
-    assert found.settled
-    assert not again.settled
+    assert found.converged
+    assert not again.converged
 
 
 def test_slopes_are_those_of_the_loss_where_a_bound_holds_and_zero_elsewhere(tableau_problem):

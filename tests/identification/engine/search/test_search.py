@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.engine.products.block_products import block_products
-from identification.engine.search.few_columns import _swapped, few_columns, rivals_of, set_fits, until_settled
+from identification.engine.search.few_columns import _swapped, few_columns, rivals_of, set_fits, until_same_set
 from identification.engine.search.stepwise import Terms, gains, squares, stepwise
 
 SAMPLES, COLUMNS, PRICE = 200, 7, 12.0
@@ -102,7 +102,7 @@ def test_columns_are_taken_anew_until_the_same_set_is_found_again():
         taken.append(chosen)
         return state + 1
 
-    assert until_settled(0, lambda state, _: (state, next(looks)), anew) == (2, (2,))
+    assert until_same_set(0, lambda state, _: (state, next(looks)), anew) == (2, (2,))
     assert taken == [(1,), (2,)]
 
 
@@ -113,7 +113,7 @@ def test_sets_that_come_back_in_a_circle_end_the_search():
         turns.append(turn)
         return state, (turn % 2,)
 
-    assert until_settled(None, search, lambda state, _: state) == (None, (0,))
+    assert until_same_set(None, search, lambda state, _: state) == (None, (0,))
     assert turns == [0, 1, 2, 3]
 
 
