@@ -21,6 +21,12 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Of Okabe and Ito: apart for every kind of colour vision."""
 _OTHERS = "#808080"
 _INTERVAL = 1.96
+_HOW = (
+    "<p>A robot is the folder of its recordings, and their time is the order of their names. Out of line is a robot "
+    "whose mean size lies outside what the spread of at least three others explains (Student's test, at 5 % over all). "
+    "A change is a step or the beginning of a drift in at least six recordings of one robot that recordings without "
+    "a change rarely show (at 5 % over the robot's sizes).</p>"
+)
 
 
 def fleet_page(result: DiagnosedRecordings) -> str:
@@ -58,14 +64,6 @@ def fleet_page(result: DiagnosedRecordings) -> str:
     parts += ["<h2>How this is judged</h2>", _HOW]
     words = f"{robots} {'robot' if robots == 1 else 'robots'}, {count} {'recording' if count == 1 else 'recordings'}"
     return page(f"{result.robot}: {words}", parts)
-
-
-_HOW = (
-    "<p>A robot is the folder of its recordings, and their time is the order of their names. Out of line is a robot "
-    "whose mean size lies outside what the spread of at least three others explains (Student's test, at 5 % over all). "
-    "A change is a step or the beginning of a drift in at least six recordings of one robot that recordings without "
-    "a change rarely show (at 5 % over the robot's sizes).</p>"
-)
 
 
 def fleet_lines(result: DiagnosedRecordings) -> tuple[str, ...]:

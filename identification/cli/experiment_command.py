@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # Share of the motion: in triangles the speed is constant most of the time, in sines less than half of it.
 _STEADY = 0.5
+_NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -166,9 +167,6 @@ def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | Non
         )
     entries = [{"recording": [one.file for one in recordings], "joint": joint, "parameters": _numbers(fit)}]
     return entries, stiffness_figure(joint, loops, fit)
-
-
-_NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
 
 def _words(fit: LinearFit) -> str:

@@ -40,6 +40,8 @@ from phantom_dyn.motion import read_only, side_by_side
 _UNIT = 2e-3
 # Times the largest of all values from which on one that is left out is bridged: others do no harm.
 _WILD = 10.0
+# Fields of a recording by the quantity that they hold.
+_OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
 @dataclass(frozen=True)
@@ -59,10 +61,6 @@ class ReadOptions:
     ref_topic: str | None = None
     excluded: tuple[tuple[float, float], ...] = ()
     anyway: bool = False
-
-
-# Fields of a recording by the quantity that they hold.
-_OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:

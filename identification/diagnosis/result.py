@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
     from phantom_dyn.model.robot import Robot
 
+# Share of a residual that three printed digits show.
+_PRINTED = 0.005
+
 
 @dataclass(frozen=True)
 class Value:
@@ -86,10 +89,6 @@ class Finding:
     share: float | None = None
     words: EffectWords | None = field(default=None, compare=False, repr=False)
     law: str | None = None
-
-
-# Share of a residual that three printed digits show.
-_PRINTED = 0.005
 
 
 @dataclass(frozen=True)

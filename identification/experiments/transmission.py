@@ -1,11 +1,9 @@
-r"""Stiffness of a transmission from the hysteresis loops of a blocked arm.
+r"""Stiffness of a transmission from the hysteresis loops of a blocked arm, simulated or taken from recordings.
 
 Arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position
 is measured: :math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry
 friction on the motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an unknown
 of its own. Loops of one rate cannot separate it from damping: record several.
-
-Hysteresis loops of blocked arms from recordings: one joint whose motor turns against links that are held.
 """
 
 from __future__ import annotations
@@ -24,6 +22,8 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import read_only
 
 _STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
+_HARMONICS = 20.0  # of the triangle that are kept: its corners lie above
+_SHARE_OF_RATE = 0.2
 
 
 @dataclass(frozen=True)
@@ -120,10 +120,6 @@ def _equations(loop: Loop, cutoff_hz: float) -> tuple[Array, Array]:
     reach = int(np.ceil(0.25 * rate / cutoff_hz))
     stuck = np.convolve(~moving, np.ones(2 * reach + 1), mode="same") > 0.5
     return np.stack([q, v, np.sign(v), np.ones_like(q)], axis=1)[~stuck], loop.torque[~stuck]
-
-
-_HARMONICS = 20.0  # of the triangle that are kept: its corners lie above
-_SHARE_OF_RATE = 0.2
 
 
 def loop_of(recording: Recording, joint: str) -> Loop:

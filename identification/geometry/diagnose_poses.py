@@ -1,11 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""What measured poses of frames say of a robot's geometry: the one entrance of this folder.
+"""What measured poses of frames say of a robot's geometry: findings, verdict and ledger. The entrance of this folder.
 
-Only positions of joints and poses of frames are used; torques are of no account, and their part does not see poses.
-
-What the gates say of everything that may be wrong with a geometry: the entries of the ledger that are of poses.
-
-The search adds and exchanges single numbers; here each cause, the numbers of one place, is asked by itself.
+Only positions of joints and poses of frames are used, no torque; the diagnosis of torques does not use poses. The
+search adds and exchanges single numbers. For the ledger, each cause (all numbers of one place) has to pass the gates by
+itself.
 """
 
 from __future__ import annotations
@@ -49,6 +47,8 @@ from phantom_dyn.model.robot import Robot
 _STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
 FEWEST = 20
 """Poses of a frame: fewer do not hold the poses of base and target and a noise."""
+# An effect and its joint.
+At = tuple[str, str | None]
 
 
 def diagnose_poses(
@@ -260,10 +260,6 @@ def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
         return ()
     files = tuple(dict.fromkeys(one.file for one in explained.problem.sets))
     return (Note(Code.POSES_LEFT_OUT, None, {"recordings": files, "count": int(left_out)}),)
-
-
-# An effect and its joint.
-At = tuple[str, str | None]
 
 
 def size_of(finding: PoseFinding) -> GateResult:

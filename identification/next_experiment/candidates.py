@@ -31,6 +31,30 @@ _BEYOND = 0.5
 _FASTER, _SHARPER, _STRONGER = 2.0, 3.0, 2.0
 # A joint that was held may not move at all: this much [rad or m] is none.
 _HELD = 1e-4
+# Part of a stop that goes to the next posture.
+_TRAVEL = 0.3
+# Part of the remainder of a stop in which its reversals grow, and fade again.
+_FADE = 0.15
+# Largest slope and curvature of the way, from zero to one in a unit of time.
+_STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
+# Share of a period in which a triangle turns.
+_TURN = 0.2
+# Sizes of a motion about its posture, as shares of the largest, in the order of trial.
+_SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
+# Periods of slow triangles, which cover their range at little speed: what falls with speed shows there.
+_SLOW = (1, 4)
+# Amplitudes of small reversals, as a share of half the range. Of smaller ones a joint with friction follows a part, and
+# stands for the rest: what they would tell by the plan does not come.
+_SMALL = (0.1, 0.5)
+# Deviation of the logarithm of a joint's size from one variation to the next; single shapes vary by a third of it.
+_VARIED = 0.5
+# A motion is left out whose joints have less than three quarters, on average, of this share of their largest speed:
+# joints that creep stick and slip, which no law of friction predicts, and what a plan promises of them does not come.
+_LIVELY, _JOINTS = 0.125, 0.75
+# Of the exciting motion: harmonics, random motions of which the best one is improved, and rounds and steps of that.
+_HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
+# Draws for each motion that is wanted, as many are not lively.
+_DRAWS = 4
 
 
 def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
@@ -66,16 +90,6 @@ def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
 def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:
     """Largest size of each column but for the few samples that are noise; above zero."""
     return np.maximum(np.percentile(np.abs(np.concatenate(series)), 99.5, axis=0), _HELD)
-
-
-# Part of a stop that goes to the next posture.
-_TRAVEL = 0.3
-# Part of the remainder of a stop in which its reversals grow, and fade again.
-_FADE = 0.15
-# Largest slope and curvature of the way, from zero to one in a unit of time.
-_STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
-# Share of a period in which a triangle turns.
-_TURN = 0.2
 
 
 @dataclass(frozen=True)
@@ -174,24 +188,6 @@ def _rise(t: Float[Array, " N"], start: float, length: float) -> Float[Array, "3
 def _product(f: Float[Array, "3 N"], g: Float[Array, "3 N"]) -> Float[Array, "3 N"]:
     """Value and two derivatives of a product."""
     return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
-
-
-# Sizes of a motion about its posture, as shares of the largest, in the order of trial.
-_SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
-# Periods of slow triangles, which cover their range at little speed: what falls with speed shows there.
-_SLOW = (1, 4)
-# Amplitudes of small reversals, as a share of half the range. Of smaller ones a joint with friction follows a part, and
-# stands for the rest: what they would tell by the plan does not come.
-_SMALL = (0.1, 0.5)
-# Deviation of the logarithm of a joint's size from one variation to the next; single shapes vary by a third of it.
-_VARIED = 0.5
-# A motion is left out whose joints have less than three quarters, on average, of this share of their largest speed:
-# joints that creep stick and slip, which no law of friction predicts, and what a plan promises of them does not come.
-_LIVELY, _JOINTS = 0.125, 0.75
-# Of the exciting motion: harmonics, random motions of which the best one is improved, and rounds and steps of that.
-_HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
-# Draws for each motion that is wanted, as many are not lively.
-_DRAWS = 4
 
 
 @dataclass(frozen=True)

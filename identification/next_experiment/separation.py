@@ -1,6 +1,6 @@
 """Power of a planned recording to separate rivals, and the squared distance between their torques (T-optimality).
 
-Distance of rivals on a new recording (T-optimality): the residual of one fitted to the torque of the other.
+The distance of two rivals is what remains of the torque of one after the other is fitted to it.
 """
 
 from __future__ import annotations

@@ -22,6 +22,10 @@ from phantom_dyn.random_streams import random_stream
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
 # The noise of the start may leave this share of what the given model misses, or of how far the joints move.
 _OF_ERROR, _OF_TRAVEL = 0.33, 0.05
+# Readings of one window by one model, from a start that is moved by (position, velocity).
+Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
+# A window with what a model makes of the hidden states before it.
+Settle = Callable[[Shot, Model], Shot]
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,6 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
         if (errors.rms(errors.noise, horizon) <= allowed).all():
             return horizon
     return possible[-1]
-
-
-# Readings of one window by one model, from a start that is moved by (position, velocity).
-Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
-
-# A window with what a model makes of the hidden states before it.
-Settle = Callable[[Shot, Model], Shot]
 
 
 def unsettled(shot: Shot, _model: Model) -> Shot:

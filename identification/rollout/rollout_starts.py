@@ -22,6 +22,7 @@ _WINDOW = 50  # samples over which scatter is looked at
 _LEAST = 1e-9  # of a state's deviation [rad or m]: numbers themselves are no better
 _NUDGE = 1e-4  # [rad or m], for the slope of a reading
 _ITERATIONS = 6  # of the inverse of a reading, whose slope is close to one
+_LEAST_ROWS = 3  # of a window
 
 
 @dataclass(frozen=True)
@@ -135,9 +136,6 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
                 place[row] += behind * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
                 pace[row] += behind * rate[row] / part.stiffness
     return start
-
-
-_LEAST_ROWS = 3  # of a window
 
 
 @dataclass(frozen=True)

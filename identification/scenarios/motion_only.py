@@ -17,6 +17,8 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 from phantom_dyn.motion import read_only
 
+_LEAST_ROWS = 20
+
 
 def states_controllers(robot: Robot) -> bool:
     """True if every driven joint has a controller, and one at least is driven."""
@@ -109,9 +111,6 @@ def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | 
     if not duty or recording.supply is None or actuator.voltage_limit is None:
         return 1.0
     return recording.supply / actuator.voltage_limit
-
-
-_LEAST_ROWS = 20
 
 
 def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:

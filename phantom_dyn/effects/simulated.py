@@ -16,6 +16,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _MARK = "_channel_of_a_simulation"
 # Damping ratio of link and motor on a spring between them; gears and belts have 0.02 to 0.1.
 SPRING_DAMPING = 0.05
+Channel = Literal["torque", "command", "reading"]
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,6 @@ class Transmission:
     stiffness: float
     damping: float
     gap: float
-
-
-Channel = Literal["torque", "command", "reading"]
 
 
 def torque_law(function: F) -> F:

@@ -27,6 +27,7 @@ from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projec
 SINGULAR = 1e-6
 """Ratio of the smallest to the largest singular value of J below which a point counts as singular: there the smallest
 velocity that can be felt would need a million times the joint speed, and the inverse has lost twelve digits of M_op."""
+_WITHOUT_INERTIA = {"manipulability"}
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,6 @@ _LIST = (
     Quantity("gravity_force", "force that holds the weight", "N", "vector"),
 )
 QUANTITIES = {quantity.name: quantity for quantity in _LIST}
-_WITHOUT_INERTIA = {"manipulability"}
 
 
 def require_quantities(names: tuple[str, ...], model: MapModel) -> None:

@@ -1,10 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """The shape of a robot as triangles: its visual meshes reduced to a budget of faces, or capsules along its links.
 
-Reduced meshes of robots, kept from run to run in the user's cache: to load and reduce them takes a second.
-
-A file is named after all that its content follows from: the robot's file, its meshes, what reads and what reduces them.
-So it is never out of date; what cannot be read, or written, is computed again. Nothing but speed depends on it.
+Loading and reducing meshes takes a second, so reduced ones are kept from run to run in the user's cache. The name of a
+file there is a hash of all that its content follows from: the robot's file, its meshes, the libraries that read and
+reduce them. So it is never out of date; what cannot be read, or written, is computed again.
 """
 
 from __future__ import annotations
@@ -37,6 +36,12 @@ _SHORT = 1e-3
 """Length [m] below which a link has no direction to draw a capsule along."""
 _POINT = 0.05
 """Radius [m] of a robot that has no length at all."""
+KEPT = 50
+"""Files that are kept, of a tenth of a megabyte each: the last ones written."""
+_WHOLE = (".dae", ".obj", ".stl")
+"""Endings of meshes that are one file; others may name further files, which no hash would see."""
+_READERS = ("trimesh", "yourdfpy")
+_NAMES = ("points", "faces", "last_points", "last_faces")
 
 
 @dataclass(frozen=True)
@@ -130,14 +135,6 @@ def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
     # Many files end with the last joint: the mass then says where the link goes.
     centre = 2 * np.array(model.inertias[joint].lever)
     return [far if np.linalg.norm(far) >= np.linalg.norm(centre) else centre]
-
-
-KEPT = 50
-"""Files that are kept, of a tenth of a megabyte each: the last ones written."""
-_WHOLE = (".dae", ".obj", ".stl")
-"""Endings of meshes that are one file; others may name further files, which no hash would see."""
-_READERS = ("trimesh", "yourdfpy")
-_NAMES = ("points", "faces", "last_points", "last_faces")
 
 
 def place_of(robot: Robot, faces: int) -> Path | None:

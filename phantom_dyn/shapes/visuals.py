@@ -18,6 +18,9 @@ from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, joined, moved
 from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
 
+# Joint of the whole model that moves a shape, where the shape stands in that joint's frame, and its triangles.
+_Shapes = list[tuple[int, pin.SE3, Mesh]]
+
 
 def visuals(robot: Robot) -> list[tuple[int, Mesh]]:
     """Visual shapes of the robot's file: index of the joint that moves each, triangles in that joint's frame.
@@ -39,10 +42,6 @@ def visuals(robot: Robot) -> list[tuple[int, Mesh]]:
             index = names.index(full.names[joint]) if joint else 0
             out.append((index, moved(mesh, place.rotation, place.translation)))
     return out
-
-
-# Joint of the whole model that moves a shape, where the shape stands in that joint's frame, and its triangles.
-_Shapes = list[tuple[int, pin.SE3, Mesh]]
 
 
 def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:

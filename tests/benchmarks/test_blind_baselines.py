@@ -1,4 +1,4 @@
-"""The baselines, and the fit that is given the true cause: on columns written by hand, and on a pendulum from MuJoCo."""
+"""The baselines, and the fit that knows the true cause: on columns written by hand, and on a pendulum of MuJoCo."""
 
 import json
 import subprocess

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+_ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+"""Signals that end a command, and what Python does with them where nobody has said otherwise."""
+
 
 class Interrupted(KeyboardInterrupt):
     """The user asked the command to end.
@@ -33,10 +36,6 @@ class _Handler:
     def __call__(self, number: int, _frame: FrameType | None) -> None:
         self.asked = number
         raise Interrupted(number)
-
-
-_ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-"""Signals that end a command, and what Python does with them where nobody has said otherwise."""
 
 
 @contextmanager

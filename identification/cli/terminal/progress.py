@@ -1,4 +1,4 @@
-"""What is being done and how far it is: a line that moves on a terminal, elsewhere one every ten seconds at most."""
+"""What is being done and how far it is: a line that is drawn again on a terminal, elsewhere one in ten seconds."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ EVERY_S = 10.0
 class Progress:
     """Context that says on ``stream`` what is being done while it is open.
 
-    Where the stages of the run are known the part that is done stands before the words, and what is compiled, as in a
-    first run alone, behind them.
+    Where the stages of the run are known, the line begins with the per cent that are done. In a first run, which
+    compiles functions, it ends with how many.
     """
 
     def __init__(
@@ -83,9 +83,16 @@ class Progress:
         return bar
 
     def said(self) -> str:
-        """How much is done, what is being done, and what is compiled for it."""
-        part, compiled = f"{int(self._percent):3d} % " if self._stages else "", self._compilation
-        behind = f"; compiling function {compiled.functions}, in a first run only" if compiled.under_way else ""
+        """How much is done, what is being done, and what is compiled for it.
+
+        A terminal is drawn while a function is compiled; other streams get a line between two stages, when none is.
+        """
+        part, count = f"{int(self._percent):3d} % " if self._stages else "", self._compilation.functions
+        behind = ""
+        if self._compilation.under_way:
+            behind = f"; compiling function {count}, in a first run only"
+        elif count and not self._watched:
+            behind = f"; functions compiled so far, in a first run only: {count}"
         return printable(f"{part}{stage_words(self._now)}{behind}".strip())
 
     def show(self, announced: Announcement) -> None:

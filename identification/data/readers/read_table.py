@@ -1,9 +1,8 @@
-"""A recording from any of the known formats, recognised by its first bytes, to a table of the contract's columns.
+"""Tables with the contract's columns from one or several files of any known format, recognised by its first bytes.
 
 The libraries behind the formats (pyarrow, rosbags) are imported in the functions that need them: a recording waits for
-those of its own format alone.
-
-Files of one recording side by side: positions in one file and torques in another, row by row.
+those of its own format alone. Several files of one recording, such as positions in one and torques in another, are
+joined row by row.
 """
 
 from __future__ import annotations
@@ -32,6 +31,9 @@ from phantom_dyn.model.robot import Robot
 
 Files = str | Path | Sequence[str | Path]
 """A file, or several of one recording."""
+_TIME = "t"
+# Of the median step: by so much times of one row may differ between files.
+_APART = 0.01
 
 
 def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
@@ -163,11 +165,6 @@ def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
     found = {name: f"{name}[{{number}}]" for name in JOINT_QUANTITIES}
     sources = {name: Source(place, 1.0) for name, place in found.items() if matching(place, raw.names)}
     return ColumnMap(raw.file, sources) if sources else None
-
-
-_TIME = "t"
-# Of the median step: by so much times of one row may differ between files.
-_APART = 0.01
 
 
 def side_by_side(first: RawTable, others: Sequence[RawTable]) -> RawTable:

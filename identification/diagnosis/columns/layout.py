@@ -1,10 +1,8 @@
-"""Which effects are tried in a session, with which shapes, and where their columns stand among all columns.
+"""Which effects are tried in a session, with which shapes, on which sets of joints, and the order of their columns.
 
-On which joints one cause may have one number: drives of one kind, one supply, one wrong current scale.
-
-Which joints these are is suggested by what the robot's file says of its drives, and by the recording: joints whose own
-scale comes out alike. Of a number that each joint has by itself, the best groups of any size are runs of the joints in
-the order of that number, so that few of all sets of joints have to be tried.
+One cause may have one number on several joints: drives of one kind, one supply, one wrong current scale. Such sets are
+suggested by what the robot's file says of its drives, and by the recording: joints whose own scales are alike. Sorted
+by that scale, the best sets are runs of neighbours, so that few of all sets of joints have to be tried.
 """
 
 from __future__ import annotations
@@ -23,6 +21,13 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
+
+# Sets of joints that are tried at most: each is a column on all of its joints.
+_MOST = 40
+# Ratio of the largest to the smallest scale of joints that are tried together.
+_ALIKE = 1.5
+# Share of its fastest speed at which dry friction has come up.
+_SLOW = 0.02
 
 
 @dataclass(frozen=True)
@@ -97,14 +102,6 @@ def _first(operation: Operation) -> Operation:
     base = None if operation.base is None else operation.base.at(slice(8))
     few = Operation(t, q, v, a, operation.robot, tau, expected, logged, base=base)
     return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])
-
-
-# Sets of joints that are tried at most: each is a column on all of its joints.
-_MOST = 40
-# Ratio of the largest to the smallest scale of joints that are tried together.
-_ALIKE = 1.5
-# Share of its fastest speed at which dry friction has come up.
-_SLOW = 0.02
 
 
 def together(session: Session, operation: Operation) -> tuple[str, ...]:

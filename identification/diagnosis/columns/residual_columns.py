@@ -38,6 +38,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _PIECE = 4096  # samples at the full rate whose regressor is held at once
+Place = tuple[str, str | None, Shape]
 
 
 @dataclass(frozen=True)
@@ -339,9 +340,6 @@ def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
     return [
         [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
     ]
-
-
-Place = tuple[str, str | None, Shape]
 
 
 def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:

@@ -1,18 +1,14 @@
-"""Transmission stiffness read off resonances, as further shapes for the search.
+"""Transmission stiffness read off resonances in a joint's frequency response, as further shapes for the search.
 
 The grid of transmission compliance is coarse. A torque rich enough to show a resonance determines the stiffness to a
 few per cent, whatever the model of the links is; the search includes that compliance and scores it like all others.
 
-Frequency response of a joint, from drive torque to motor position, in which a compliant transmission resonates.
-
-Wanted: a rich torque (noise, a chirp) up to well above the resonance while the other joints hold still, and an encoder
-on the motor. Dry friction and cogging lower the coherence; a joint that moves far changes its inertia with its posture,
-which a linear model cannot follow.
+The frequency response is from drive torque to motor position. It needs a rich torque (noise, a chirp) up to well above
+the resonance while the other joints hold still, and an encoder on the motor. Dry friction and cogging lower the
+coherence; a joint that moves far changes its inertia with its posture, which a linear model cannot follow.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,8 +21,11 @@ from phantom_dyn.errors import EstimationError, LogError, ParameterError, RobotE
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.model.robot import Robot
 
-if TYPE_CHECKING:
-    pass
+# A torque "at an instant" is known to a per cent up to this share of the rate.
+_HIGHEST = 0.2
+# Segments of a recording: as many as this at least, each this long at most [s].
+_SEGMENTS = 12
+_LONGEST = 8.0
 
 
 def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
@@ -60,13 +59,6 @@ def _stiffness(log: Log, joint: str) -> float | None:
             return fit_two_mass_of_instants(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
         return None
-
-
-# A torque "at an instant" is known to a per cent up to this share of the rate.
-_HIGHEST = 0.2
-# Segments of a recording: as many as this at least, each this long at most [s].
-_SEGMENTS = 12
-_LONGEST = 8.0
 
 
 def joint_response(log: Log, joint: str) -> FrequencyResponse:

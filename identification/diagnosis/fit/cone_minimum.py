@@ -2,8 +2,8 @@
 
 The unknowns are the ten entries of each pseudo-inertia, where the cone is simplest: with ``V`` the inverse, the barrier
 ``-log det`` has the gradient ``-V`` and the Hessian ``tr(V B_k V B_l)``, with ``B_k`` the symmetric unit matrices
-[Boyd]_. Newton's method follows the central path from bodies inside the cone. A general solver of cones takes seven
-times as long for one body, and a diagnosis of seven joints asks for eight thousand minima.
+[Boyd]_. Newton's method follows the central path from bodies inside the cone. A general solver of cones takes 2.5 times
+as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for thousands of minima.
 
 References:
     .. [Boyd] S. Boyd, L. Vandenberghe, Convex Optimization, Cambridge University Press, 2004, sections 11.3 and 11.6.
@@ -22,6 +22,16 @@ from phantom_dyn.array_types import Array, Float
 
 # Rows and columns of the entries of a pseudo-inertia: its upper triangle.
 _PLACES = np.array([(i, j) for i in range(4) for j in range(i, 4)])
+# Between loss and bound at the end, as a share of what the cone costs, and in squared deviations where that is small.
+_GAP = 1e-6
+# By which the weight of the loss grows from one point of the central path to the next.
+_FASTER = 20.0
+# Newton steps and shorter ones at most; forty are usual.
+_STEPS = 600
+# A point is on the path where the square of Newton's decrement is below this.
+_ON_PATH = 0.1
+# Part of the expected decrease that a step has to reach, and by what it is shorter if it does not.
+_DECREASE, _SHORTER = 0.1, 0.6
 
 
 def _unit(i: int, j: int) -> Array:
@@ -34,17 +44,6 @@ STANDARD = np.stack([standard_of(_unit(i, j)) for i, j in _PLACES], axis=1)
 """The ten standard parameters per entry of the pseudo-inertia, ``(10, 10)``."""
 ENTRIES = np.linalg.inv(STANDARD)
 """Entries of the pseudo-inertia per standard parameter, ``(10, 10)``."""
-
-# Between loss and bound at the end, as a share of what the cone costs, and in squared deviations where that is small.
-_GAP = 1e-6
-# By which the weight of the loss grows from one point of the central path to the next.
-_FASTER = 20.0
-# Newton steps and shorter ones at most; forty are usual.
-_STEPS = 600
-# A point is on the path where the square of Newton's decrement is below this.
-_ON_PATH = 0.1
-# Part of the expected decrease that a step has to reach, and by what it is shorter if it does not.
-_DECREASE, _SHORTER = 0.1, 0.6
 
 
 class Cone(NamedTuple):

@@ -20,6 +20,9 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import OtherLaw, Shape
 
+# Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
+_STEP = 0.03
+
 
 @dataclass(frozen=True)
 class Place:
@@ -96,10 +99,6 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[M
         start = stop
     layout = ModelLayout(problem, problem.columns.operations, tuple(places), start)
     return layout, np.concatenate(values)
-
-
-# Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
-_STEP = 0.03
 
 
 @dataclass(frozen=True)

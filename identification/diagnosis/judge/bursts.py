@@ -1,11 +1,8 @@
-"""Bursts: short stretches in which the residual is far above what noise and the model's error leave at that moment.
+"""Bursts: short stretches in which the residual is far larger than is expected at that moment.
 
-A push, a contact, a cable that catches. Each is an event: nothing in the state of the robot foretells it.
-
-How large a residual is expected to be at each moment: noise, the model's error, reversals and standing joints.
-
-The error of a model grows with the torque that it explains, noise does not. A residual that is large where the torque
-is large is no event.
+A push, a contact, a cable that catches: nothing in the state of the robot predicts such an event. The expected size
+comes from the noise, the model's error, reversals and standing joints. The error of a model grows with the torque that
+it explains, noise does not: a residual that is large where the torque is large is no event.
 """
 
 from __future__ import annotations
@@ -36,6 +33,12 @@ _MARGIN = 0.2
 _FILLED = 0.6
 # Usable samples of a joint without which nothing is looked for.
 _LEAST_SAMPLES = 50
+# Median of the square of a standard normal number.
+_MEDIAN_SQUARE = 0.4549
+# Degrees of freedom of the law by which sizes are fitted: events weigh little in it.
+_FREEDOM = 4.0
+_STEPS = 60
+_FEWEST_SAMPLES = 20
 
 
 def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst, ...]:
@@ -248,14 +251,6 @@ def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tupl
 def _note(burst: Burst, unit: str) -> Note:
     numbers = {"file": burst.file, "start": burst.start, "stop": burst.stop, "torque": burst.torque, "unit": unit}
     return Note(Code.EVENT, burst.joint, {**numbers, "exclude": (burst.start - _MARGIN, burst.stop + _MARGIN)})
-
-
-# Median of the square of a standard normal number.
-_MEDIAN_SQUARE = 0.4549
-# Degrees of freedom of the law by which sizes are fitted: events weigh little in it.
-_FREEDOM = 4.0
-_STEPS = 60
-_FEWEST_SAMPLES = 20
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
 """Noise floor of each joint in the judged band: its interval, and where it was read from.
 
-Noise floor of each joint by what its sensors make, in place of what flexible predictors do not foresee.
-
-An upper limit proves no null: what predictors miss holds the effect that is looked for. They are kept for joints whose
-noise no sensor shows, with the source ``none``, and nothing is called free of a gap by them.
+The floor is what the sensors make, where a recording shows their noise. For other joints it is what flexible predictors
+do not predict, with the source ``none``. That is an upper limit only: what predictors miss contains the effect that is
+looked for, so no joint is called free of a gap by it.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
 ABOVE_BAND, REPETITIONS, PREDICTORS = "above_band", "repetitions", "predictors"
+SENSORS, NONE = "sensors", "none"
 
 
 @dataclass(frozen=True)
@@ -235,9 +235,6 @@ def sensors_of(session: Session) -> list[Density | None]:
     shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]
     count = sum(density is not None for density in shown)
     return shown if 2 * count >= robot.nv else [None] * robot.nv
-
-
-SENSORS, NONE = "sensors", "none"
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,8 @@ from phantom_dyn.array_types import Array, Float
 
 # Share of the samples below which a regime says nothing of a joint.
 _FEW = 0.01
+_DEVIATIONS = 2.0
+"""Above the estimate: what 95 % of payloads that look like this one stay below."""
 
 
 def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
@@ -318,10 +320,6 @@ def evidence_of(
         valid=np.concatenate([log.valid_in_band for log in logs]),
         touched=np.concatenate(touched) if len(touched) == len(logs) else None,
     )
-
-
-_DEVIATIONS = 2.0
-"""Above the estimate: what 95 % of payloads that look like this one stay below."""
 
 
 def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:

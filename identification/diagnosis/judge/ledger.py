@@ -37,6 +37,7 @@ _MOST_FINDINGS = 12
 _MOST_MEASURED = 40
 # Gates of the search come before this one.
 _FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]
+_RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_claimed": 2}
 
 
 @dataclass(frozen=True)
@@ -99,9 +100,6 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         for place in gates
     ]
     return tuple(sorted(entries, key=lambda entry: (_RANK[entry.outcome], -entry.figures.get("closes", -np.inf))))
-
-
-_RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_claimed": 2}
 
 
 def _outcome(place: Place, named: set[Place], minor: frozenset[Place], instead: tuple[Place, ...]) -> Outcome:

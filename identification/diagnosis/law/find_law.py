@@ -5,10 +5,9 @@ The methods: smooth functions of inputs and pairs on held-out blocks against ord
 its size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
 bootstrap replicates over blocks (`formula_search`).
 
-A residual model to use beside the corrected model: the law, or a sum of terms that fits without being one.
-
-The corrected model is what it is: its moves within the tolerances were fitted without the law. So the terms of the law
-are fitted to what that model leaves as it is, and others join them where held-out blocks ask for it.
+The model to use beside the corrected model is the law, or a sum of terms that fits without being one. The corrected
+model was fitted without the law, moves within the tolerances included. So the terms of the law are fitted to what that
+model leaves as it is, and others join them where held-out blocks ask for it.
 """
 
 from __future__ import annotations
@@ -44,6 +43,34 @@ from phantom_dyn.random_streams import random_stream
 
 _FORMULA_FORESEES = 0.4  # of the squares of the rest that a formula has to foresee
 _MOSTLY = 0.5  # share of the replicates that have to choose an input which no formula names
+# Kinds of terms whose presence decides, the most telling first, and what they are like.
+_LIKE: tuple[tuple[str, str], ...] = (
+    ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
+    ("voltage sag", "voltage sag under load"),
+    ("ripple that grows with torque", "torque ripple that grows with torque"),
+    ("resonance", "a part on a spring that the model takes for rigid: a tool, a load or a liquid, with its resonance"),
+    (
+        "first-order answer to the velocity",
+        "a hose, cable or belt that creeps: a spring in series with a damper (Maxwell)",
+    ),
+    ("late answer to the torque", "a torque that was filtered or comes late"),
+    ("friction with memory", "friction with memory (Dahl, LuGre, generalised Maxwell slip)"),
+    ("friction that changes with time", "friction that changes with time, as it does while a drive warms up"),
+    ("damping that changes with time", "friction that changes with time, as it does while a drive warms up"),
+    ("gain that changes with time", "a torque constant that changes with time, as it does while a motor warms up"),
+    ("force over position by direction", "Coulomb friction by direction and position"),
+    ("friction over position", "friction that depends on the position, as of a worn or misaligned screw"),
+    ("drift", "an offset that drifts, as the tension of a cable does"),
+    ("one-sided spring", "a hose or cable that pulls like a nonlinear spring"),
+    ("hardening spring", "a spring that hardens"),
+    ("friction by another joint's torque", "friction that grows with the load of another joint"),
+    ("friction that grows with load", "friction that grows with load"),
+)
+_HEATED = "friction that changes with temperature"
+_MOST = 6
+_MODEL_FORESEES = 0.3  # of the rest's squares that a model has to foresee to be worth using
+_SLOW = 0.01  # of the fast end of the speeds, below which a direction is rounded off
+_NUMBER = r"[-+0-9.eE]+"
 
 
 def with_law(judgement: Judgement, shown: Shown) -> Judgement:
@@ -195,32 +222,6 @@ def _share_of_gap(rest: Rest, choice: Choice, joints: tuple[JointGap, ...]) -> t
     return float(gained.sum() / max(counts.sum(), 1e-12) / scale), (float(low), float(high))
 
 
-# Kinds of terms whose presence decides, the most telling first, and what they are like.
-_LIKE: tuple[tuple[str, str], ...] = (
-    ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
-    ("voltage sag", "voltage sag under load"),
-    ("ripple that grows with torque", "torque ripple that grows with torque"),
-    ("resonance", "a part on a spring that the model takes for rigid: a tool, a load or a liquid, with its resonance"),
-    (
-        "first-order answer to the velocity",
-        "a hose, cable or belt that creeps: a spring in series with a damper (Maxwell)",
-    ),
-    ("late answer to the torque", "a torque that was filtered or comes late"),
-    ("friction with memory", "friction with memory (Dahl, LuGre, generalised Maxwell slip)"),
-    ("friction that changes with time", "friction that changes with time, as it does while a drive warms up"),
-    ("damping that changes with time", "friction that changes with time, as it does while a drive warms up"),
-    ("gain that changes with time", "a torque constant that changes with time, as it does while a motor warms up"),
-    ("force over position by direction", "Coulomb friction by direction and position"),
-    ("friction over position", "friction that depends on the position, as of a worn or misaligned screw"),
-    ("drift", "an offset that drifts, as the tension of a cable does"),
-    ("one-sided spring", "a hose or cable that pulls like a nonlinear spring"),
-    ("hardening spring", "a spring that hardens"),
-    ("friction by another joint's torque", "friction that grows with the load of another joint"),
-    ("friction that grows with load", "friction that grows with load"),
-)
-_HEATED = "friction that changes with temperature"
-
-
 def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | None:
     """The law of the literature that a formula is near, None where there is none.
 
@@ -233,13 +234,6 @@ def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | Non
         # Friction opposes motion: a negative coefficient is more friction.
         return f"friction that {'grows' if found[_HEATED] < 0 else 'falls'} with temperature"
     return next((law for kind, law in _LIKE if kind in found), None)
-
-
-_MOST = 6
-_MODEL_FORESEES = 0.3  # of the rest's squares that a model has to foresee to be worth using
-_SLOW = 0.01  # of the fast end of the speeds, below which a direction is rounded off
-
-_NUMBER = r"[-+0-9.eE]+"
 
 
 def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:

@@ -1,9 +1,8 @@
-"""What all findings leave on one joint, with every input that it may depend on.
+"""What all findings leave on one joint, with every input that it may depend on, and what a fit of a law sets free.
 
-What else may move when a law is added: the model within its tolerances, and the sizes of the findings.
-
-A law that nobody modelled bends the moves and the findings of a fit that lacks it. So every fit of a law sets them free
-again: on the row of its joint by their columns, held by their priors and by what the other joints' torques say of them.
+A law that nobody modelled bends the moves within the tolerances and the sizes of the findings in a fit that lacks it.
+So every fit of a law sets them free again: on the row of its joint by their columns, held by their priors and by what
+the other joints' torques say of them.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
-"""Smooth functions of one or two inputs: what each foresees of a rest on held-out blocks, and what chance does.
+"""Smooth functions of one or two inputs: how much of a rest each predicts on held-out blocks, and how much by chance.
 
 A function is a table with linear interpolation between its places (hat functions, for two inputs their products),
-fitted by ridge regression beside what may move. Chance is measured with the blocks of the rest in another order, so
-that each keeps its own colour, and time, which foresees every slow drift, has no better chance than it deserves. A
-frequency is an input whose function is an answer with memory (`frequency`).
+fitted by ridge regression beside moves and findings. Chance is measured with the blocks of the rest in another order:
+each keeps its own spectrum, and time, which predicts every slow drift, has no better chance than it deserves.
 
-The frequency as an input: answers to motion or torque whose gain and phase change with it.
-
-No function of the present value of an input makes such a rest. A sum of the input and its series behind low passes and
+A frequency is an input, too: the rest may be an answer to motion or torque whose gain and phase change with it. No
+function of the present value of an input makes such a rest. A sum of the input and its series behind low passes and
 all-passes (Laguerre's) makes any that fades within seconds, whatever its order; it is linear in its coefficients, and
 so is fitted and held out as a table over an input is.
 """
@@ -39,6 +37,8 @@ _PAIRS = 6  # that are listed
 _CURVE = 25  # places of a curve
 _CLEARLY = 0.03  # of the squares of the rest that an answer with memory has to foresee beyond everything without
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
+_CORNERS = (0.05, 0.25)  # of the edge of the judged band
+_ORDER = 5  # series behind each corner
 
 
 @dataclass(frozen=True)
@@ -296,10 +296,6 @@ def _unit(rest: Rest, name: str) -> str:
     if kind == "temp":
         return "°C"
     return ("m" if rest.unit == "N" else "rad") + _UNITS[kind] if kind in _UNITS else rest.unit
-
-
-_CORNERS = (0.05, 0.25)  # of the edge of the judged band
-_ORDER = 5  # series behind each corner
 
 
 def answer_columns(rest: Rest, name: str) -> Float[Array, "n k"]:

@@ -16,6 +16,10 @@ from identification.diagnosis.columns.session import Series, Session
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 
+# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it; and the share that
+# the error of the model reaches at most that another recording has shown.
+MOST, MOST_SHOWN = 0.02, 0.1
+
 
 @dataclass(frozen=True)
 class DriveClass:
@@ -36,9 +40,6 @@ DRIVE_CLASSES = {
     "current": DriveClass(0.005, 0.1),
     "sensor": DriveClass(0.003, 0.05),
 }
-# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it; and the share that
-# the error of the model reaches at most that another recording has shown.
-MOST, MOST_SHOWN = 0.02, 0.1
 
 
 def discrepancy(

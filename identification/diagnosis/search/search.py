@@ -23,6 +23,14 @@ from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
 
+# Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
+_MANY_JOINTS = 10
+# Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
+_MOST_FITTED = 30
+_WORTH_FITTING = 0.2
+# Score of an impossible set, more than any recording's loss.
+IMPOSSIBLE = 1e15
+
 
 @dataclass(frozen=True)
 class Threshold:
@@ -53,15 +61,6 @@ class Threshold:
 def joint_of(term: Term) -> str | None:
     """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
     return None if term.joint is None or "+" in term.joint else term.joint
-
-
-# Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
-_MANY_JOINTS = 10
-# Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
-_MOST_FITTED = 30
-_WORTH_FITTING = 0.2
-# Score of an impossible set, more than any recording's loss.
-IMPOSSIBLE = 1e15
 
 
 @dataclass(frozen=True)

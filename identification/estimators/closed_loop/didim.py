@@ -2,13 +2,12 @@ r"""Direct and inverse identification (DIDIM): the torque of a simulated closed 
 
 Positions enter through the simulation alone, so that only references and torques are needed. The torque of the
 simulated loop depends on the parameters through the simulated motion, too, but little, as the controllers hold the
-motion: its slope is the regressor on the simulated motion, and a few linear fits settle.
+motion: its slope is the regressor on the simulated motion, and a few linear fits converge. Recordings whose torque the
+stated controllers did not give are refused, as the simulated loop would be another one.
 
 References:
     M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method for parameter identification of robot
     dynamics, IEEE Transactions on Control Systems Technology 21(2), 2013.
-
-Whether stated controllers gave the recorded torque: where they did not, a simulated loop is another one.
 """
 
 from __future__ import annotations
@@ -30,6 +29,10 @@ from phantom_dyn.errors import EstimationError, LogError
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
 _HALVINGS = 6  # of a step after which the robot cannot move
+# Share of a recorded torque that its stated controller may leave: noise of a velocity and a held sample leave less.
+_FOREIGN = 0.5
+# Share that gains read from the recording may leave, so that they are worth a word.
+_READ = 0.2
 
 
 def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
@@ -95,12 +98,6 @@ def _fit(
     target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)
     values = values_of_influence(theta, rows, target, influence, factor, regressor.starts)
     return fit_of("didim", regressor, base, values)
-
-
-# Share of a recorded torque that its stated controller may leave: noise of a velocity and a held sample leave less.
-_FOREIGN = 0.5
-# Share that gains read from the recording may leave, so that they are worth a word.
-_READ = 0.2
 
 
 def require_own_controllers(loops: Iterable[Loop]) -> None:

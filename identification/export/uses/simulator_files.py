@@ -6,9 +6,8 @@ SDF has ``<axis><dynamics>`` with damping, friction and a spring, and ``<limit><
 ``damping``, ``effort``, ``drake:rotor_inertia`` and ``drake:gear_ratio``, and leaves joint friction out; ros2_control
 knows limits alone.
 
-What was found, in the numbers that simulators have places for, by kind and joint; and which simulator holds which.
-
-One list says what each simulator can hold; what it cannot say is the rest of the same list.
+One list (`Simulator.fields`) says what each simulator can hold, and every other number that was found is reported as
+lost there.
 """
 
 from __future__ import annotations

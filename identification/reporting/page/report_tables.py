@@ -23,6 +23,8 @@ _STANDS_OUT = 1.5  # times its share of the time
 _STANDS_OUT_ALONE = 0.25  # share that stands out where the time is not known
 _HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # of two halves the stronger: about so much by chance
 _LEAST = 0.1  # a smaller share of the energy never stands out
+NOT_SHOWN = "not shown by this motion"
+"""In the place of a number that the recordings leave open."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,6 @@ class RegimeShare:
     time: str
     width: float
     stands_out: bool
-
-
-NOT_SHOWN = "not shown by this motion"
-"""In the place of a number that the recordings leave open."""
 
 
 @dataclass(frozen=True)

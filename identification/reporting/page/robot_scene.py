@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot in three dimensions, each joint coloured by its share of the gap.
+"""The robot in three dimensions, each joint coloured by its share of the gap, in postures of the recording.
 
-Postures of the robot over a recording: the one of the report's picture, and those that its slider shows.
+One posture is that of the report's picture; a slider shows the others.
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ Colour = Float[Array, "3"]
 
 NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
 _GAMMA = 0.7  # a tenth of the largest share is still to be seen
+SHOWN = 41
+"""Postures of the slider, the middle one among them: a robot of seven joints takes 15 kB of the page for them."""
+_SOLVED = 2000  # rows for which loops are closed: neighbours are near enough to stay on one branch
 
 
 @dataclass(frozen=True)
@@ -221,11 +224,6 @@ def joint_colours(shares: Float[Array, " nv"]) -> list[str]:
     """Colour of each joint as ``#rrggbb``."""
     colours = [np.round(share_colour(float(share))).astype(int).tolist() for share in relative(shares)]
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours]
-
-
-SHOWN = 41
-"""Postures of the slider, the middle one among them: a robot of seven joints takes 15 kB of the page for them."""
-_SOLVED = 2000  # rows for which loops are closed: neighbours are near enough to stay on one branch
 
 
 @dataclass(frozen=True)

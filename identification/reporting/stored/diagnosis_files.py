@@ -58,6 +58,7 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 INDEX, REPORT, NEXT = "diagnosis.json", "report.html", "next.csv"
 MODELS = (*ALWAYS, *OPTIONAL)
 """Models and laws."""
+_NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
@@ -144,9 +145,6 @@ def _rival(rival: Rival) -> Json:
 
 def _effect_at(at: EffectAt) -> Json:
     return {"effect": at.effect, "joint": at.joint} | ({} if at.recording is None else {"recording": at.recording})
-
-
-_NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 
 def _claim(claim: Claim[EffectAt]) -> Json:

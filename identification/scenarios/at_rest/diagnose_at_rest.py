@@ -1,6 +1,6 @@
 """A diagnosis in positions: of recordings that are too slow for torques, or whose controllers state no gain.
 
-What the gates say of the ways in which a joint may give way: the entries of the ledger that are of rests.
+Its ledger says which gates each way in which a joint may give way has passed.
 """
 
 from __future__ import annotations

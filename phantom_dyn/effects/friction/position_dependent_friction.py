@@ -38,6 +38,10 @@ _COUNTS = (5, 9, 14)
 # Share of the samples, in per cent, that lies beyond the first and the last position each: a place that is visited once
 # is known in one block only.
 _BEYOND = 3.0
+_BLOCKS = 16  # that are held out, every other at a time
+_SAMPLES = 4000  # of these, enough to see what matters
+_LEAST = 0.1  # share of what plain columns leave that the others have to predict
+_MOST = 0.6  # share of the blocks that have to gain
 
 
 class PositionDependentFriction(Effect):
@@ -179,12 +183,6 @@ def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tup
 def bent_law(q: float, v: float, level: float, slope: float, place: float) -> float:
     """Friction torque at position ``q`` that is a level up to a place and rises from there on."""
     return -(level + slope * max(q - place, 0.0)) * np.sign(v)
-
-
-_BLOCKS = 16  # that are held out, every other at a time
-_SAMPLES = 4000  # of these, enough to see what matters
-_LEAST = 0.1  # share of what plain columns leave that the others have to predict
-_MOST = 0.6  # share of the blocks that have to gain
 
 
 def foresees(torque: Float[Array, " N"], plain: Float[Array, "N p"], columns: Float[Array, "N k"]) -> bool:

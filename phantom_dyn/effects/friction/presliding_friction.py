@@ -38,6 +38,8 @@ from phantom_dyn.model.robot import Robot
 _LEAST_DISPLACEMENT = 1e-12
 # Way [rad, m] after which every contact slips.
 _LONGEST, _LONGEST_LINEAR = 0.2, 0.01
+# No position yet; no deflection (or: not stuck, no anchor).
+_NEW = np.array([np.nan, 0.0, 0.0])
 
 
 def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
@@ -191,10 +193,6 @@ class PreslidingFriction(Effect):
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The torque behind the bristle."""
         return ModelNumbers(coulomb=float(theta[0]))
-
-
-# No position yet; no deflection (or: not stuck, no anchor).
-_NEW = np.array([np.nan, 0.0, 0.0])
 
 
 def strokes(operation: Operation, row: int) -> Float[Array, " n"]:

@@ -1,6 +1,7 @@
-"""Building blocks that the effects share: which row a joint is, and signatures that touch one row.
+"""What effects share: which row of the torque a joint is, signatures that touch one row, units, ranges of friction.
 
-Ranges of friction torques: what the model has can be missing, no more, and no drive moves against all of it.
+Ranges of friction torques: all that the model has may be missing and no more, and no drive overcomes more than its
+limit.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def test_without_a_terminal_a_line_is_written_at_an_announcement_ten_seconds_aft
 
 
 @pytest.mark.skipif(not compiles(), reason="numba is off")
-def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
+def test_compilation_is_mentioned_while_it_lasts_and_not_before():
     # Oracle: numba's own compilation of a function that no cache holds; its generated body asks what is said.
     said = []
 
@@ -162,8 +162,23 @@ def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
 
         said.append(progress.said())
         assert njit(lambda: _asked())() == 1
-        said.append(progress.said())
-    assert said == ["filtering", "filtering; compiling function 1, in a first run only", "filtering"]
+    assert said == ["filtering", "filtering; compiling function 1, in a first run only"]
+
+
+@pytest.mark.skipif(not compiles(), reason="numba is off")
+def test_a_line_without_a_terminal_says_how_many_functions_were_compiled_before_it(monkeypatch):
+    # Oracle: numba's own count of signatures of two functions that no cache holds.
+    monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 0.0)
+    stream = io.StringIO()
+    with Progress(Stage.READING, stream) as progress:
+        progress.show(Announcement(Stage.READING))
+        made = [njit(lambda x, more=more: x + more) for more in (1, 2)]
+        for function in made:
+            function(1.0)
+        progress.show(Announcement(Stage.FILTERING))
+    count = sum(len(function.signatures) for function in made)
+    compiled = f"functions compiled so far, in a first run only: {count}"
+    assert stream.getvalue() == f"0 s: reading\n0 s: filtering; {compiled}\n"
 
 
 def test_a_short_run_without_a_terminal_writes_nothing():
@@ -173,9 +188,20 @@ def test_a_short_run_without_a_terminal_writes_nothing():
     assert stream.getvalue() == ""
 
 
-def test_a_reader_of_the_progress_that_left_ends_nothing(monkeypatch):
+class Unread(io.StringIO):
+    """A stream whose reader is gone: it counts what it was asked to write, and refuses it."""
+
+    asked = 0
+
+    def write(self, text: str) -> int:
+        self.asked += 1
+        raise BrokenPipeError(32, "Broken pipe", text)
+
+
+def test_a_run_goes_on_where_the_reader_of_its_progress_left(monkeypatch):
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 0.0)
-    stream = io.StringIO()
-    with Progress(Stage.READING, stream) as progress:
-        stream.close()
-        progress.show(Announcement(Stage.FILTERING))
+    stream = Unread()
+    with Progress(Stage.READING, stream, stages={Stage.READING: 40.0, Stage.WRITING: 60.0}) as progress:
+        progress.show(Announcement(Stage.READING))
+        progress.show(Announcement(Stage.WRITING))
+    assert (stream.asked, progress.said()) == (2, "40 % writing")

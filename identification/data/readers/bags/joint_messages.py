@@ -19,6 +19,19 @@ from phantom_dyn.array_types import Array
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
+_INTERFACES = {
+    "position": "q",
+    "velocity": "v",
+    "effort": "tau",
+    "torque": "tau",
+    "current": "i",
+    "motor_current": "i",
+    "temperature": "temp",
+    "motor_temperature": "temp",
+}
+"""Names of interfaces of ros2_control and their quantities."""
+DOCUMENTED_ORDER = ("unitree_go/msg/LowState", "unitree_hg/msg/LowState", "unitree_legged_msgs/msg/LowState")
+"""Types whose numbers have an order that the maker documents."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +78,6 @@ def _controller_state(message: Any) -> JointValues:
     if not len(found.effort) and output is not None:
         values["tau"] = output.effort
     return JointValues(tuple(message.joint_names), values, _stamp(message))
-
-
-_INTERFACES = {
-    "position": "q",
-    "velocity": "v",
-    "effort": "tau",
-    "torque": "tau",
-    "current": "i",
-    "motor_current": "i",
-    "temperature": "temp",
-    "motor_temperature": "temp",
-}
-"""Names of interfaces of ros2_control and their quantities."""
 
 
 def _dynamic_joint_state(message: Any) -> JointValues:
@@ -176,6 +176,3 @@ REFERENCES: dict[str, Callable[[Any], JointValues]] = {
     "unitree_legged_msgs/msg/LowCmd": _low_command,
 }
 """Readers of references by type of message; their quantity is ``q_ref``."""
-
-DOCUMENTED_ORDER = ("unitree_go/msg/LowState", "unitree_hg/msg/LowState", "unitree_legged_msgs/msg/LowState")
-"""Types whose numbers have an order that the maker documents."""

@@ -1,14 +1,11 @@
-"""Chosen effects as findings: parameters, share of the gap that each closes, and rivals.
+"""Chosen effects as findings (parameters, share of the gap closed, rivals), with notes on sizes that need one.
 
-What a motion shows of a drive that a voltage feeds: back-EMF, viscous friction and a late reference in one sum.
+Two notes are made here. Back-EMF, viscous friction and a late reference are all torque per speed while the joint
+follows its reference: a recording of a drive that a voltage feeds shows their sum. Each by itself shows only where
+constants of the motor, or another gain of its loop, fix the others.
 
-All three are torque per speed while the joint follows its reference. A recording shows their sum; each by itself only
-where constants of the motor, or another gain of its loop, fix the others.
-
-Numbers of bodies on the edge of what can exist: their intervals reach to one side of the estimate alone.
-
-Beyond the edge lie bodies with a negative mass or a negative moment of inertia, or with a centre out of reach. A
-deviation to both sides would call half of what no robot is likely.
+And the estimate of a body may lie on the edge of what can exist. Beyond the edge are bodies with a negative mass or a
+negative moment of inertia, or with a centre out of reach, so its interval reaches to one side alone.
 """
 
 from __future__ import annotations
@@ -50,6 +47,11 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
+
+_DRAWS = 200
+# Width of an interval of bodies that can exist, over that of all, above which it is not called one-sided.
+_NARROWER = 0.8
+_INTERVAL = (2.5, 97.5)  # per cent
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
@@ -194,12 +196,6 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
     if late is not None:
         return gain * float(late[row])
     return effect.model_numbers(robot, term.joint, one).viscous or None
-
-
-_DRAWS = 200
-# Width of an interval of bodies that can exist, over that of all, above which it is not called one-sided.
-_NARROWER = 0.8
-_INTERVAL = (2.5, 97.5)  # per cent
 
 
 def one_sided(shown: Shown) -> tuple[Note, ...]:

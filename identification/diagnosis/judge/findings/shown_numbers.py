@@ -1,10 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Which numbers of a finding a motion shows at all: those whose deviation is smaller than what a robot may have.
+"""Which numbers of a finding a motion shows at all, and how far their deviations are widened by other explanations.
 
 A law may have numbers that leave nothing in a recording, as where a load is along the axis of every joint. Its fit
 gives them a value and a deviation of metres; that is no measurement, and is not stated as one.
-
-Deviations of sizes, wider by what else the recordings allow: a weaker model, and other causes beside a finding.
 
 The fit of all numbers takes for granted that the moves stay within the tolerances and that every finding is the cause.
 Where either is in doubt, a size is uncertain by what it would be otherwise (law of total variance).
