@@ -15,7 +15,7 @@ from identification.rollout.joint_limits import Engaged, Simulated, limit_notes,
 from identification.rollout.rollout_starts import Window
 from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
@@ -30,7 +30,7 @@ Settle = Callable[[Shot, Model], Shot]
 
 @dataclass(frozen=True)
 class Errors:
-    """Simulated less recorded positions of windows, each ``(n, nv)``.
+    """Simulated less recorded positions of windows, each ``(n, nv)``, NaN for joints that a window does not compare.
 
     Attributes:
         t: Times since the start of each window [s].
@@ -52,9 +52,15 @@ class Errors:
         return Errors(*(tuple(one[k] for k in windows) for one in series))
 
     def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
-        """Root mean square over all windows from behind the start up to a time."""
-        kept = [x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)]
-        return np.sqrt(np.mean(np.concatenate(kept) ** 2, axis=0))
+        """Root mean square over all windows behind the start up to a time; zero where none compares a joint."""
+        kept = np.concatenate([x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)])
+        count = np.count_nonzero(~np.isnan(kept), axis=0)
+        return np.sqrt(np.nansum(kept**2, axis=0) / np.maximum(count, 1))
+
+    @property
+    def compared(self) -> Bool[Array, " nv"]:
+        """True for joints that some window compares."""
+        return np.any([~np.isnan(x[0]) for x in self.travel], axis=0)
 
 
 def possible_horizons(errors: Errors, horizons: tuple[float, ...]) -> tuple[float, ...]:
@@ -88,7 +94,7 @@ def unsettled(shot: Shot, _model: Model) -> Shot:
 
 @dataclass(frozen=True)
 class WindowMotion:
-    """Readings [rad or m] of both models in one window, ``(n, nv)`` each."""
+    """Readings [rad or m] of both models in one window, ``(n, nv)`` each; NaN for joints that it does not compare."""
 
     window: Window
     given: Float[Array, "n nv"]
@@ -176,11 +182,11 @@ def compared(
         given, model = models(plain.window)
         shot = settle(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
-        moved = shoot(shot, model, None)
-        before.append(shoot(shot, given, None) - shot.read)
-        after.append(moved - shot.read)
-        noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - moved)
-    travel = tuple(shot.read - shot.read[0] for shot in shots)
+        moved, others = shoot(shot, model, None), _others(shot.window, robot.nv)
+        before.append(shoot(shot, given, None) - shot.read + others)
+        after.append(moved - shot.read + others)
+        noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - moved + others)
+    travel = tuple(shot.read - shot.read[0] + _others(shot.window, robot.nv) for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
     notes = () if horizon >= possible_horizons(errors, horizons)[0] else (shortened(horizon, controlled=controlled),)
@@ -208,10 +214,18 @@ def compared(
     )
 
 
+def _others(window: Window, nv: int) -> Float[Array, " nv"]:
+    """Zero for joints that a window compares, NaN for the others."""
+    out = np.zeros(nv) if window.joints is None else np.full(nv, np.nan)
+    out[list(window.joints or ())] = 0.0
+    return out
+
+
 def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, float], dict[str, float]]:
     """Error of the given and of the corrected model by joint."""
-    before, after = (errors.rms(x, horizon).tolist() for x in (errors.before, errors.after))
-    return dict(zip(robot.joint_names, before, strict=True)), dict(zip(robot.joint_names, after, strict=True))
+    names = [joint for joint, own in zip(robot.joint_names, errors.compared, strict=True) if own]
+    before, after = (errors.rms(x, horizon)[errors.compared].tolist() for x in (errors.before, errors.after))
+    return dict(zip(names, before, strict=True)), dict(zip(names, after, strict=True))
 
 
 def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:

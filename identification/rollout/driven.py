@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.data.floating.base_errors import base_without_errors
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import BaseMotion
 from phantom_dyn.simulation.control import Tracking
-from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
+from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
 SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
 STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
@@ -55,21 +57,40 @@ def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
     return out
 
 
+def base_of(model: Model, log: Log, rows: slice) -> BaseMotion | None:
+    """How the base of a model moves over some samples; None where it is bolted down."""
+    return base_without_errors(model.robot, log, rows, model.base)
+
+
 def simulated(
-    robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start, max_step: float = STEP
+    robot: Robot,
+    causes: tuple[Cause, ...],
+    law: Tracking,
+    start: Start,
+    base: BaseMotion | None = None,
+    *,
+    max_step: float = STEP,
 ) -> Simulation:
-    """A simulation from a start, at the times of its law, in steps [s] of at most ``max_step``.
+    """A simulation from a start, at the times of its law.
+
+    Args:
+        robot: What moves.
+        causes: What it has besides.
+        law: Torque of its drives.
+        start: Of links and motors.
+        base: How a base moves that is not bolted down.
+        max_step: Longest step [s].
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
-    motors = start.motor_q, start.motor_v
-    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=max_step, motors=motors)
+    given = Given((start.motor_q, start.motor_v), base)
+    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=max_step, given=given)
 
 
-def moved(model: Model, law: Tracking, start: Start) -> Simulation:
+def moved(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
     """A simulation of a model whose law gives the torque behind its drives."""
-    return simulated(model.moving, model.causes, law, start)
+    return simulated(model.moving, model.causes, law, start, base)
 
 
 def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
@@ -92,9 +113,8 @@ def pulling(
     q: Float[Array, "n nv"],
     v: Float[Array, "n nv"],
     gains: Float[Array, "2 nv"],
-    count: int,
+    where: Bool[Array, "n nv"],
 ) -> Tracking:
-    """The recorded torque, with a pull towards ``q`` and ``v`` at the first ``count`` samples."""
-    tables = np.zeros((2, *q.shape))
-    tables[:, :count] = gains[:, None]
+    """The recorded torque, with a pull towards ``q`` and ``v`` at some samples of each joint."""
+    tables = gains[:, None] * where
     return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))

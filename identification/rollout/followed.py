@@ -31,7 +31,10 @@ def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> 
         # The first sample is the recorded one: without it, windows that follow each other are curves of their own.
         inside = np.flatnonzero((rows > window.start) & (rows < window.stop))
         at = firsts[window.log] + inside
-        before[at], after[at] = (q[rows[inside] - window.start] for q in (motion.given, motion.corrected))
+        for out, q in ((before, motion.given), (after, motion.corrected)):
+            here = q[rows[inside] - window.start]
+            # Swings of other legs go on meanwhile, in windows of their own.
+            out[at] = np.where(np.isnan(here), out[at], here)
         t = logs[window.log].motion.t
         seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))
     return replace(evidence, followed=Followed(before, after, seconds, rollout.controlled))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.data.log import Log
-from identification.rollout.driven import moved, pull, pulling
+from identification.rollout.driven import base_of, moved, pull, pulling
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import LEAD, Model
 from phantom_dyn.array_types import Array, Float
@@ -84,10 +84,10 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
     begun = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
     spread = _spread(model, states, begun)
     rows = slice(at, window.start + 1)
-    law = torque_over_time(log.motion.t[rows], torque[rows])
+    law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
 
     def run(moves: Array) -> Simulation:
-        return moved(model, law, _shifted(model, begun, moves * spread))
+        return moved(model, law, _shifted(model, begun, moves * spread), base)
 
     def misses(moves: Array) -> Array:
         return np.concatenate([((run(moves).q - states.raw[rows]) / states.read_std).ravel(), moves])
@@ -110,8 +110,9 @@ def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead
         return true_state(model, states, at, 1.0 / log.band.rate_hz)
     rows = slice(at - lead, at + 1)
     gains = pull(model, states.q[at])
-    law = pulling(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, lead + 1)
-    out = moved(model, law, start)
+    everywhere = np.ones((lead + 1, model.robot.nv), dtype=bool)
+    law = pulling(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, everywhere)
+    out = moved(model, law, start, base_of(model, log, rows))
     return Start(out.links.q[-1], out.links.v[-1], out.encoders.q[-1], out.encoders.v[-1])
 
 

@@ -19,7 +19,7 @@ from identification.rollout.driven import SHORTEST, STEP, acting_torque
 from identification.rollout.hidden_states import hides, look_back, tries
 from identification.rollout.joint_limits import recorded_past
 from identification.rollout.noise_band import strays
-from identification.rollout.rollout_starts import Window, states_of, windows_in
+from identification.rollout.rollout_starts import Window, spread, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn._kernels.jit import compiles
@@ -76,16 +76,17 @@ def rollout_of(explained: Explained) -> Rollout:
     """
     past = recorded_past(explained.session.robot, explained.session.logs)
     robot = explained.session.robot
-    if robot.floating or unknown_drives(robot).any():
-        why = "the base is not bolted down" if robot.floating else "a joint is moved by a torque that nobody knows"
-        numbers = {"controlled": False, "problem": why}
+    if unknown_drives(robot).any():
+        numbers = {"controlled": False, "problem": "a joint is moved by a torque that nobody knows"}
         return Rollout(None, {}, {}, warnings=past, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
     torque = _torques()
 
     def settle(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
-        return (shot.with_hidden_start if compiles() else shot.pulled)(model, torque(shot, model))
+        # Of a swing too little is left to fit a start to.
+        fitted = compiles() and not robot.floating
+        return (shot.with_hidden_start if fitted else shot.pulled)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, settle)
     if explained.controlled and loop is not None:
@@ -95,7 +96,8 @@ def rollout_of(explained: Explained) -> Rollout:
         return under_torque(shot, model, torque(shot, model), nudge)
 
     out = _tried(explained, shoot, HORIZONS, settle, by_control=False)
-    if not explained.terms and out.horizon_s is not None:
+    # How far noise of the base's sensors makes legs stray is in no band.
+    if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, strays=_strays(explained, out.horizon_s))
     return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
 
@@ -245,11 +247,12 @@ def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tup
     # A sample takes a step at least.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
     fewest = _FEWEST if slow == 1 else _FEWEST_SLOW
+    lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
+    windows = windows_in(logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead)
+    swings = [(w.stop - w.start - 1) / logs[w.log].band.rate_hz for w in windows if w.joints is not None]
+    seconds = min(seconds, float(np.mean(swings))) if swings else seconds
     count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv * slow), fewest, _MOST))
     count = min(count, max(fewest, _SETTLED // tries)) if tries else count
-    lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
-    windows = windows_in(
-        logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead, count=count
-    )
+    windows = spread(windows, count)
     states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)

@@ -5,7 +5,7 @@ States are smoothed over neighbouring samples; their deviations are the encoder 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.effects.support.rows import row_of
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import BaseMotion, Motion
 
 _WINDOW = 50  # samples over which scatter is looked at
 _LEAST = 1e-9  # of a state's deviation [rad or m]: numbers themselves are no better
 _NUDGE = 1e-4  # [rad or m], for the slope of a reading
 _ITERATIONS = 6  # of the inverse of a reading, whose slope is close to one
 _LEAST_ROWS = 3  # of a window
+_SHORTEST_SWING = 0.08  # [s]: what is shorter is a contact that flickers
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class States:
         v_std: Of ``v``.
         read_std: Of ``raw``, what the smoothing takes away.
         scatter: Of ``raw``, what it takes away in the quietest fifth of all windows, without stops and impacts.
+        base: How a base moves that is not bolted down.
     """
 
     q: Float[Array, "N nv"]
@@ -48,6 +50,7 @@ class States:
     v_std: Float[Array, " nv"]
     read_std: Float[Array, " nv"]
     scatter: Float[Array, " nv"]
+    base: BaseMotion | None = None
 
 
 def states_of(log: Log, cutoff_hz: float) -> States:
@@ -68,7 +71,7 @@ def states_of(log: Log, cutoff_hz: float) -> States:
     density = removed / max(0.5 * rate - edge, 1e-9)  # per Hz
     q_std, v_std = np.sqrt(density * edge), 2.0 * np.pi * np.sqrt(density * edge**3 / 3.0)
     least = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed), _quiet(rough)))
-    return States(q, v, a, raw, *least)
+    return States(q, v, a, raw, *least, base=log.motion.base)
 
 
 def _quiet(rough: Float[Array, "N nv"]) -> Float[Array, " nv"]:
@@ -124,7 +127,9 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
     start = Start(true, speed, np.array(true), np.array(speed))
     if model.transmissions:
         near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
-        load = link_torque(model.robot, Motion(dt * near, states.q[near], states.v[near], states.a[near]))
+        base = None if states.base is None else states.base.at(near)
+        near_by = Motion(dt * near, states.q[near], states.v[near], states.a[near], base=base)
+        load = link_torque(model.robot, near_by)
         rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
         for part in model.transmissions:
             row = row_of(model.robot, part.joint)
@@ -148,6 +153,7 @@ class Window:
         stop: One after the last.
         fold: -1 where no fit has seen them.
         lead: Samples before the start that may be used to settle, none invalid.
+        joints: Which joints are compared, those of a leg that swings; None: all.
     """
 
     log: int
@@ -155,6 +161,7 @@ class Window:
     stop: int
     fold: int
     lead: int
+    joints: tuple[int, ...] | None = None
 
 
 def windows_in(
@@ -165,47 +172,71 @@ def windows_in(
     *,
     seconds: float,
     lead: float,
-    count: int,
 ) -> tuple[Window, ...]:
-    """At most ``count`` windows, evenly spread, each inside a judged block.
+    """All windows that fit, each inside a judged block; of legs inside their swings, for each leg its own.
 
     Args:
         logs: Recordings.
         blocks: What is held out together.
         folds: Of each block.
         judged: Which blocks count.
-        seconds: Length of a window [s]; a shorter block is taken whole.
+        seconds: Length of a window [s]; a shorter block or swing is taken whole.
         lead: Wanted seconds before a window in which hidden states settle.
-        count: The most windows.
     """
-    places = []
+    out = []
     for k in judged:
         block = blocks[k]
         log = logs[block.log]
         samples, rate = log.samples, log.band.rate_hz
-        first, last = int(samples[block.core]), int(samples[block.stop - 1])
-        length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), last - first + 1)
-        if length < _LEAST_ROWS:
-            continue
-        # As many as fit without overlap; what is left over is shared out before and behind them.
-        fit = max(1, (last - first + 1) // length)
-        margin = (last - first + 1 - fit * length) // 2
-        places += [(block.log, first + margin + i * length, length, int(folds[k])) for i in range(fit)]
-    good = [
-        w
-        for w in (window_at(logs, at, start, length, fold, lead) for at, start, length, fold in places)
-        if w is not None
-    ]
-    if len(good) <= count:
-        return tuple(good)
-    return tuple(good[i] for i in np.linspace(0, len(good) - 1, count).round().astype(int))
+        for joints, first, stop in _free_stretches(log, int(samples[block.core]), int(samples[block.stop - 1]) + 1):
+            length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), stop - first)
+            if length < _LEAST_ROWS:
+                continue
+            # As many as fit without overlap; what is left over is shared out before and behind them.
+            fit = max(1, (stop - first) // length)
+            margin = (stop - first - fit * length) // 2
+            for i in range(fit):
+                start = first + margin + i * length
+                out.append(window_at(logs, Window(block.log, start, start + length, int(folds[k]), 0, joints), lead))
+    return tuple(window for window in out if window is not None)
 
 
-def window_at(logs: tuple[Log, ...], at: int, start: int, length: int, fold: int, lead: float) -> Window | None:
-    """A window of a log with up to ``lead`` seconds before it; None where one of its samples must not be used."""
-    valid, rate = logs[at].valid, logs[at].band.rate_hz
-    if not valid[start : start + length].all():
+def _free_stretches(log: Log, first: int, stop: int) -> list[tuple[tuple[int, ...] | None, int, int]]:
+    """Joints of each leg with first and last sample, one further, of all its swings among some samples.
+
+    A robot of which nothing touches its surroundings has one stretch, of all joints.
+    """
+    if log.touched is None or not log.touched[first:stop].any():
+        return [(None, first, stop)]
+    patterns, leg_of = np.unique(log.touched[first:stop].T, axis=0, return_inverse=True)
+    out = []
+    for leg, touched in enumerate(patterns):
+        joints = tuple(np.flatnonzero(leg_of == leg).tolist())
+        edges = first + np.flatnonzero(np.diff(np.concatenate([[True], touched, [True]])))
+        swings = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        out += [(joints, start, end) for start, end in swings if end - start >= _SHORTEST_SWING * log.band.rate_hz]
+    return out
+
+
+def spread(windows: tuple[Window, ...], count: int) -> tuple[Window, ...]:
+    """At most ``count`` windows, evenly spread, of each leg as many."""
+    legs = list(dict.fromkeys(window.joints for window in windows))
+    most, out = max(1, count // max(len(legs), 1)), []
+    for leg in legs:
+        own = [window for window in windows if window.joints == leg]
+        out += own if len(own) <= most else [own[i] for i in np.linspace(0, len(own) - 1, most).round().astype(int)]
+    return tuple(out)
+
+
+def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | None:
+    """A window with up to ``lead`` seconds before it; None where one of its samples must not be used."""
+    log, start = logs[window.log], window.start
+    if not log.valid[start : window.stop].all():
         return None
-    wanted = min(round(lead * rate), start)
-    bad = np.flatnonzero(~valid[start - wanted : start])
-    return Window(at, start, start + length, fold, wanted if len(bad) == 0 else wanted - 1 - int(bad[-1]))
+    wanted = min(round(lead * log.band.rate_hz), start)
+    before = slice(start - wanted, start)
+    bad = ~log.valid[before]
+    if window.joints is not None and log.touched is not None:
+        bad = bad | log.touched[before][:, list(window.joints)].any(axis=1)
+    last = np.flatnonzero(bad)
+    return replace(window, lead=wanted if len(last) == 0 else wanted - 1 - int(last[-1]))

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.data.log import Log
-from identification.rollout.driven import STEP, moved, pull, pulling, simulated
+from identification.rollout.driven import STEP, base_of, moved, pull, pulling, simulated
 from identification.rollout.hidden_states import HiddenStart, hidden_start, hides, pulled_to
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late_references
+from phantom_dyn.simulation.control import Tracking, with_late_references
 from phantom_dyn.simulation.simulate import Cause
 
 
@@ -79,16 +79,27 @@ def under_torque(
     lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
     t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
-    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), lead)
+    where = _touched(shot.log, rows)
+    where[:lead] = True
+    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), where)
     start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
-    return np.array(moved(model, law, start).q[lead:])
+    return np.array(moved(model, law, start, base_of(model, shot.log, rows)).q[lead:])
+
+
+def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
+    """Where joints carry a force that nobody measured: they are led along the recording there."""
+    some = log.motion.q[rows]
+    return np.zeros(some.shape, dtype=bool) if log.touched is None else np.array(log.touched[rows])
 
 
 def _freely(shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
     """Readings from where hidden states were estimated."""
-    rows = slice(begun.at, shot.window.stop)
-    law = torque_over_time(shot.log.motion.t[rows], torque[rows])
-    return np.array(moved(begun.model, law, _nudged(begun.start, nudge)).q[shot.window.start - begun.at :])
+    rows, states = slice(begun.at, shot.window.stop), shot.states
+    gains = pull(begun.model, states.q[begun.at])
+    q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
+    law = pulling(shot.log.motion.t[rows], torque[rows], q, v, gains, where)
+    motion = moved(begun.model, law, _nudged(begun.start, nudge), base_of(begun.model, shot.log, rows))
+    return np.array(motion.q[shot.window.start - begun.at :])
 
 
 def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
@@ -126,9 +137,21 @@ def under_control(
     late = np.array([0.0 if a.controller is None else a.controller.reference_delay for a in robot.actuators])
     late = late if model.late_references is None else late + model.late_references
     law = with_late_references(law, late) if late.any() else law
+    law = _led(law, shot, model, rows)
     causes = (*controller_delays(robot), *model.commands, *model.causes)
     moving = replace(robot, torque_source="command")
-    return np.array(simulated(moving, causes, law, start, max_step).q[window.start - first :])
+    base = base_of(model, shot.log, rows)
+    return np.array(simulated(moving, causes, law, start, base, max_step=max_step).q[window.start - first :])
+
+
+def _led(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
+    """Controllers that lead joints along the recording while they carry a force that nobody measured."""
+    where, states = _touched(shot.log, rows), shot.states
+    if not where.any():
+        return law
+    (kp, kd), tau = pull(model, states.q[rows.start]), shot.log.tau[rows]
+    there = {"feedforward": tau, "q_ref": states.q[rows], "v_ref": states.v[rows], "kp": kp, "kd": kd}
+    return replace(law, **{name: np.where(where, value, getattr(law, name)) for name, value in there.items()})
 
 
 def controlled(robot: Robot) -> bool:

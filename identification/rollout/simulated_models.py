@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.columns.nuisances import ARRIVAL, SOFTNESS, moves_of
+from identification.diagnosis.columns.nuisances import ARRIVAL, BASE, SOFTNESS, moves_of
 from identification.diagnosis.columns.operations import moved_robot
 from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
@@ -39,6 +39,7 @@ class Model:
         late_references: Time [s] by which the references of each joint's controller arrive late, ``(nv,)``; None: none.
         soft: Joints whose modelled friction turns over softly, each with how much of the softness.
         arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
+        base: Errors of the sensors on a base that is not bolted down, by name with their sizes.
     """
 
     robot: Robot
@@ -48,6 +49,7 @@ class Model:
     late_references: Float[Array, " nv"] | None = None
     soft: tuple[tuple[str, float], ...] = ()
     arrivals: tuple[tuple[str, float], ...] = ()
+    base: tuple[tuple[str, float], ...] = ()
 
     @cached_property
     def parts(self) -> tuple[Simulated, ...]:
@@ -192,11 +194,11 @@ def corrected_model(
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta, operation.recording)
-    soft, arrivals = (
+    soft, arrivals, base = (
         tuple((str(m.place), float(x)) for x, m in zip(values, moves, strict=True) if m.kind == kind and x)
-        for kind in (SOFTNESS, ARRIVAL)
+        for kind in (SOFTNESS, ARRIVAL, BASE)
     )
-    return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft, arrivals=arrivals)
+    return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft, arrivals=arrivals, base=base)
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
 from identification.data.signals import process_all
+from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis.columns.known_geometry import of_torques, with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import EffectAt
@@ -126,7 +127,7 @@ def replay_of(
     curves = torque_curves(log, cutoff_hz, tuple(robots))
     states = states_of(log, cutoff_hz)
     motion = replayed_motion(
-        log,
+        with_model_torque(robot, log),
         states,
         {
             name: model_of(one, known_causes(one, effects))

@@ -14,7 +14,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.rollout.driven import SHORTEST, STEP, acting_torque
 from identification.rollout.hidden_states import hides
-from identification.rollout.rollout_starts import States, window_at
+from identification.rollout.rollout_starts import States, Window, window_at
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model
 from identification.stages import Announcement, Progress, Stage
@@ -116,7 +116,7 @@ def _followed(
     parts = stretches(log.valid, max(_FEWEST, round(horizon * log.band.rate_hz)))
     for k, (start, stop) in enumerate(parts):
         progress(Announcement(Stage.SIMULATION, k + 1, len(parts)))
-        window = window_at((log,), 0, start, stop - start, -1, LEAD)
+        window = window_at((log,), Window(0, start, stop, -1, 0), LEAD)
         assert window is not None  # all its samples are valid
         out[start:stop] = _read(Shot(log, states, window), model, torque, min(step, STEP) if controlled else None)
     return out

@@ -235,11 +235,17 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
 }
 
 
-def followed_words(followed: Followed) -> str:
-    """What a figure of simulated motion shows, in sentences."""
+def followed_words(followed: Followed, *, on_base: bool = False) -> str:
+    """What a figure of simulated motion shows, in sentences.
+
+    Args:
+        followed: The simulated motion.
+        on_base: True of a robot that is not bolted down.
+    """
     by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
+    base = "The base moves as its sensors read, and a leg is simulated while it swings. " if on_base else ""
     return (
         "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
         f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start anew; the corrected one by fits that have not seen the "
-        "window. Where there is no line, nothing was simulated."
+        f"window. {base}Where there is no line, nothing was simulated."
     )

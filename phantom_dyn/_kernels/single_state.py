@@ -21,7 +21,7 @@ Array = np.ndarray
 
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
 """Places in the row of a joint that stays: from 0 rotations, then origin, axis, the ten parameters of its body."""
-_ACCELERATION, _FORCE, _MOVING = 24, 30, 46
+_VELOCITY, _ACCELERATION, _FORCE, _MOVING = 18, 24, 30, 46
 """Places in the row that moves: from 0 rotation, 9 origin, 12 axis as a twist (angular, linear), 18 velocity, 24
 acceleration, 30 force (moment, force), 36 inertia of all that it carries, 46 numbers in all."""
 
@@ -44,6 +44,22 @@ def at_root(n: int, gravity: Array) -> Array:
     moving[0, [0, 4, 8]] = 1.0
     moving[0, _ACCELERATION + 3 : _FORCE] = -gravity
     return moving
+
+
+@jit
+def move_root(moving: Array, base: Array, k: int, share: float) -> None:
+    """Let the root move as a base does that is not bolted down, between two of its samples; without any it rests.
+
+    Args:
+        moving: As `at_root` gives it; its first row is changed.
+        base: Angular velocity, its derivative and specific force of the base in its own axes, ``(N, 9)`` or ``(0, 9)``.
+        k: The sample before.
+        share: Of the way to the next one.
+    """
+    for i in range(9 if len(base) > 0 else 0):
+        # What moves along with the root feels nothing of its linear velocity, which stays zero.
+        place = _VELOCITY + i if i < 3 else _ACCELERATION + i - 3
+        moving[0, place] = (1.0 - share) * base[k, i] + share * base[k + 1, i]
 
 
 class Chain(NamedTuple):

@@ -49,7 +49,7 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
         return None
-    one = machine.nv == 1 and machine.robot.chain is None
+    one = machine.nv == 1 and machine.robot.chain is None and not machine.robot.floating
     found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
     if found[0] is None:
         return None

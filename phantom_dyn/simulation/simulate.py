@@ -21,7 +21,7 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import BaseMotion, Motion, read_only
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking, with_late_references
@@ -42,6 +42,20 @@ class Cause:
     effect: Effect
     joint: str | None
     theta: Float[Array, " p"]
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a simulation takes as known besides the start of its links.
+
+    Attributes:
+        motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
+            joint; those of other joints do not count. None: where they carry what the links need to go on.
+        base: How the root of a robot that is not bolted down moves at the times of the samples, linear between them.
+    """
+
+    motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None
+    base: BaseMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -77,7 +91,7 @@ def simulate(
     v0: Float[Array, " nv"] | None = None,
     *,
     max_step: float = 5e-4,
-    motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None,
+    given: Given = Given(),
 ) -> Simulation:
     """Motion of ``robot`` with ``causes`` in it, from ``q0``, ``v0`` at ``t[0]``.
 
@@ -92,17 +106,20 @@ def simulate(
         q0: True link positions at the start [rad or m].
         v0: True link velocities at the start; 0 by default.
         max_step: Longest step [s]; transmissions take shorter ones by themselves.
-        motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
-            joint; those of other joints do not count. None: where they carry what the links need to go on.
+        given: Start of the motors and motion of the base, where they are known.
 
     Raises:
         ParameterError: If times do not increase, an array has the wrong length, a motor without inertia would have to
             move by itself, or the motion leaves all bounds.
+        RobotError: If the robot is not bolted down and nobody says how its base moves.
         ChainError: If the motion leads where a loop of a closed chain cannot be closed or is singular.
     """
     v0 = np.zeros(robot.nv) if v0 is None else v0
-    starts = {"q0": q0, "v0": v0} | ({} if motors is None else dict(zip(_MOTORS, motors, strict=True)))
+    starts = {"q0": q0, "v0": v0} | ({} if given.motors is None else dict(zip(_MOTORS, given.motors, strict=True)))
     _check(robot, controller, t, starts, max_step)
+    base = np.zeros((0, 9)) if given.base is None else given.base.columns
+    if given.base is not None and len(base) != len(t):
+        raise ParameterError(f"The motion of the base has {len(base)} samples, wanted {len(t)}, one a time.")
     parts = tuple(cause.effect.simulated(robot, cause.joint, np.asarray(cause.theta, dtype=float)) for cause in causes)
     controller = _with_late_references(controller, parts)
     true = robot
@@ -113,12 +130,13 @@ def simulate(
         tuple(part.transmission for part in parts if part.transmission is not None),
         tuple(part.inertia for part in parts if part.inertia is not None),
     )
-    t, start = np.array(t, dtype=float), in_balance(machine, np.array(q0, dtype=float), np.array(v0, dtype=float))
-    start = start if motors is None else with_motors(machine, start, *motors)
+    t, first = np.array(t, dtype=float), None if given.base is None else given.base.at(slice(1))
+    start = in_balance(machine, np.array(q0, dtype=float), np.array(v0, dtype=float), first)
+    start = start if given.motors is None else with_motors(machine, start, *given.motors)
     spans = np.append(np.diff(t), 0.0)
     counts = np.ceil(spans / min(max_step, longest_step(machine, start.x[: robot.nv])) - 1e-9).astype(np.int64)
     counts[:-1] = np.maximum(counts[:-1], 1)
-    plan = Plan(t, spans / np.maximum(counts, 1), counts, _TOO_FAST)
+    plan = Plan(t, spans / np.maximum(counts, 1), counts, _TOO_FAST, base)
     steps = compiled(machine, parts, t, counts)
     channels = Channels(machine, parts, controller, held=_is_held(robot))
     if steps is None:
@@ -178,15 +196,16 @@ def _compiled(
     for k in range(len(plan.t)):
         here = slice(k, k + 1)
         t, h, out = plan.t[here], plan.steps[here], Rows(*(part[here] for part in rows))
+        base = plan.base[k : k + 2]
         moving.asked[:] = channels.ask(float(t[0]), moving.x, moving.v)
         if _is_held(robot):
-            run(Plan(t, h, plan.counts[here], plan.far), out)
+            run(Plan(t, h, plan.counts[here], plan.far, base), out)
             continue
-        run(Plan(t, h, none, plan.far), out)
+        run(Plan(t, h, none, plan.far, base), out)
         for i in range(plan.counts[k]):
             x, v = moving.x + 0.5 * h * moving.v, moving.v + 0.5 * h * moving.a
             moving.asked[:] = channels.ask(float(t[0] + (i + 0.5) * h[0]), x, v)
-            run(Plan(t, h, one, plan.far), scratch)
+            run(Plan(t, h, one, plan.far, _within(base, i / plan.counts[k], (i + 1) / plan.counts[k])), scratch)
             if i == 0:
                 rows.after[k] = moving.a
     return rows
@@ -200,12 +219,19 @@ def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -
         rows.q[k], rows.x[k], rows.v[k] = channels.reading(state), state.x, state.v
         rows.before[k] = rows.after[k] = state.a
         for i in range(count):
-            state = stepped(machine, state, t + i * h, h, channels.torques(h))
+            half = _within(plan.base[k : k + 2], (i + 0.5) / count)
+            base = BaseMotion(*np.split(half, 3, axis=1)) if len(half) else None
+            state = stepped(machine, state, t + i * h, h, channels.torques(h), base)
             if not np.abs(state.v).max() < plan.far:
                 raise RunawayError(t)
             if i == 0:
                 rows.after[k] = state.a
     return rows
+
+
+def _within(ends: Float[Array, "n 9"], *shares: float) -> Float[Array, "m 9"]:
+    """Motion of a base at some shares of the way between two samples; nothing of a robot that is bolted down."""
+    return np.array([(1.0 - share) * ends[0] + share * ends[1] for share in shares]) if len(ends) else ends
 
 
 class Channels:

@@ -24,7 +24,7 @@ from phantom_dyn.effects.simulated import Transmission
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import BaseMotion, Motion
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
@@ -142,10 +142,12 @@ def longest_step(machine: Machine, q: Float[Array, " nv"]) -> float:
     return _PHASE_PER_STEP / float(np.sqrt(np.max(machine.stiffness * (1.0 / rotor + 1.0 / link))))
 
 
-def in_balance(machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> State:
-    """State whose transmissions carry what the links need to go on at this speed."""
+def in_balance(
+    machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"], base: BaseMotion | None = None
+) -> State:
+    """State whose transmissions carry what the links need to go on at this speed, on a base that moves so."""
     rows = list(machine.loose)
-    links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, len(q))))
+    links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, len(q))), base=base)
     load = link_torque(machine.robot, links)[0]
     ahead = load[rows] / machine.stiffness + 0.5 * machine.gap * np.sign(load[rows])
     x, speed = np.concatenate([q, q[rows] + ahead]), np.concatenate([v, v[rows]])
@@ -161,11 +163,13 @@ def with_motors(machine: Machine, state: State, q: Float[Array, " nv"], v: Float
     return replace(state, x=x, v=speed, transmitted=transmitted)
 
 
-def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques) -> State:
-    """The state after one step of ``h`` seconds from time ``t``."""
+def stepped(
+    machine: Machine, state: State, t: float, h: float, torques: Torques, base: BaseMotion | None = None
+) -> State:
+    """The state after one step of ``h`` seconds from time ``t``, on a base that moves so half a step ahead."""
     robot, nv, drives = machine.robot, machine.nv, list(machine.drives)
     x, v = state.x + 0.5 * h * state.v, state.v + 0.5 * h * state.a
-    inertia, bias, tree = _links(machine, x[:nv], v[:nv], state.tree)
+    inertia, bias, tree = _links(machine, x[:nv], v[:nv], state.tree, base)
     spring = _spring_torque(machine, x, v)
     given, added = torques(t + 0.5 * h, x, v, state.transmitted)
 
@@ -187,11 +191,15 @@ def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques
 
 
 def _links(
-    machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"], near: Float[Array, " nt"] | None
+    machine: Machine,
+    q: Float[Array, " nv"],
+    v: Float[Array, " nv"],
+    near: Float[Array, " nt"] | None,
+    base: BaseMotion | None,
 ) -> tuple[Float[Array, "n n"], Float[Array, " nv"], Float[Array, " nt"] | None]:
     """Mass matrix of joints and motors, the torque that the links need to go on at their speed, and ``State.tree``."""
     robot, nv, rows = machine.robot, machine.nv, list(machine.loose)
-    if robot.chain is None:
+    if robot.chain is None and base is None:
         # Pinocchio itself, as a simulation asks for one state at a time.
         configuration = q if robot.model.nq == nv else robot.configuration(q[None])[0]
         upper = pin.crba(robot.model, machine.workspace, configuration)
@@ -199,7 +207,7 @@ def _links(
         bias = pin.nonLinearEffects(robot.model, machine.workspace, configuration, v)
         at = None
     else:
-        tree = tree_motion(robot, Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv))), near=near)
+        tree = tree_motion(robot, Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv)), base=base), near=near)
         mass, at = mass_matrix_of_tree(robot, tree)[0], tree.q[0]
         bias = body_torque_of_tree(robot, tree)[0] + passive_friction(robot, tree)[0]
     out = np.zeros((nv + len(rows), nv + len(rows)))

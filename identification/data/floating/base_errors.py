@@ -14,7 +14,7 @@ from identification.data.log import Log
 from phantom_dyn.array_types import Float
 from phantom_dyn.dynamics.moving_base import place_on_base, torque_of_base
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import BaseMotion, Motion
 
 Array = np.ndarray
 
@@ -51,9 +51,23 @@ def feigned_torque(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float
 
 def feigned_by(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
     """The same for errors of given sizes together."""
-    corrections = _corrections(robot, log, log.motion)
-    more = sum((size * corrections[name] for name, size in sizes), np.zeros((len(log.motion.t), 9)))
+    more = _without(robot, log, log.motion, sizes)
     return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), more)
+
+
+def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tuple[str, float]]) -> BaseMotion | None:
+    """How the base moved over some samples, without errors of given sizes; None where it is bolted down."""
+    motion = log.motion.at(rows)
+    if motion.base is None:
+        return None
+    return BaseMotion(*np.split(motion.base.columns + _without(robot, log, motion, sizes), 3, axis=1))
+
+
+def _without(robot: Robot, log: Log, motion: Motion, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N 9"]:
+    """What `BaseMotion.columns` have more without errors of given sizes."""
+    errors = [(name, size) for name, size in sizes if size]
+    corrections = _corrections(robot, log, motion) if errors else {}
+    return sum((size * corrections[name] for name, size in errors), np.zeros((len(motion.t), 9)))
 
 
 def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Array, "N 9"]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.export.file_names import MJCF, URDF, YAML
 from identification.notes import Note, Said
@@ -171,7 +172,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
         beside=beside,
         joints=views,
         motions=_motion_views(diagnosis) if has_samples else [],
-        motion_words=followed_words(diagnosis.evidence.followed) if diagnosis.evidence.followed else "",
+        motion_words=_followed_words(diagnosis.evidence),
         curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
@@ -267,6 +268,11 @@ def _motion_views(diagnosis: Diagnosis) -> list[MotionView]:
     return [
         MotionView(diagnosis.joints[k].joint, k, Markup(position_figure(diagnosis, k)), k == ranked[0]) for k in ranked
     ]
+
+
+def _followed_words(evidence: Evidence) -> str:
+    followed = evidence.followed
+    return "" if followed is None else followed_words(followed, on_base=evidence.touched is not None)
 
 
 def _curves(diagnosis: Diagnosis, joints: list[int]) -> CurvesView | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from phantom_dyn._kernels.dry_friction import Rubbing, rub
 from phantom_dyn._kernels.jit import jit, within
-from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
+from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias, move_root
 from phantom_dyn.array_types import Array
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
@@ -25,7 +25,7 @@ class Arm(NamedTuple):
     Attributes:
         numbers: Joints of the tree from `joint_rows`.
         places: The same.
-        root: Motion of the root from `at_root`; copied before it is used.
+        root: Motion of the root from `at_root`; copied before it is used, as a plan may say how it moves.
         added: Inertia besides that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.
@@ -88,6 +88,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
                 push[i] = 0.0
             if mode == AT_STEPS:
                 ask(control, readings, seen, y, w, plan.t[k] + (step + 0.5) * h, reading, asked)
+            move_root(row, plan.base, k, (step + 0.5) / plan.counts[k])
             inertia(arm, row, y, w, h, mobility, bias)
             for j in range(nv):
                 given[j] = asked[j]

@@ -63,12 +63,15 @@ class Plan(NamedTuple):
         steps: Length of the steps behind each sample [s], ``(N,)``.
         counts: How many there are, ``(N,)``.
         far: Speed beyond which the integration has blown up.
+        base: How the root moves at the samples, the columns of `phantom_dyn.motion.BaseMotion`, ``(N, 9)``; none,
+            ``(0, 9)``, of a robot that is bolted down.
     """
 
     t: Array
     steps: Array
     counts: Array
     far: float
+    base: Array
 
 
 class Control(NamedTuple):

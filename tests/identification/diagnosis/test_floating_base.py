@@ -58,6 +58,7 @@ def test_friction_of_the_knee_is_found_in_the_air(tmp_path, rng, steps):
     assert [(one.effect, one.joint) for one in found.findings] == [("coulomb_friction", "knee")]
     torque = found.findings[0].parameters["torque"]
     assert torque.value == pytest.approx(0.3, abs=0.03)
+    assert found.rollout["rms_after"]["knee"] < 0.1 * found.rollout["rms_before"]["knee"]
 
 
 @pytest.mark.whole

@@ -13,7 +13,7 @@ from identification.diagnosis.columns.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compared
 from identification.rollout.driven import given_torque
 from identification.rollout.hidden_states import hides
-from identification.rollout.rollout_starts import states_of, windows_in
+from identification.rollout.rollout_starts import spread, states_of, windows_in
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import model_of
 from phantom_dyn.model.robot import Robot
@@ -36,7 +36,7 @@ class Recorded:
     def shots(self, seconds: float = 0.5, count: int = 12) -> tuple[Shot, ...]:
         blocks = split_blocks((self.log,), self.cutoff_hz)
         every, seen = np.arange(len(blocks)), np.full(len(blocks), -1)
-        windows = windows_in((self.log,), blocks, seen, every, seconds=seconds, lead=0.25, count=count)
+        windows = spread(windows_in((self.log,), blocks, seen, every, seconds=seconds, lead=0.25), count)
         states = states_of(self.log, self.cutoff_hz)
         return tuple(Shot(self.log, states, window) for window in windows)
 

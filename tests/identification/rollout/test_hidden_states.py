@@ -18,7 +18,7 @@ from identification.words.note_words import sentence
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 from phantom_dyn.simulation.control import position_control, torque_over_time
-from phantom_dyn.simulation.simulate import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, Given, simulate
 
 PLAY = Cause(effect_named("backlash"), "elbow", np.array([0.03]))
 
@@ -64,7 +64,7 @@ def strayed(made, true: Cause, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         )
         start = truth.links.q[k], truth.links.v[k]
         best.append(
-            (simulate(model.moving, (true,), law, law.t, *start, max_step=1e-3, motors=motors).q - shot.read)[1:]
+            (simulate(model.moving, (true,), law, law.t, *start, max_step=1e-3, given=Given(motors)).q - shot.read)[1:]
         )
     return rms(ours), rms(best)
 

@@ -16,7 +16,7 @@ from phantom_dyn.effects.transmission.backlash import Backlash
 from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.simulation.control import Tracking, position_control, torque_over_time
-from phantom_dyn.simulation.simulate import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, Given, simulate
 
 REST = np.zeros(2)
 
@@ -252,7 +252,7 @@ def test_a_motor_that_starts_apart_swings_against_its_link(wheel):
     w = np.sqrt(k * 15.0)
     cause = Cause(TransmissionCompliance(), "pin", np.array([k]))
     motors = np.array([0.02]), np.array([-0.02 * damped * w])
-    s = simulate(wheel, (cause,), no_torque, t, np.zeros(1), motors=motors)
+    s = simulate(wheel, (cause,), no_torque, t, np.zeros(1), given=Given(motors))
     apart = (s.encoders.q - s.links.q)[:, 0]
     expected = 0.02 * np.exp(-damped * w * t) * np.cos(w * np.sqrt(1.0 - damped**2) * t)
     np.testing.assert_allclose(apart, expected, atol=2e-4)
@@ -262,13 +262,13 @@ def test_motors_of_rigid_joints_do_not_count(planar, swinging):
     controller, q0, v0 = swinging
     t = np.linspace(0.0, 0.1, 11)
     elsewhere = np.full(2, 9.0), np.full(2, -9.0)
-    moved = simulate(planar, (), controller, t, q0, v0, motors=elsewhere)
+    moved = simulate(planar, (), controller, t, q0, v0, given=Given(elsewhere))
     np.testing.assert_array_equal(moved.q, simulate(planar, (), controller, t, q0, v0).q)
 
 
 def test_a_start_of_the_motors_of_the_wrong_length_is_refused(wheel):
     with pytest.raises(ParameterError, match=r"motors\[1\] has shape \(2,\), wanted 1 numbers, one a joint\."):
-        simulate(wheel, (), no_torque, np.arange(3.0), np.zeros(1), motors=(np.zeros(1), np.zeros(2)))
+        simulate(wheel, (), no_torque, np.arange(3.0), np.zeros(1), given=Given((np.zeros(1), np.zeros(2))))
 
 
 T = np.array([0.0, 1.0, 3.0])
