@@ -8,21 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, cheap_translation
+from benchmarks.haptics_step_cost import ALL, EFFECTS
 from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
 from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
 
 CYCLES, MOTORS = 10_000, 6
-ALL = cheap_translation(slip=1.0, order=600.0, limit=2.0)
-AXES = {
-    "nothing": CheapAxis(),
-    "saturation": CheapAxis(limit=2.0),
-    "cogging": CheapAxis(cogging=ALL.cogging),
-    "friction": CheapAxis(friction=ALL.friction),
-    "inertia": CheapAxis(mass=ALL.mass),
-    "backlash": CheapAxis(mass=ALL.mass, gap=ALL.gap),
-    "all": ALL,
-}
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +24,11 @@ def hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, q, rng.standard_normal((CYCLES, MOTORS))
 
 
-@pytest.mark.parametrize("name", AXES)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_ten_thousand_cycles_of_six_motors(benchmark, hand, name):
     t, q, force = hand
-    rendered(AXES[name], t[:10], q[:10, 0], force[:10, 0])  # compiled before it is timed
-    given = benchmark(rendered_axes, (AXES[name],) * MOTORS, t, q, force)
+    rendered(EFFECTS[name], t[:10], q[:10, 0], force[:10, 0])  # compiled before it is timed
+    given = benchmark(rendered_axes, (EFFECTS[name],) * MOTORS, t, q, force)
     benchmark.extra_info["us_per_cycle_and_motor"] = 1e6 * _mean(benchmark) / (CYCLES * MOTORS)
     assert given.shape == (CYCLES, MOTORS)
 

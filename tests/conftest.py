@@ -9,6 +9,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import gc
 import zlib
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 
 from jaxtyping import install_import_hook
@@ -56,8 +57,12 @@ import jaxtyping
 import numpy as np
 import pytest
 
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+
 TESTS = Path(__file__).resolve().parent
 CHECKOUT = TESTS.parent
+ROBOTS = TESTS / "robots"
 # Folders whose tests check annotations, as they call one function after the other. So do those in no folder.
 CHECKING = {
     TESTS / folder
@@ -124,9 +129,30 @@ def data_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
+def pendulum() -> Robot:
+    """A rod of 2 kg with its centre 0.5 m below joint pin, 0.6 kg m^2 about it; friction 0.3 N m s/rad and 0.7 N m."""
+    return load_robot(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture(scope="session")
+def arm() -> Robot:
+    """Joints turn and tilt (hinges) and slide (linear), with modelled friction."""
+    return load_robot(ROBOTS / "arm3.urdf")
+
+
+@pytest.fixture(scope="session")
+def planar() -> Robot:
+    """Joints shoulder and elbow, both about y, hanging, with friction and rotors; torque follows the controller."""
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    model = robot.model.copy()
+    model.armature = np.array([0.3, 0.1])
+    return replace(robot, model=model)
+
+
+@pytest.fixture(scope="session")
 def robots() -> Path:
     """Folder of the small robots of the tests."""
-    return CHECKOUT / "tests" / "robots"
+    return ROBOTS
 
 
 @pytest.fixture(autouse=True)

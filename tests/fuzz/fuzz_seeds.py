@@ -14,10 +14,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from known_effects import EFFECTS_OF_THE_PENDULUM
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.model.loading import load_robot
-from phantom_dyn.motion import Motion
 from places import ROBOTS
+from sines import rubbing_columns
 
 RATE, SECONDS = 100.0, 8.0
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -63,20 +61,7 @@ class Seeds:
 
 def made_columns(robot_file: Path, seed: int = 0) -> dict[str, np.ndarray]:
     """A recording of a robot that has more Coulomb friction than its model."""
-    robot, rng = load_robot(robot_file), np.random.default_rng(seed)
-    t = np.arange(int(SECONDS * RATE)) / RATE
-    q, v, a = (np.zeros((len(t), robot.nv)) for _ in range(3))
-    for joint in range(robot.nv):
-        for hz in rng.uniform(0.1, 1.0, 5):
-            w, phase, size = 2 * np.pi * hz, rng.uniform(0, 2 * np.pi), 0.2 / max(hz, 0.3)
-            q[:, joint] += size * np.sin(w * t + phase)
-            v[:, joint] += size * w * np.cos(w * t + phase)
-            a[:, joint] -= size * w**2 * np.sin(w * t + phase)
-    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + 0.4 * np.sign(v)
-    tau += 0.01 * rng.standard_normal(tau.shape)
-    names = robot.joint_names
-    positions = {f"q.{joint}": q[:, k] for k, joint in enumerate(names)}
-    return {"t": t, **positions, **{f"tau.{joint}": tau[:, k] for k, joint in enumerate(names)}}
+    return rubbing_columns(robot_file, seconds=SECONDS, rate=RATE, seed=seed)
 
 
 def csv_text(columns: dict[str, np.ndarray]) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from identification.diagnosis.result import Diagnosis
@@ -17,30 +16,9 @@ TRUSTED = Tolerance(inertia=0.0, friction=0.0, rotor_inertia=0.0)
 
 
 @pytest.fixture(scope="session")
-def pendulum() -> Robot:
-    """A rod of 2 kg on joint pin with modelled friction: 0.3 N m s/rad and 0.7 N m."""
-    return load_robot(ROBOTS / "pendulum.urdf")
-
-
-@pytest.fixture(scope="session")
-def arm() -> Robot:
-    """Joints turn and tilt (hinges) and slide (linear), with modelled friction."""
-    return load_robot(ROBOTS / "arm3.urdf")
-
-
-@pytest.fixture(scope="session")
 def planar2() -> Robot:
     """Two links on shoulder and elbow, with modelled friction."""
     return load_robot(ROBOTS / "planar2.urdf")
-
-
-@pytest.fixture(scope="session")
-def planar() -> Robot:
-    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
-    robot = load_robot(ROBOTS / "planar2.urdf")
-    model = robot.model.copy()
-    model.armature = np.array([0.3, 0.1])
-    return replace(robot, model=model)
 
 
 @pytest.fixture(scope="session")
@@ -52,6 +30,16 @@ def made_up() -> Callable[..., Diagnosis]:
 @pytest.fixture(scope="session")
 def lab() -> Lab:
     return Lab()
+
+
+@pytest.fixture(scope="module")
+def two(lab: Lab, planar2: Robot) -> Prepared:
+    """Two recordings of different length; no fit sees the second."""
+    recordings = (
+        lab.recording(planar2, lab.motion(2, 1, seconds=16.0)),
+        lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
+    )
+    return lab.prepared(planar2, recordings, held_out=1)
 
 
 @pytest.fixture(scope="session")

@@ -6,39 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
-from places import ROBOTS
-
-
-def with_rotors(robot: Robot, inertias: list[float]) -> Robot:
-    model = robot.model.copy()
-    model.armature = np.array(inertias)
-    return replace(robot, model=model)
-
-
-@pytest.fixture(scope="session")
-def planar() -> Robot:
-    """Joints shoulder and elbow, both about y, hanging, with friction and rotors; torque follows the controller."""
-    return with_rotors(load_robot(ROBOTS / "planar2.urdf"), [0.3, 0.1])
 
 
 @pytest.fixture(scope="session")
 def frictionless(planar: Robot) -> Robot:
     """The same without friction."""
     return replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
-
-
-@pytest.fixture(scope="session")
-def pendulum() -> Robot:
-    """A rod of 0.6 kg m^2 about its pin, 2 kg at 0.5 m below it, with friction."""
-    return load_robot(ROBOTS / "pendulum.urdf")
-
-
-@pytest.fixture(scope="session")
-def arm() -> Robot:
-    """Joints turn and tilt (hinges) and slide (linear), with modelled friction."""
-    return load_robot(ROBOTS / "arm3.urdf")
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 The unknowns are the ten entries of each pseudo-inertia, where the cone is simplest: with ``V`` the inverse, the barrier
 ``-log det`` has the gradient ``-V`` and the Hessian ``tr(V B_k V B_l)``, with ``B_k`` the symmetric unit matrices
 [Boyd]_. Newton's method follows the central path from bodies inside the cone. A general solver of cones takes 2.5 times
-as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for thousands of minima.
+as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for many minima.
 
 References:
     .. [Boyd] S. Boyd, L. Vandenberghe, Convex Optimization, Cambridge University Press, 2004, sections 11.3 and 11.6.

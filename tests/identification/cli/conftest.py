@@ -10,30 +10,8 @@ import pytest
 
 from diagnosis_schema import Document
 from identification.cli.main import main
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.model.loading import load_robot
-from phantom_dyn.motion import Motion
 from places import ROBOTS
-
-
-def make_columns(
-    robot_file: Path | str, *, seconds: float = 10.0, rate: float = 200.0, seed: int = 0, friction: float = 0.4
-) -> dict:
-    """Columns of a recording of a robot that has more Coulomb friction on every joint than its model."""
-    robot = load_robot(robot_file)
-    rng = np.random.default_rng(seed)
-    t = np.arange(int(seconds * rate)) / rate
-    q, v, a = (np.zeros((len(t), robot.nv)) for _ in range(3))
-    for joint in range(robot.nv):
-        for hz in rng.uniform(0.1, 1.0, 5):
-            w, phase, size = 2 * np.pi * hz, rng.uniform(0, 2 * np.pi), 0.2 / max(hz, 0.3)
-            q[:, joint] += size * np.sin(w * t + phase)
-            v[:, joint] += size * w * np.cos(w * t + phase)
-            a[:, joint] -= size * w**2 * np.sin(w * t + phase)
-    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + friction * np.sign(v)
-    tau += 0.01 * rng.standard_normal(tau.shape)
-    positions = {f"q.{joint}": q[:, k] for k, joint in enumerate(robot.joint_names)}
-    return {"t": t, **positions, **{f"tau.{joint}": tau[:, k] for k, joint in enumerate(robot.joint_names)}}
+from sines import rubbing_columns
 
 
 def write(path: Path, columns: dict) -> Path:
@@ -57,8 +35,8 @@ def arm() -> Path:
 
 @pytest.fixture(scope="session")
 def made_columns() -> Callable[..., dict]:
-    """Makes the columns of a recording, see `make_columns`."""
-    return make_columns
+    """Makes the columns of a recording, see `rubbing_columns`."""
+    return rubbing_columns
 
 
 @pytest.fixture(scope="session")
@@ -70,7 +48,7 @@ def written() -> Callable[[Path, dict], Path]:
 @pytest.fixture(scope="session")
 def swing(pendulum) -> dict:
     """Columns of a recording of the pendulum, 10 s at 200 Hz."""
-    return make_columns(pendulum)
+    return rubbing_columns(pendulum)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from identification.cli.main import main
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
+from sines import columns_of, sines
 
 pytestmark = pytest.mark.whole
 
@@ -37,22 +38,13 @@ def recorded(
 ):
     """A log beside a robot file: sines, with friction as a share of each joint's torque and noise of 1 % of it."""
     robot, rng = load_robot(file), np.random.default_rng(3)
-    t = np.arange(int(seconds * rate)) / rate
-    q, v, a = (np.zeros((len(t), robot.nv)) for _ in range(3))
-    for j in range(robot.nv):
-        for f in rng.uniform(0.1, 1.0, 4):
-            w, phase, size = 2 * np.pi * f, rng.uniform(0, 2 * np.pi), 0.15 / max(f, 0.3)
-            q[:, j] += size * np.sin(w * t + phase)
-            v[:, j] += size * w * np.cos(w * t + phase)
-            a[:, j] -= size * w**2 * np.sin(w * t + phase)
-    if wrapped:
-        q[:, 0] += 3.0
-    tau = inverse_dynamics(robot, Motion(t, q, v, a))
+    motion = sines(np.arange(int(seconds * rate)) / rate, robot.nv, rng, count=4, size=0.15)
+    t, q, v = motion.t, motion.q + np.eye(1, robot.nv) * (3.0 if wrapped else 0.0), motion.v
+    tau = inverse_dynamics(robot, Motion(t, q, v, motion.a))
     size = tau.std(axis=0)
     tau += friction * size * np.sign(v) + 0.01 * size * rng.standard_normal(tau.shape)
     q = (q + np.pi) % (2 * np.pi) - np.pi if wrapped else q
-    positions = {f"q.{name}": q[:, k] for k, name in enumerate(robot.joint_names)}
-    columns = {"t": t, **positions, **{f"tau.{name}": tau[:, k] for k, name in enumerate(robot.joint_names)}}
+    columns = columns_of(t, robot.joint_names, q, tau)
     return columns, size, written(file.with_name("log.csv"), columns)
 
 

@@ -17,6 +17,7 @@ from phantom_dyn.effects.transmission.transmission_compliance import Transmissio
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.simulation.control import Tracking, position_control, torque_over_time
 from phantom_dyn.simulation.simulate import Cause, Given, simulate
+from sample_sizes import CONTRACT_SIZES
 
 REST = np.zeros(2)
 
@@ -95,19 +96,19 @@ def test_a_held_torque_acts_until_the_next_sample(pendulum):
     np.testing.assert_allclose(np.diff(s.links.v[:, 0]), s.tau[:-1, 0] / 0.6 * np.diff(t), rtol=1e-9)
 
 
-# Contract parameters of the effects that are torques, drives or links, on the elbow or on the whole robot.
-LAWS = {
-    "viscous_friction": [0.5],
-    "coulomb_friction": [0.3],
-    "direction_dependent_friction": [0.5, 0.2, 0.1, 0.3],
-    "stribeck_friction": [0.2, 0.6, 0.4],
-    "torque_offset": [0.4],
-    "torque_constant": [0.8],
-    "rotor_inertia": [0.05],
-    "payload": [0.4, 0.02, 0.0, -0.3],
-    "parasitic_spring": [3.0, 0.2],
-    "base_tilt": [0.02, -0.05, 0.0],
-}
+# Effects that are torques, drives or links, on the elbow or on the whole robot.
+LAWS = (
+    "viscous_friction",
+    "coulomb_friction",
+    "direction_dependent_friction",
+    "stribeck_friction",
+    "torque_offset",
+    "torque_constant",
+    "rotor_inertia",
+    "payload",
+    "parasitic_spring",
+    "base_tilt",
+)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -115,7 +116,7 @@ def test_the_recording_of_an_effect_shows_the_torque_of_its_law(planar, swinging
     # What the drive needs beyond the model is minus the torque that the effect adds.
     controller, q0, v0 = swinging
     joint = None if effect_named(name).scope == "robot" else "elbow"
-    theta = np.array(LAWS[name])
+    theta = np.array(CONTRACT_SIZES[name])
     s = simulate(planar, (Cause(effect_named(name), joint, theta),), controller, np.linspace(0.0, 0.4, 81), q0, v0)
     law = effect_named(name).torque(planar, Operation.of(planar, s.links), joint, theta)
     # Not next to a reversal, where the means of acceleration and friction over a step differ from those of a sample.

@@ -221,16 +221,6 @@ def test_columns_after_a_fit_are_those_made_from_nothing(lab, planar2):
     np.testing.assert_array_equal(after.residual[0], anew.residual[0])
 
 
-@pytest.fixture(scope="module")
-def two(lab, planar2):
-    """Two recordings of different length; no fit sees the second."""
-    recordings = (
-        lab.recording(planar2, lab.motion(2, 1, seconds=16.0)),
-        lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
-    )
-    return lab.prepared(planar2, recordings, held_out=1)
-
-
 def test_every_sample_in_the_band_is_in_one_block(two):
     for k, log in enumerate(two.logs):
         mine = [block for block in two.blocks if block.log == k]

@@ -90,16 +90,6 @@ def test_a_column_of_which_no_drawn_block_has_anything_has_no_coefficient(sample
     np.testing.assert_allclose(found, [*_products(samples).summed(drawn).fitted([0]), 0.0], rtol=1e-12)
 
 
-@pytest.fixture(scope="module")
-def two(lab, planar2):
-    """Two recordings of different length; no fit sees the second."""
-    recordings = (
-        lab.recording(planar2, lab.motion(2, 1, seconds=16.0)),
-        lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
-    )
-    return lab.prepared(planar2, recordings, held_out=1)
-
-
 def test_blocks_of_a_log_that_is_held_out_have_no_fold(two):
     assert [fold < 0 for fold in two.folds] == [block.log == 1 for block in two.blocks]
 

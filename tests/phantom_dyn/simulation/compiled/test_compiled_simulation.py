@@ -23,7 +23,7 @@ from phantom_dyn.simulation.control import position_control, torque_over_time
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 from phantom_dyn.simulation.stepping import machine_of
 from places import ROBOTS
-from sample_sizes import sample_size
+from sample_sizes import CONTRACT_SIZES, sample_size
 
 SHORT = np.linspace(0.0, 0.02, 9)
 
@@ -142,36 +142,6 @@ def test_a_motion_that_leaves_the_reach_of_a_linkage_is_refused_with_the_loop(tm
         simulate(robot, (), law, t, start)
 
 
-# Contract parameters, on one joint or on the whole robot; of other effects see `sample_size`.
-LAWS = {
-    "viscous_friction": [0.5],
-    "coulomb_friction": [0.3],
-    "direction_dependent_friction": [0.5, 0.2, 0.1, 0.3],
-    "stribeck_friction": [0.2, 0.6, 0.4],
-    "torque_offset": [0.4],
-    "torque_constant": [0.8],
-    "rotor_inertia": [0.05],
-    "payload": [0.4, 0.02, 0.0, -0.3],
-    "inertial_parameters": [0.1, 0.02, 0.0, -0.03, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01],
-    "parasitic_spring": [3.0, 0.2],
-    "presliding_friction": [0.6, 0.02],
-    "load_dependent_friction": [0.1],
-    "position_dependent_friction": [-0.3, 0.1, 0.4, 0.2, 0.5, 0.1],
-    "temperature_dependent_friction": [0.3, 0.5, -0.01, -0.02, 30.0],
-    "joint_coupling": [-0.7, 0.3, 0.2, 0.05],
-    "cogging": [3.0, 7.0, 0.3, 0.2, 0.1, 1.0],
-    "torque_ripple": [3.0, 7.0, 0.1, 0.05, 0.1, 1.0],
-    "torque_saturation": [2.0],
-    "input_delay": [0.0117],
-    "actuator_lag": [0.01],
-    "backlash": [0.02],
-    "transmission_compliance": [300.0],
-    "base_tilt": [0.02, -0.05, 0.0],
-    "encoder_offset": [0.03],
-    "encoder_eccentricity": [0.02, 0.4, 1.0],
-    "encoder_quantization": [0.01],
-}
-
 NAMES = [effect.name for effect in EFFECTS]
 
 STICK = [0.6, 0.02, 1.4, 0.05]
@@ -192,7 +162,7 @@ def cause(robot, name, theta=None) -> Cause:
     joint = None if effect.scope == "robot" else robot.joint_names[-1]
     if name == "joint_coupling":
         joint = "+".join(robot.joint_names[:2])
-    theta = LAWS.get(name) if theta is None else theta
+    theta = CONTRACT_SIZES.get(name) if theta is None else theta
     return Cause(effect, joint, np.array(theta or list(sample_size(effect, robot, joint).values())))
 
 
@@ -263,7 +233,7 @@ def test_every_effect_with_a_compiled_law_is_compiled(arm):
     for name in NAMES:
         one = cause(arm, name)
         part = one.effect.simulated(arm, one.joint, one.theta)
-        if name not in LAWS and not part.laws:
+        if name not in CONTRACT_SIZES and not part.laws:
             continue
         counts = np.ones(3, np.int64)
         machine = simulation.machine_of(arm, () if part.transmission is None else (part.transmission,))
