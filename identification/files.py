@@ -26,7 +26,7 @@ _BAG_ENDINGS = (".bag", ".db3", ".mcap")
 MARK = ".phantom-dyn"
 """Part of the names of temporary files and folders, by which a later run knows what a killed one has left."""
 _PATIENCE_S = 30.0
-"""A set of files is written in less than a second: who holds a folder for longer [s] is no run of ours."""
+"""Longest wait for a locked folder [s]: a run of ours writes its files in less than a second."""
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
 """Formats of a recording that are read, for sentences."""
 
@@ -185,7 +185,7 @@ def _empty_file_beside(target: Path) -> Path:
 
 @contextmanager
 def held_when_made(make: Callable[[], Path]) -> Iterator[Path]:
-    """A new file or folder as this process's own; the system lets go of it when the process ends, however it ends.
+    """A new file or folder, locked by this process; the system releases the lock when the process ends in any way.
 
     Args:
         make: Makes it, each time at another place: another run may take it for left behind before it is held.
@@ -224,7 +224,7 @@ def remove_unless_held(place: Path) -> None:
         return
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # While it is locked: whoever has just made it waits, and then sees that it is gone.
+        # While it is locked: a run that has just made it waits for the lock, and then sees that it is gone.
         if place.is_dir():
             shutil.rmtree(place, ignore_errors=True)
         else:
@@ -303,7 +303,7 @@ def is_full(error: BaseException) -> bool:
 
 
 def unreachable_words(error: OSError) -> str | None:
-    """What to do where the system lets nobody near a file, in one sentence; None for an error that names no file."""
+    """What to do where the system refuses access to a file, in one sentence; None for an error that names no file."""
     if error.errno is None or not isinstance(error.filename, str | bytes):
         return None
     place = shortened(os.fsdecode(error.filename), 200)

@@ -1,10 +1,10 @@
 """What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
 
 A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again, in
-radians, or in degrees where nothing says yet which of the two they are. A value that departs by far more than any
-change beside it and is back after at most five samples is no motion and no torque: it is cut out, and the samples
-beside it are joined. A torque stays where the velocity of some joint jumps with it: a reference that steps makes both.
-Whatever was mended is said, with counts and times.
+radians, or in degrees where the unit is not known yet. A value that departs by far more than any change beside it and
+is back after at most five samples is neither motion nor torque: it is cut out, and a straight line takes its place. A
+torque is kept where the velocity of some joint jumps with it, as both do when a reference steps. Warnings say what was
+mended, with counts and times.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
-# A jump is a whole turn if the rest of it is as small as this [rad], and no larger than a few of the steps around it.
+# A jump is a whole turn if its remainder is at most this [rad], and at most five times the largest ordinary step among
+# so many on either side of it.
 _REST, _STEPS, _AROUND = 0.5, 5.0, 20
 # Samples that a spike or dropout may last: longer, and nobody knows what happened meanwhile.
 _LONGEST = 5
 # A spike departs by this many times the change from sample to sample that 99 % of all changes stay below.
 _TIMES = 6.0
-# It is back where this share of the jump is left, and it stays away by at least the other.
+# A spike ends where at most this share of the jump is left; before that at least the other share is.
 _BACK, _AWAY = 0.2, 0.5
 # The least departure of a position [rad or m] and of a torque (in standard deviations of it) that is worth a cut.
 _LEAST_ANGLE, _LEAST_LENGTH, _LEAST_TORQUE = 0.02, 0.002, 0.5
 # A velocity jumps where it changes by this many times what 95 % of all changes stay below, each from the mean of this
 # many samples to that of the next ones.
 _JUMPS, _MEAN_OF = 3.0, 10
-# Share of the samples from which on there is more to it than a few bad samples: then nothing is cut.
+# Share of the samples above which these are not just a few bad ones: then nothing is cut.
 _MOST = 0.01
 
 
@@ -81,7 +82,7 @@ def _turns_together(recording: Recording, prismatic: Array) -> Recording:
         q[:, j] = together
         for values in others.values():
             column = whole_turns(values[:, j], turn)[0]
-            # One that counts on while the encoder starts anew is whole turns away from the position put together.
+            # A reference that does not jump with the encoder may differ from the position by whole turns.
             values[:, j] = column - turn * np.round(np.median(column - q[:, j]) / turn)
         times = "once" if len(at) == 1 else f"{len(at)} times"
         unit = "" if turn == _TURN else " of 360"
@@ -188,7 +189,7 @@ def _without_spikes(
 
 
 def _without_lost(recording: Recording, tau: Float[Array, "N nv"], at_q: list[list[tuple[int, int]]]) -> Array:
-    """Torques from voltages, bridged where the position was lost: whoever computes a voltage does it from that."""
+    """Torques from voltages, bridged where the position was lost: the controller computed the voltage from it."""
     out = tau
     for j, (joint, runs) in enumerate(zip(recording.joint_names, at_q, strict=True)):
         if not runs or recording.torque_from.get(joint) != "u":

@@ -1,1 +1,1 @@
-"""Which few columns, beside bounded nuisances, explain a residual on blocks that no fit has seen; knows no robot."""
+"""Search for the few columns that explain a residual on held-out blocks beside bounded nuisances; knows no robot."""

@@ -1,4 +1,4 @@
-"""Autocorrelation of noise up to where it is lost in its own noise: Geyer's initial positive sequence.
+"""Autocorrelation of noise up to the lag at which estimation noise hides it: Geyer's initial positive sequence.
 
 References:
     C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7(4), 1992.
@@ -10,7 +10,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 8  # samples that say anything of how they go on
+_FEWEST = 8  # samples of which an autocorrelation is estimated
 
 
 def lagged_products(series: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -1,4 +1,4 @@
-"""What the best of many columns gains by chance: recordings without a gap, noise, blocks in another order."""
+"""Gain of the best of many columns by chance: in recordings without a gap, in noise, in blocks in another order."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _EULER = 0.5772156649
 
 
 def exceeded_by_chance(best: Float[Array, " R"], wrong: float) -> float:
-    """What the largest gain exceeds with a probability, by a Gumbel law with the mean and deviation of some of them.
+    """Threshold that the largest gain exceeds with a given probability, by a Gumbel law fitted to some of them.
 
     Args:
-        best: Largest gain of each recording without a gap.
+        best: Largest gain in each recording without a gap; the law has their mean and standard deviation.
         wrong: Probability.
     """
     spread = best.std() * np.sqrt(6) / np.pi
@@ -23,11 +23,11 @@ def exceeded_by_chance(best: Float[Array, " R"], wrong: float) -> float:
 
 
 def squares_by_chance(count: int, free: float, wrong: float) -> float:
-    """Squares in units of noise that the best of some independent columns explains with a probability.
+    """Sum of squares, in units of the noise, that the best of independent columns exceeds with a given probability.
 
     Args:
-        count: Of the columns.
-        free: Degrees of freedom that the noise is known by.
+        count: Number of columns.
+        free: Degrees of freedom of the estimate of the noise.
         wrong: Probability.
     """
     from scipy.special import fdtri
@@ -36,6 +36,6 @@ def squares_by_chance(count: int, free: float, wrong: float) -> float:
 
 
 def in_another_order(pieces: Sequence[Float[Array, " n"]], rng: np.random.Generator) -> Float[Array, " N"]:
-    """Pieces of a series in another order with other signs: each keeps its colour and size, and loses its place."""
+    """Pieces of a series in random order with random signs: each keeps its spectrum and size, but not its place."""
     order = rng.permutation(len(pieces))
     return np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])

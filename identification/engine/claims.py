@@ -1,4 +1,4 @@
-"""What is claimed of a residual, and what each gate said that the claim met: the entries of a ledger."""
+"""Entries of the ledger of a diagnosis: each claimed cause with the results of the gates that it met."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
 Data = Literal["torques", "poses", "rests"]
 
 NEVER_CLAIMED = 10
-"""Entries of a ledger that were never claimed, the best."""
-# Share of the gain of a cause from which on another cause counts as displaced by it.
+"""Most entries of a ledger for causes that were never claimed; the best are kept."""
+# Share of the gain of a claimed cause that another one has to reach alone to count as displaced by it.
 _STANDS_FOR = 0.2
 
 Name = TypeVar("Name")
@@ -21,7 +21,7 @@ State = TypeVar("State")
 
 @dataclass(frozen=True)
 class GateResult:
-    """What one gate said of a claim.
+    """Result of one gate for one claim.
 
     Attributes:
         gate: Its name, as in `identification.gates.GATES`.
@@ -39,21 +39,21 @@ class GateResult:
 
     @property
     def part(self) -> float:
-        """Value over what was needed, by which failures of one gate are compared; the difference if that is nothing."""
+        """Value over the needed one, to compare failures of one gate; the difference where zero is needed."""
         return self.value / self.needed if self.needed > 0.0 else self.value - self.needed
 
 
 @dataclass(frozen=True)
 class Claim(Generic[Name]):
-    """One cause that was looked at, or several that act together, with what decided on it.
+    """One tested cause, or several that act together, with the results that decided on it.
 
     Attributes:
-        effects: What is claimed.
+        effects: The cause.
         gates: Results in the order in which the gates are asked, up to the first that the claim failed.
         outcome: ``claimed``; ``minor`` if it is seen but too small to matter; ``displaced`` if others explain it
             instead; else ``not_claimed``.
-        instead: What took its place.
-        figures: What else was measured of it, by name.
+        instead: Causes that replaced it.
+        figures: Further numbers, by name.
         judged_by: The data that it was judged by.
     """
 
@@ -66,18 +66,18 @@ class Claim(Generic[Name]):
 
     @property
     def failed(self) -> GateResult | None:
-        """The gate that the claim did not pass; None if it passed all that it met."""
+        """The gate that the claim failed; None if it passed all."""
         return next((result for result in self.gates if not result.passed), None)
 
 
 def could_stand_for(instead_of: float, needed: float, beside: float, of_other: float) -> bool:
-    """True if a cause that is not claimed could stand for one that is.
+    """True if an unclaimed cause explains enough of what a claimed one explains to count as displaced by it.
 
     Args:
-        instead_of: What it gains without that one.
-        needed: What a claim of it needs.
-        beside: What it gains beside that one.
-        of_other: What that one gains.
+        instead_of: Gain of the unclaimed cause without the claimed one.
+        needed: Gain that a claim needs.
+        beside: Gain of the unclaimed cause beside the claimed one.
+        of_other: Gain of the claimed cause.
     """
     return instead_of > max(needed, 2.0 * beside, _STANDS_FOR * of_other)
 
@@ -108,15 +108,15 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
 
 
 def fails_worst(results: Mapping[Key, GateResult]) -> Key | None:
-    """The claim that falls shortest of one gate, by value over what was needed; None if all pass."""
+    """The claim with the least part of what one gate needs; None if all pass."""
     failed = {key: result.part for key, result in results.items() if not result.passed}
     return min(failed, key=lambda key: failed[key], default=None)
 
 
 def until_nothing_changes(state: State, steps: Sequence[Callable[[State], State]]) -> State:
-    """A state that none of some steps changes: after each change the first step is taken again.
+    """The state after steps that are repeated, from the first one on after each change, until none changes it.
 
-    A step returns the very state that it was given where it changes nothing.
+    A step that changes nothing returns the very object that it was given.
     """
     while True:
         for step in steps:

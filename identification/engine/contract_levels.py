@@ -1,18 +1,18 @@
-"""Thresholds of the contract that torques, poses and rests have in common: what is listed, minor and explained."""
+"""Thresholds of the contract for torques, poses and rests alike: when a cause is listed, minor, or explains the gap."""
 
 from __future__ import annotations
 
-# probability: from which on a rival is listed.
+# probability: least of a listed rival.
 LISTED = 0.05
 
-# share: of the gap within tolerance, below which a finding may be too small to matter.
+# share: of the gap after moves within tolerance. A finding that closes less is minor, if the next limit holds as well.
 MINOR_SHARE = 0.01
 
-# noise floors: by which the residual of every joint or frame grows at most without such a finding.
+# noise floors: largest growth of the residual of any joint or frame without a minor finding.
 MINOR_FLOORS = 0.5
 
-# noise floors: that a joint or frame may have left where the gap counts as explained.
+# noise floors: largest residual of a joint or frame whose gap counts as explained.
 FLOORS_LEFT = 1.5
 
-# share: of the own gap within tolerance of a joint or frame, that may be left as well.
+# share: of the gap of a joint or frame after moves within tolerance. A residual below it counts as explained, too.
 GAP_LEFT = 0.1

@@ -1,9 +1,8 @@
-"""Block bootstrap, and what a probability is: the share of what is known under which an answer leads.
+"""Block bootstrap, and probabilities of rival answers: how often each has the lowest cost over replicates and choices.
 
-What is known are the blocks that were recorded and the choices that should not matter. Blocks are drawn again with
-replacement (a sample's neighbours say the same as it does, a block's hardly do). In each replicate the answer leads
-that costs least. The same is asked of each half of the blocks and under every other choice; the probability is the
-mean.
+Blocks are drawn again with replacement, as neighbouring blocks are nearly independent and neighbouring samples are not.
+In each replicate the answer with the lowest cost leads. The same is done for each half of the blocks, and for every
+choice that should not matter, such as another band; the probability of an answer is the mean share of its leads.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ REPLICATES = 1000
 from which on a rival is listed, is known to 0.007."""
 
 CHOSEN_AGAIN = 40
-"""Of them, those in which a choice among hundreds of terms is made again: each costs as much as the choice itself, and
-whether six in ten choose the same is known to 0.08 then."""
+"""Replicates in which a choice among hundreds of terms is made again, as each costs as much as the choice itself; a
+share of 0.6 of them has a standard error of 0.08."""
 
 SAME_PREDICTIONS = 0.05
-"""Held-out squares in units of noise below which two answers are the same predictions."""
+"""Difference of predictions, as held-out squares in units of noise, below which two answers count as the same."""
 
 LEAST_IN_HALF = 4
 """Blocks that a half needs to be judged on its own."""
@@ -37,9 +36,9 @@ def block_counts(blocks: int, rng: np.random.Generator, replicates: int = REPLIC
     """How often each block is drawn in each bootstrap replicate.
 
     Args:
-        blocks: How many there are, of which as many are drawn.
-        rng: Of this use.
-        replicates: How many; fewer are the first of all.
+        blocks: Number of blocks, and of draws in a replicate.
+        rng: Random stream of this use.
+        replicates: How many; a smaller number gives the first ones of a larger.
     """
     draws = rng.integers(0, blocks, size=(replicates, blocks))
     # One count over all replicates: those of each begin where those of the one before end.
@@ -48,13 +47,13 @@ def block_counts(blocks: int, rng: np.random.Generator, replicates: int = REPLIC
 
 
 def interval(values: Float[Array, "R ..."], level: float = 0.95) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Both ends of the interval that holds a share of the replicates, as many outside on either side."""
+    """Both ends of the central interval that holds a share of the replicates."""
     low, high = np.quantile(values, [0.5 - level / 2, 0.5 + level / 2], axis=0)
     return low, high
 
 
 def share_of_wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
-    """How often each answer has the lowest score of a replicate; equal ones share it."""
+    """Share of the replicates in which each answer has the lowest score; equal ones share a replicate."""
     tied = scores <= scores.min(axis=1, keepdims=True) + SAME_PREDICTIONS
     return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
 
@@ -62,7 +61,7 @@ def share_of_wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
 def share_by_likelihood(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
     """Mean over replicates of the likelihood of each answer, for scores that are squares in units of a known noise.
 
-    The lowest alone would be certain of a difference that lasts over the blocks, though chance makes larger ones.
+    By lowest scores, a small difference that is the same in all blocks would be certain, though it may be chance.
     """
     from scipy.special import softmax
 
@@ -84,15 +83,15 @@ def probabilities(
     by_halves: bool = True,
     lead: Lead = share_of_wins,
 ) -> Float[Array, " m"]:
-    """Share of what is known under which each answer leads.
+    """Probability of each answer.
 
     Args:
         losses: Held-out squares of each block in units of noise, by answer.
-        costs: What each answer costs beside; where several ways to count are fair, each has the same weight.
-        others: The same under each other choice that should not matter, such as another band.
-        by_halves: Also as if all blocks were like those of one half.
-        lead: How far each answer leads in the replicates: where other choices show how far scores can be trusted
-            `share_of_wins`, where the noise alone says it `share_by_likelihood`.
+        costs: Price of each answer beside them; several ways to count prices have the same weight.
+        others: Losses and costs under each other choice that should not matter, such as another band.
+        by_halves: Also from each half of the blocks alone.
+        lead: `share_of_wins` where other choices show how accurate the scores are, `share_by_likelihood` where only
+            the noise limits them.
     """
     shares = [_shares(losses, costs, lead, random_stream("bootstrap of rivals"))]
     if by_halves:
@@ -104,6 +103,6 @@ def probabilities(
 
 
 def _shares(losses: Float[Array, "B m"], costs: Costs, lead: Lead, rng: np.random.Generator) -> Float[Array, " m"]:
-    """Mean over fair ways to count costs of how far each answer leads in the replicates."""
+    """Share of the replicates in which each answer leads, averaged over the ways to count costs."""
     drawn = block_counts(len(losses), rng) @ losses
     return np.mean([lead(drawn + cost) for cost in costs], axis=0)

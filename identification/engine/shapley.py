@@ -16,8 +16,8 @@ Player = TypeVar("Player", bound=Hashable)
 
 _EXACT = 7  # players: beyond, orders and sets are sampled, as each more doubles the sets
 _ORDERS = 4  # pairs of an order and its reverse
-_KNOWN = 0.005  # of the worth of all: standard error of a value at which no more is drawn
-_KNOWN_BY_ORDERS = 0.0025  # the same of one that keeps the mean over the orders beside others that do not
+_KNOWN = 0.005  # of the worth of all: standard error of a value at which drawing sets ends
+_KNOWN_BY_ORDERS = 0.0025  # the same: error of a mean over orders below which it is kept where others are not
 _MOST = 100  # pairs of sets a player
 
 
@@ -82,10 +82,10 @@ def _regressed(
 ) -> Float[Array, " u"]:
     """Some of the values, where the others are known, from pairs of sets.
 
-    Shapley values are the coefficients that fit best, over all sets of players by the weight of their size, what a set
-    is worth beyond its complement as the sum of its players' values less those of the others (Lundberg and Lee, "A
-    Unified Approach to Interpreting Model Predictions", 2017, theorem 2; in pairs: Covert and Lee, "Improving
-    KernelSHAP", 2021). Sets of one player are all taken, larger ones drawn by their weight.
+    Shapley values are coefficients of a weighted regression over all sets of players: the worth of a set less that of
+    its complement is fitted by the sum of its players' values less those of the others (Lundberg and Lee, "A Unified
+    Approach to Interpreting Model Predictions", 2017, theorem 2; in pairs: Covert and Lee, "Improving KernelSHAP",
+    2021). Sets of one player are all used, larger ones drawn by their weight.
     """
     count, everybody = len(players), frozenset(players)
     rng = random_stream("sets of findings")
@@ -126,6 +126,6 @@ def _weighted_fit(
     found = (inverse @ np.append((signs * weight[:, None]).T @ answers, total))[:count]
     pull = ((weight * (answers - signs @ found))[:, None] * signs)[-drawn:]
     pull -= pull.mean(axis=0)
-    # Residuals are smaller than errors by what the fit has taken of them.
+    # Residuals are smaller than errors by the degrees of freedom of the fit.
     spread = inverse[:count, :count] @ (pull.T @ pull) @ inverse[:count, :count] * len(signs) / (len(signs) - count)
     return found, np.sqrt(np.diag(spread))

@@ -1,7 +1,7 @@
-"""Postures in which the loops of a chain close, each reached from where the chain starts, and how far from singular.
+"""Postures in which the loops of a closed chain close, and their distance from a singularity.
 
-Independent postures are no trajectory: the way from one to the next may leave what a linkage reaches. With the start of
-the chain between them they are one.
+Loops are closed along trajectories, and from one independent posture to the next a linkage may be unable to move. So
+the start of the chain is put between them: each posture is reached from there.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ CLEAR = 0.25
 """Distance from a singularity that a designed motion keeps: that of a four-bar at a transmission angle of 20 degrees,
 below which linkages are known to jam."""
 _POSTURES = 100
-"""Postures by which a chain is known."""
+"""Postures that stand for all that a chain reaches."""
 _DRAWN = 20
-"""Draws for each posture that is wanted."""
+"""Draws for each of them."""
 _REACH = (np.pi, 0.5)
-"""Farthest from the start that a posture is drawn [rad; m for linear joints]."""
+"""Largest distance of a drawn posture from the start, per joint [rad; m for linear joints]."""
 
 
 def solved_numerically(robot: Robot) -> bool:
@@ -37,7 +37,7 @@ def closable(robot: Robot, q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
 
 
 def with_start_between(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "M nv"]:
-    """Postures [rad or m] as every second sample of a trajectory that goes back to the start of the chain between."""
+    """A trajectory through postures [rad or m] that goes back to the start of the chain between each two of them."""
     out = np.empty((2 * len(q), robot.nv))
     out[0::2], out[1::2] = _start(robot), q
     return out
@@ -56,7 +56,7 @@ def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ n
     reach = np.where(robot.prismatic, _REACH[1], _REACH[0])
     lower, upper = tree_position_limits(robot.model)
     rows, size = list(robot.tree_rows), (_DRAWN * count, robot.nv)
-    # Nearer to the start as often as farther: what a linkage reaches may be small.
+    # Half of the draws are less than half as far from the start: what a linkage reaches may be small.
     drawn = start + rng.uniform(size=(size[0], 1)) * rng.uniform(-reach, reach, size)
     drawn = np.clip(drawn, lower[rows], upper[rows])
     clear = drawn[_distances(robot, drawn) >= CLEAR][: 2 * count]

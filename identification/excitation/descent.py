@@ -92,11 +92,11 @@ def descend(
 
     Args:
         problem: What is designed.
-        grid: Where the motion is looked at.
+        grid: Samples at which criterion and limits are computed.
         weights: Start; of a chain one along which its loops can be closed.
         rounds: Of multipliers.
-        first: Number of the first round: the weight of excess grows with it. A descent that only mends a motion begins
-            with a late one, and stays near.
+        first: Number of the first round: the weight of excess grows with it. A descent that only repairs a motion
+            begins with a late one, and stays near.
         iterations: Of L-BFGS in each.
         criterion: In place of the problem's own.
         progress: Takes the stages.

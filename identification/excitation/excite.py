@@ -36,9 +36,9 @@ from phantom_dyn.random_streams import random_stream
 _DENSE = 10
 """Samples of the last check per sample of the design."""
 _FINER = (2, 4)
-"""Samples, per sample of the design, of the descents that mend what lies between samples."""
+"""Finer samplings, per sample of the design, with which a descent is repeated where limits break between samples."""
 _LOST = 0.05
-"""Part of a condition number that a design may lose where it is made smaller to keep limits between samples."""
+"""Rise of the criterion that is accepted where a design is made smaller to keep limits between samples."""
 _ROWS = 5_000_000
 """Most rows of a reference: more are a slip of the rate or the duration."""
 # Sizes of a motion about its posture that are tried after a descent, the largest first.
@@ -70,9 +70,9 @@ class Excitation:
         shapes: Family of the motion.
         weights: Of each shape for each joint, shape ``(K, nv)``.
         rank: Number of base parameters.
-        condition: Condition number of their regressor over motion and earlier recordings, columns of one norm.
-        start: The same of the random motion within the limits that it was made from, the best of some.
-        reached: What comes near its limit.
+        condition: Condition number of their regressor over motion and earlier recordings, columns scaled to one norm.
+        start: Condition number of the best random motion within the limits, at which the descent began.
+        reached: Limits that the motion comes near to.
         notes: Sentences for the user.
     """
 
@@ -89,7 +89,7 @@ class Excitation:
         object.__setattr__(self, "weights", read_only(self.weights))
 
     def motion(self, rate_hz: float) -> Motion:
-        """The motion from rest to rest, in equal steps as near to ``rate_hz`` as ends on the last one.
+        """The motion from rest to rest, in equal steps; the rate is the nearest to ``rate_hz`` that samples its end.
 
         Raises:
             ParameterError: If the rate cannot show the motion.
@@ -126,7 +126,7 @@ def excite(
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> Excitation:
-    """A motion that is good by a criterion and keeps all limits, checked at ten times the samples that it is made from.
+    """The best motion found by a criterion that keeps all limits, checked at ten times the samples of the design.
 
     Args:
         robot: A plain robot or a closed chain.
@@ -140,7 +140,7 @@ def excite(
 
     Raises:
         ParameterError: If no motion keeps the limits (the sentence names the one that is broken most, and the excess),
-            or a value cannot be.
+            or an argument is out of its range.
         RobotError: If the robot has a joint that no reference can drive.
     """
     if starts < 1:
@@ -166,7 +166,7 @@ def excite(
     designed = descend(problem, grid, start, progress=progress)
     found = [start, *_within(problem, dense, designed, start, posture)]
     for finer in _FINER:
-        # Where little is lost by keeping the limits between the samples too, the motion is as good as it was designed.
+        # Little is lost by keeping the limits between the samples, too: no finer descent is needed.
         lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
         if lost <= _LOST:
             break
@@ -207,8 +207,8 @@ def _within(
 ) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
     """Motions close to the given one that keep every limit also between the samples that it was made from.
 
-    One is smaller about the posture of the start. The other is nearer to the start: a linkage may move about another
-    posture by now, and what leads back to the first one may come close to a singularity.
+    One is the given motion made smaller about the posture of the start. The other lies between the given motion and the
+    start: a linkage may move about another posture by now, and the way back to the first may pass a singularity.
     """
     return (
         largest_within_limits(problem, dense, weights, posture, _REPAIRS),
@@ -227,7 +227,7 @@ def _require_motion(
     values = problem.limited(motion, problem.regressor(motion))
     raise ParameterError(
         f"{problem.robot.name} can rest within its limits, but no motion about that posture keeps them: in a small one "
-        f"{problem.bounds.worst(values)}; widen that limit, or another that stands against it."
+        f"{problem.bounds.worst(values)}; widen that limit, or another that prevents it."
     )
 
 

@@ -52,7 +52,7 @@ def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[A
     sizes, robot = joint_sizes(problem), problem.robot
     spread = rng.uniform(-1.0, 1.0, (POSTURES, robot.nv))
     if solved_numerically(robot):
-        # Nearer to the middle as often as farther: what a linkage reaches may be small.
+        # Half of the postures are less than half as far from the middle: what a linkage reaches may be small.
         spread = spread * rng.uniform(size=(POSTURES, 1))
         tried = np.concatenate([ordinary_postures(robot, 1), sizes.middle + spread * sizes.half])
         return tried[closable(robot, tried)]
@@ -73,9 +73,9 @@ def random_motion(
 
     Args:
         problem: Gives the limits.
-        grid: Where they are looked at.
+        grid: Samples at which limits are checked.
         posture: One that keeps them at rest.
-        rng: Draws normal weights of the shapes, and how fast each joint is to the others.
+        rng: Draws normal weights of the shapes, and the speed of each joint relative to the others.
     """
     moving = random_weights(problem, grid, rng)
     return largest_within_limits(problem, grid, constant_weights(posture, len(moving)) + moving, posture)
@@ -86,7 +86,7 @@ def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator)
 
     Args:
         problem: Gives the limits of each joint; no others are kept.
-        grid: Where they are looked at.
+        grid: Samples at which limits are checked.
         rng: Draws the weights and the parts.
     """
     moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
@@ -155,5 +155,5 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
     values = problem.limited(best, problem.regressor(best))
     raise ParameterError(
         f"{problem.robot.name} can rest in no posture that was found: in the best one {problem.bounds.worst(values)}; "
-        "widen that limit, or another that stands against it."
+        "widen that limit, or another that prevents it."
     )

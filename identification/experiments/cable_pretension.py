@@ -21,7 +21,7 @@ from phantom_dyn.errors import IdentifiabilityError, ParameterError
 _SURE = 2.0
 """Deviations that a part without pretension must reach to differ from none."""
 _APART = 1e-6
-"""Of the largest pretension: closer ones are one."""
+"""Share of the largest pretension by which two have to differ to count as two."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a written file leaves of the recorded torque, as a table in its own header."""
+"""A table in the header of a written file: the part of the recorded torque that its model does not explain."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _LATE = 0.05  # of a sample: less is hardly seen in the figures
 
 
 def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: FittedNumbers) -> str:
-    """The text of a file with what it leaves of each joint in its header; as it is where nothing was run.
+    """The text of a file with its residual on each joint in the header; unchanged where the file was not checked.
 
     Args:
         text: Of the file.
-        record: What it leaves.
+        record: Its residuals.
         diagnosis: Gives units and the measured torque.
         fitted: How late the recorded torque and references are.
     """

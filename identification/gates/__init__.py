@@ -1,8 +1,8 @@
-"""What a claim has to pass: one gate a function, in the order in which they are asked.
+"""Tests that a claim has to pass: one gate a function, in the order in which they are asked.
 
-A gate is given the figures of a claim and says what it measured, what is needed, and whether that is enough. Its
-docstring is its question, and its thresholds stand beside it. ``python benchmarks/same_answers.py record --rule
-FILE.NAME=VALUE`` judges forty recordings with another value of one of them, such as ``above_chance.LEAST_GAIN=30``.
+A gate gets figures of a claim and returns a value, the value that is needed, and whether the claim passes. Its
+docstring is its question; its thresholds are in the same file. ``python benchmarks/same_answers.py record --rule
+FILE.NAME=VALUE`` diagnoses forty recordings with another threshold, such as ``above_chance.LEAST_GAIN=30``.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ GATES: tuple[Callable[..., GateResult], ...] = (
 
 
 def gate_name(gate: Callable[..., GateResult]) -> str:
-    """The name under which a gate stands in a ledger, such as ``more than chance``."""
+    """Name of a gate in a ledger, such as ``more than chance``."""
     return gate.__name__.replace("_", " ")
 
 

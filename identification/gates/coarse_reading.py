@@ -1,4 +1,4 @@
-"""The gates of encoders that are coarser than stated: their readings prove them, and their rounding has to matter."""
+"""The gates of encoders that are coarser than stated: do their readings show it, and does their rounding matter?"""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COARSE_SHARE = 0.05
 def coarser_than_stated(times: float) -> GateResult:
     """Do the readings lie on a lattice that is coarser than the encoder's stated step?
 
-    An encoder passes whose steps in the recording are half as large again as ``encoder_counts`` makes them.
+    An encoder passes if its steps in the recording are at least 1.5 times those of ``encoder_counts``.
 
     Args:
         times: Step of the lattice over the stated one.

@@ -1,4 +1,4 @@
-"""The gates of the sets that the search compares: what takes the place of an effect, and what its numbers are worth.
+"""The gates of sets that the search compares: does another effect explain more, and are all parameters needed?
 
 Scores are held-out losses plus the price of the parameters. `benchmarks/blind/run.py` shows what they find.
 """
@@ -7,21 +7,21 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# thresholds: by which a structure is better than 0, 1, 2, 3 named effects whose place it takes: several effects
-# together that do no better than one structure are the less likely cause.
+# thresholds: by how much a structure without a name has to be better than 0, 1, 2 or 3 named effects to replace them.
+# Several effects that together do no better than one structure are the less likely cause.
 NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 
-# gain: less than that is rounding of the fits, by which no set takes the place of another.
+# gain: differences below this are rounding of the fits, and replace no set by another.
 ROUNDING = 1e-6
 
-# share: of what a single named effect explains, which a structure with many shapes makes good for.
+# share: of what a single named effect explains. A structure with many shapes gains as much by inaccuracies of its law.
 NAMELESS_ACCURACY = 0.015
 
 
 def explains_more_than_others(margin: float, allowed: float = 0.0) -> GateResult:
-    """Does the set with it score better on held-out data than the sets with something else in its place?
+    """Does the set with it score better on held-out data than all sets with other effects in its place?
 
-    It passes if what would take its place explains less, the prices of their parameters counted.
+    It passes if every replacement explains less after the price of its parameters.
 
     Args:
         margin: Score of the best set without it less that of the set with it.
@@ -31,12 +31,12 @@ def explains_more_than_others(margin: float, allowed: float = 0.0) -> GateResult
 
 
 def worth_its_numbers(margin: float, accuracy: float) -> GateResult:
-    """Does a richer law explain more than a special case of it by more than the method is accurate to?
+    """Does a law explain more than its special case with fewer parameters, beyond the accuracy of the method?
 
-    It passes where the further numbers of the law carry a clear part of what it explains.
+    It passes where the further parameters explain a clear part of what the law explains.
 
     Args:
         margin: Score of the set with the special case less that of the set with the law.
-        accuracy: Share of what the law explains, to which the method is right.
+        accuracy: What the law explains times the relative accuracy of the method.
     """
     return GateResult("worth its numbers", margin, accuracy, "gain", margin >= accuracy)

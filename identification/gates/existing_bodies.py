@@ -1,11 +1,11 @@
-"""The gate of bodies: what inertial parameters explain has to be explained by bodies that can exist."""
+"""The gate of bodies: do bodies that can exist explain what inertial parameters explain?"""
 
 from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of what free inertial parameters gain that bodies which can exist have to gain. Where the bodies are what is
-# wrong, the true ones can exist, and the best fit without constraints gains no more than noise beyond them.
+# share: of the gain of unconstrained inertial parameters that bodies which can exist have to reach. Where the bodies of
+# the model are wrong, the true ones exist, and an unconstrained fit gains only noise beyond them.
 BY_POSSIBLE_BODIES = 0.5
 
 

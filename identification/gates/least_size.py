@@ -1,4 +1,4 @@
-"""The gate of size: what passes is a finding, what does not is listed as minor."""
+"""The gate of size: a claim that passes is a finding, one that does not is listed as minor."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from identification.engine.claims import GateResult, easiest
 def large_enough(gap_closed: float, floors: float) -> GateResult:
     """Does it close a hundredth of the gap, or half a noise floor of some joint?
 
-    A stronger effect passes; of what does not, a simulation of the robot would show next to nothing.
+    A stronger effect passes; one that does not would hardly show in a simulation of the robot.
 
     Args:
-        gap_closed: Share of the gap that comes back without it.
-        floors: By which the residual of some joint grows at most without it, in noise floors.
+        gap_closed: Share of the gap that is open without it.
+        floors: Largest growth of a joint's residual without it, in noise floors.
     """
     ways = (
         (gap_closed, contract_levels.MINOR_SHARE, "of the gap"),

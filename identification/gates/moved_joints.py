@@ -1,4 +1,4 @@
-"""The gates of effects that noise may imitate, because it moves the joints and the controller answers."""
+"""The gates of effects that noise may imitate: it moves the joints, and the controller answers with a torque."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 
-# share: by which the squared residual of some joint grows without what noise may make.
+# share: by which the squared residual of some joint has to grow without an effect that noise may imitate.
 VISIBLE_GROWTH = 0.03
 
-# ratio: of the torque's power density to that of what is left, below which what noise moves, and a controller answers,
-# may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.
+# ratio: of the power density of the torque to that of the residual. Below it, motion by noise and the controller's
+# answer may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.
 MOVED_BY_NOISE = 30.0
 
 
 def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatter: float, price: float) -> GateResult:
-    """Does an effect that goes with the motion show where the motion's torque is far above the noise?
+    """Does an effect that depends on the motion show at frequencies where the torque is far above the noise?
 
-    It passes there as any claim does, or with more than its price and than its scatter from block to block.
+    It passes if the rules of the search accept it there, or if its gain there exceeds its price and its scatter over
+    blocks.
 
     Args:
-        claim: What decides on it there by the rules of the search.
+        claim: Result of the search's gates there.
         held_out: Gain on held-out data there.
-        in_sample: Gain in sample.
+        in_sample: Gain in sample there.
         scatter: Standard error of the held-out gain over blocks.
         price: Of its parameters.
     """
@@ -36,7 +37,7 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
     def ways() -> Iterator[tuple[float, float, str]]:
         if claim.passed:
             yield claim.value, claim.needed, claim.unit
-        # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+        # A gain in sample is larger than a held-out one, unless the few held-out blocks agree by chance.
         both = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
         least = min(both, key=lambda one: (one[0] > one[1], one[0] / max(one[1], 1e-300)))
         yield *least, "gain where the motion is loud"
@@ -47,16 +48,16 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
 def shown_above_noise(
     growth: Float[Array, " nv"], without: Float[Array, " nv"], highest: Float[Array, " nv"]
 ) -> GateResult:
-    """Is some joint left with more than its noise without an effect that noise may make?
+    """Without an effect that noise may imitate, is the residual of some joint above its noise?
 
     A stronger effect passes, or a quieter recording.
 
     Args:
         growth: Relative growth of each joint's squared residual without it.
-        without: What is left of each joint without it.
-        highest: The most that its noise may be.
+        without: Residual of each joint without it.
+        highest: Upper end of each joint's noise floor.
     """
-    # Both have to be so on one joint: the joint that comes nearest is stated by what it falls shorter of.
+    # One joint has to pass both limits. If none does, the result states the one that the nearest joint misses by more.
     grown, above = growth / VISIBLE_GROWTH, without / highest
     joint = int(np.argmax(np.minimum(grown, above)))
     passed = bool(np.any((growth > VISIBLE_GROWTH) & (without > highest)))

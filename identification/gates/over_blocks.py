@@ -1,4 +1,4 @@
-"""The gate of time: a gain has to hold in more than a block or two of the recording."""
+"""The gate of time: does a gain hold in more than one or two blocks of the recording?"""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from phantom_dyn.array_types import Float
 
 Array = np.ndarray
 
-# standard errors over blocks: by which a gain has to be positive.
+# standard errors over blocks: least size of a significant gain.
 SIGNIFICANT_ERRORS = 2.0
 
-# blocks: without which a gain still has to hold, if it is not significant from block to block.
+# blocks: without its best blocks a gain that is not significant still has to hold.
 BEST_BLOCKS = 2
 
-# blocks: the same of a structure without a name, which may act more rarely, as a contact does.
+# blocks: the same for a structure without a name, which may act more rarely, as a contact does.
 BEST_BLOCKS_NAMELESS = 1
 
-# thresholds: from which on a gain may sit in few blocks.
+# times: the threshold of the claim, above which a gain may be in few blocks.
 LARGE_GAIN = 10.0
 
-# share: of the energy of an effect's columns in the block with most of it, from which on a block has to gain by it.
+# share: of the largest energy of an effect's columns in a block, above which a block counts as one where it acts.
 ACTING = 0.1
 
-# share of the blocks: an effect that is zero in all others acts so rarely that it is judged where it acts. Half a dozen
-# events in a recording of twenty blocks are fewer.
+# share of the blocks: an effect that acts in fewer is tested in these alone. Half a dozen events in a recording of
+# twenty blocks are fewer.
 RARE = 0.35
 
 
@@ -40,17 +40,17 @@ def in_enough_blocks(
     *,
     named: bool,
 ) -> GateResult:
-    """Does the gain hold all along the recording, or wherever the effect acts, and not in a block or two alone?
+    """Does the gain hold all along the recording, or wherever the effect acts?
 
-    It passes if it is significant from block to block, or enough without its best blocks, or ten times what is needed.
-    An effect that is zero most of the time, as a saturation that a command reaches twice, passes if it gains in every
+    It passes if it is significant over the blocks, or enough without its best blocks, or ten times what is needed. An
+    effect that is zero most of the time, as a saturation that a command reaches twice, passes if it gains in every
     block where it acts.
 
     Args:
         gains: Held-out gain of each block.
-        held_out: Held-out gain of all, with what the moves of the model cost.
+        held_out: Held-out gain of all blocks, less the change of the penalty on the moves.
         gain: The smaller of that and the gain in sample.
-        needed: What the claim needs.
+        needed: Gain that the claim needs.
         energy: Of the effect's columns in each block, over that in the block with most of it.
         named: False for a structure without a name.
     """

@@ -1,4 +1,4 @@
-"""The gate of sizes that exist."""
+"""The gate of possible sizes: is no effect of a fit at the end of its range?"""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from identification.engine.claims import GateResult
 
 
 def possible_size(impossible: int) -> GateResult:
-    """Do all sizes of the fit exist, none at the very end of what its law may be?
-
-    A fit with another sign passes, or one that stays off the bound.
+    """Are all sizes of the fit inside the range of their law, and none at its bound?
 
     Args:
-        impossible: Effects of the fit that end on nothing.
+        impossible: Effects of the fit whose size is at a bound, where they vanish.
     """
     return GateResult("possible size", float(impossible == 0), 0.0, "possible", impossible == 0)

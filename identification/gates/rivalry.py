@@ -1,25 +1,27 @@
-"""The gates of rivals: the likeliest cause of those whose sizes a robot may have is the one that is named.
+"""The gates of rivals: the finding is the most probable cause among those of a plausible size.
 
-Shown by ``benchmarks/blind/run.py``: sets with the truth, their size, reliability.
+``benchmarks/blind/run.py`` prints how often the true cause is among finding and rivals, how many there are, and how
+reliable their probabilities are.
 """
 
 from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# times: as many wins as the finding, from which on a rival takes its place: the likeliest leads (contract).
+# times: the probability of the finding, above which a rival replaces it: the most probable cause leads (contract).
 OUTDONE = 1.0
-# of the likeliest: causes that together are as likely as that lead where the likeliest needs others to cancel it.
+# share: of the probability of the best cause, from which on causes that do not cancel lead in the place of one that
+# needs others to cancel it.
 NEARLY_AS_LIKELY = 0.5
-# times: power of the torques of several effects, each by itself, over that of their sum, above which they cancel: each
-# then makes on average more than twice what they make together.
+# ratio: of the summed powers of several effects' torques to the power of their sum, above which they cancel each other:
+# each is then on average more than twice as large as their sum.
 MOST_CANCELLED = 4.0
 
 
 def plausible_size(outside: float, unit: str, *, rival_is: bool) -> GateResult:
-    """Does it have a size that a sound robot may have, where a rival has one?
+    """Is its size plausible, where that of a rival is?
 
-    It passes inside the range that its file states as plausible, or if no rival is plausible either.
+    It passes inside the range that the effect states as plausible, or if no rival is plausible either.
 
     Args:
         outside: How far its size is out of that range; zero inside.

@@ -1,6 +1,6 @@
-"""The gates of the size: is an effect more than a special case of itself, than nothing, than a part that is not there?
+"""The gates of the size: does a finding differ from zero, from a simpler law, from a part of the robot that is missing?
 
-Extra findings and lost second effects in `benchmarks/blind/run.py` show what their thresholds do.
+What their thresholds do shows in the extra findings and the lost second effects of `benchmarks/blind/run.py`.
 """
 
 from __future__ import annotations
@@ -13,33 +13,33 @@ DIFFERS_FROM_ZERO = 0.95
 # probability: (Student's test) that play and spring of a joint are each more than nothing beside the other.
 BOTH_THERE = 0.99
 
-# share: of the squared torque that wrong inertial parameters explain, from which on a part of the model that would make
-# it by its absence is named; what is left of the amplitude is half.
+# share: of the squared torque that wrong inertial parameters explain. From here on a note names the part of the model
+# whose absence would make that torque; half of the amplitude may be left.
 PART_SHARE = 0.75
 
-# share: of the same, from which on the part is what is missing: a third of the amplitude is left, the tolerances of the
-# links before it among that.
+# share: of the same. From here on the absence of the part is the finding; a third of the amplitude may be left, which
+# includes the tolerances of the links before it.
 PART_CERTAIN = 0.9
 
 
 def differs_from_simpler(certain: float) -> GateResult:
-    """Does its size differ from nothing, or from the simpler law that it tends to, in the fit that states it?
+    """Does the size of an effect differ from zero, and the effect from the simpler law that it tends to?
 
     A stronger effect passes, or a recording that shows it more.
 
     Args:
-        certain: Probability that chance keeps its numbers nearer to the special case than they are.
+        certain: Probability of a smaller departure from zero or from the simpler law if that were true.
     """
     return GateResult("differs from simpler", certain, DIFFERS_FROM_ZERO, "probability", certain >= DIFFERS_FROM_ZERO)
 
 
 def both_are_there(certain: float) -> GateResult:
-    """Of rests alone: is each of two causes in one joint more than nothing beside the other?
+    """In recordings at rest: does each of play and spring in one joint differ from zero beside the other?
 
     Rests under loads of more sizes pass, as these separate play from spring.
 
     Args:
-        certain: Probability of the less certain one that chance keeps it below what it is.
+        certain: Probability of a smaller size if the true one were zero, of the less certain of the two.
     """
     return GateResult("both are there", certain, BOTH_THERE, "probability", certain > BOTH_THERE)
 
@@ -47,7 +47,7 @@ def both_are_there(certain: float) -> GateResult:
 def more_than_a_missing_part(share: float) -> GateResult:
     """Do wrong inertial parameters explain more than the absence of a part that the model carries?
 
-    They pass where more than a tenth of the squared torque is not what the part would make by its absence.
+    They pass where the absence of the part leaves more than a tenth of the squared torque that they explain.
 
     Args:
         share: Of that squared torque, which the absence of the part explains.

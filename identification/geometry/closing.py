@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""The tree of a closed chain at measured poses, and how it follows where a zero or a place in it is wrong.
+"""Joint positions of a closed chain at measured poses, and their change by a wrong zero or place of a joint.
 
-Active joints are read. Passive ones keep the loops closed: what moves the frames that a loop keeps together by
-:math:`dc` moves them by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is that of flat loops, whose frames cannot be
-moved by the joints in one direction: what is wrong there stays open, as far as bearings give way.
+Active joints have encoders. Passive ones keep the loops closed: an error that moves the two frames of a loop apart by
+:math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar loops, whose
+joints cannot move the frames along one direction: an error along it stays open, and bearings take it up.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _STEPS = 20
 _LAST_STEP = 1e-11
 """Step [rad or m] at which a loop is closed, as of `phantom_dyn.loops.solver`."""
 _NOTHING = 1e-10
-"""Motion of a frame per unit of a place that is rounding: joints take up what is turned about their own axis."""
+"""Motion of a frame per unit of a place below which it is rounding: a joint compensates a turn about its own axis."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """How the tree follows what is wrong, ``n`` poses.
+    """Changes of all joint positions of the tree by errors, at ``n`` poses.
 
     Attributes:
-        by_active: Positions per position of the active joints, ``(n, nt, nv)``.
-        by_place: Positions per twist of the places of all joints, in their own axes, ``(n, nt, 6 (njoints - 1))``.
-        by_pin: By frame that a loop keeps, positions per twist of its place, in its axes, each ``(n, nt, 6)``.
+        by_active: Per position of the active joints, ``(n, nt, nv)``.
+        by_place: Per twist of the places of all joints, in their own axes, ``(n, nt, 6 (njoints - 1))``.
+        by_pin: For each frame of a loop, per twist of its place in its own axes, each ``(n, nt, 6)``.
     """
 
     by_active: Float[Array, "n nt nv"]
@@ -45,7 +45,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
     """Positions of the tree at which frames of loops come nearest to each other, whether or not they meet [rad or m].
 
     Args:
-        loops: Tree and loops, as they are thought to be.
+        loops: Tree and loops of the current model.
         q: Positions of the active joints.
         near: Positions of the tree near those wanted.
     """
@@ -66,7 +66,7 @@ def closed_positions(loops: Loops, q: Float[Array, "n nv"], near: Float[Array, "
 
 
 def followed(loops: Loops, x: Float[Array, "n nt"]) -> Followed:
-    """How the tree follows what is wrong at positions that close its loops.
+    """Changes of the joint positions by errors, at positions that close the loops.
 
     Args:
         loops: Tree and loops.

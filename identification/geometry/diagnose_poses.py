@@ -44,9 +44,9 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-_STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
+_STRUCTURE = 0.003  # probability by chance (F test) below which all terms together explain more than the findings do
 FEWEST = 20
-"""Poses of a frame: fewer do not hold the poses of base and target and a noise."""
+"""Poses of a frame that are needed: fewer do not determine the poses of base and target and the noise."""
 # An effect and its joint.
 At = tuple[str, str | None]
 
@@ -142,19 +142,19 @@ def _is_left_small(frame: FrameGap) -> bool:
 
 
 def _more_than_found(explained: ExplainedPoses) -> bool:
-    """True if all terms together explain more than those that were found and chance."""
+    """True if all terms together explain more than the findings do, by more than chance (F test)."""
     from scipy.special import fdtrc
 
     more = explained.equations.rank - len(explained.chosen)
     if more <= 0:
         return False
-    # In units of noise, what the best kinematic model leaves has one a degree of freedom.
+    # In units of the noise, the best kinematic model leaves a sum of squares of one per degree of freedom.
     rest = explained.fits.squares(explained.chosen) - explained.noise.free
     return float(fdtrc(more, explained.noise.free, max(rest, 0.0) / more)) < _STRUCTURE
 
 
 def _above_floor(explained: ExplainedPoses) -> bool:
-    """True if even the best kinematic model leaves more than the tracker's noise, where that is known by itself."""
+    """True if even the best kinematic model leaves more than the tracker's noise, where that is measured separately."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
         if (
@@ -249,7 +249,7 @@ def _delays(explained: ExplainedPoses) -> tuple[Lateness, ...]:
 
 
 def _own_size(columns: Array, k: int) -> float:
-    """Size of what a column has that no other explains; zero for rounding."""
+    """Norm of the part of a column that no other column explains; zero where that is rounding."""
     own = float(np.linalg.norm(without(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
     return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
 
@@ -263,12 +263,12 @@ def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
 
 
 def size_of(finding: PoseFinding) -> GateResult:
-    """Whether a cause is large enough to be a finding; what is not is listed as minor."""
+    """Whether a cause is large enough to be a finding; a smaller one is listed as minor."""
     return large_enough(finding.share, float(np.sqrt(max(finding.floors, 0.0))))
 
 
 def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[At], ...]:
-    """What is claimed, then the nearest of what is not.
+    """Claims of what was found, then those of the places that came nearest to being found.
 
     Args:
         explained: The fit.
@@ -287,9 +287,15 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
 
 @dataclass(frozen=True)
 class _Nearness:
-    """The term of a place that comes nearest to being claimed, its gain beside all, and its gain instead of a cause.
+    """The term of a place that comes nearest to being claimed.
 
-    ``of_other`` is what that cause gains in its place.
+    Attributes:
+        at: The place.
+        term: Number of the term.
+        beside: What it gains beside all that was found.
+        instead_of: What it gains in the place of one cause.
+        other: That cause.
+        of_other: What the cause itself gains there.
     """
 
     at: At
@@ -308,7 +314,7 @@ def _nearest(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: di
     fits, chosen = explained.fits, explained.chosen
     every = []
     for k in terms:
-        # What is a combination of those that were found adds nothing to them.
+        # A combination of terms that were found adds nothing to them.
         apart = fits.values((*chosen, k)) is not None
         beside = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
         every.append(_Nearness(at, k, beside))
@@ -323,7 +329,7 @@ def _nearest(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: di
 
 def _claimed(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
     fits, chosen = explained.fits, explained.chosen
-    # Each number of a cause has to earn its place: the least of them is what the search has asked for.
+    # Each number of a cause has to gain enough by itself: the least gain is what the gate asks for.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
     large = size_of(finding)
     gates = until_failed((more_than_chance(least, explained.price), large))

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""Linear equations of measured poses: what is left, and Pinocchio's kinematic regressor of all that may be wrong.
+"""Linear equations of measured poses: residuals, and Pinocchio's kinematic regressor of all candidate errors.
 
-A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the root frame,
-the first and the last are the unit and what a ``base_pose`` and a ``tool_pose`` add. What is left of a pose and all
-columns are twists of the target in its own axes, so that noise that is alike in all directions is so here. In a closed
-chain what is wrong moves the frame itself, and by the passive joints that keep the loops closed.
+A target is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are given in the root frame,
+the first and the last are identities times a ``base_pose`` and a ``tool_pose``. Residuals and columns are twists of the
+target in its own axes, so that isotropic noise stays isotropic. In a closed chain an error moves the frame itself, and
+also through the passive joints that keep the loops closed.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Estimate:
     """Numbers of a fit.
 
     Attributes:
-        values: Of all terms; zero where nothing was found, ``(p,)``.
-        base: Pose of the robot's root in the axes of what measured, by recording, each ``(4, 4)``.
+        values: Of all terms; zero for terms that are not in the fit, ``(p,)``.
+        base: Pose of the robot's root in the axes of the tracker, by recording, each ``(4, 4)``.
         tool: Pose of the target on its frame, by set of poses, each ``(4, 4)``.
         delay: Time by which poses are stamped late [s], by recording.
     """
@@ -45,7 +45,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A column that is always in the fit: of a base pose, a tool pose or a delay, and of which one."""
+    """A column that is always in the fit: one number of a base pose or a tool pose, or a delay."""
 
     kind: str
     of: int
@@ -54,7 +54,7 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Equations:
-    """What is left of all poses and its slopes.
+    """Residuals of all poses, and their slopes.
 
     Attributes:
         left: Measured less predicted [m or rad], ``(m,)``.
@@ -86,17 +86,17 @@ class Equations:
 
 @dataclass(frozen=True)
 class PoseProblem:
-    """Measured poses and all that may be wrong with the geometry.
+    """Measured poses and all candidate errors of the geometry.
 
     Attributes:
         robot: The given model.
         sets: Poses.
-        paths: Of the joints of those recordings that are motions.
-        terms: What may be wrong.
+        paths: Joint paths of those recordings that are motions.
+        terms: The candidate errors.
         in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
         on_frame: Frames on which the targets sit by definition, so that no pose of theirs is fitted.
         loops: Of a closed chain, else None.
-        taken_up: Places in its loops that move no measured frame, as passive joints take them up.
+        taken_up: Places in its loops that move no measured frame, as passive joints compensate them.
     """
 
     robot: Robot
@@ -110,7 +110,7 @@ class PoseProblem:
 
     @property
     def model(self) -> pin.Model:
-        """The tree, with the frames of its pins and what is known of its places."""
+        """The tree, with frames for its pins, and with known errors of its places corrected."""
         return self.robot.model if self.loops is None else self.loops.model
 
     @property
@@ -163,7 +163,7 @@ def true_positions(
 
 
 def equations(problem: PoseProblem, estimate: Estimate) -> Equations:
-    """What an estimate leaves of the poses, and the slopes of the prediction there.
+    """Residuals of the poses at an estimate, and the slopes of the prediction there.
 
     Args:
         problem: Poses and terms.
@@ -243,8 +243,8 @@ def tree_positions(
 
     Args:
         problem: Gives the loops.
-        model: The tree as it is thought to be.
-        one: Poses, near whose positions the loops are closed.
+        model: The tree of the current estimate.
+        one: Poses; loops are closed near their positions.
         q: Positions of the robot's joints.
     """
     if problem.loops is None:
@@ -261,7 +261,7 @@ def _with_pin(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Flo
 
 
 def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
-    """Twists of such a pose in its own axes, per unit of each number."""
+    """Twists of a ``base_pose`` or ``tool_pose`` in its own axes, per unit of each of its numbers."""
     out = np.zeros((6, 6))
     out[:3, :3], out[3:, 3:] = pin.exp3(numbers[3:]).T, pin.Jexp3(numbers[3:])
     return out
@@ -277,7 +277,7 @@ def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str |
 
 
 def _each(model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:
-    """Of each pose what is left, slopes by the base, and by the places of all joints; and its number."""
+    """For each pose the residual, its slopes by the base and by the places of all joints, and its number."""
     data, configuration = model.createData(), configurations(model, x)
     n = len(x)
     left, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
@@ -307,7 +307,7 @@ def _column(model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, 
     """Twist of the target per unit of a term."""
     if term.effect == LINK:
         return regressor[:, :, 6 * (_joint_index(model, term.row) - 1) + term.part]
-    # The link stands where the reading says, less the wrong zero, less what the load bends.
+    # The position of the link is the reading, less the wrong zero, less the deflection under load.
     along = -motions[:, :, term.row]
     return along * load[:, term.row, None] if term.effect == ELASTIC else along
 

@@ -1,4 +1,4 @@
-"""The line of a fit of poses: start, noise, poses that stray, search, and the fit again where the slopes have moved."""
+"""Explanation of measured poses: noise, outliers and a search for few terms, repeated as the linearisation changes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, 
 from phantom_dyn.array_types import Array, Bool, Int
 
 CHANCE = 0.005
-"""Share of robots without a gap on which chance alone may put the best of all terms above its price."""
+"""Probability that in a robot without a gap chance puts the best of all terms above its price."""
 _FAR = 6.0
-"""Noises from which on a pose is no measurement of the target: in a thousand poses none is by chance beyond 5."""
+"""Residual, in units of the noise, of an outlier: in a thousand poses none is beyond 5 by chance."""
 _MOST_FAR = 0.05
 
 
@@ -27,14 +27,14 @@ class ExplainedPoses:
 
     Attributes:
         problem: Poses and terms.
-        estimate: Nuisances and the terms that were found; others are zero.
+        estimate: Nuisances and the chosen terms; others are zero.
         found: Equations there.
         noise: Of the poses.
-        equations: In units of noise, as if no term had been taken in.
+        equations: In units of noise, with the residual before any term.
         fits: Their products.
         price: Squares that a term has to explain.
-        chosen: Places of the terms that were found.
-        kept: False for rows of poses that stray, ``(m,)``.
+        chosen: Places of the chosen terms.
+        kept: False for rows of outliers, ``(m,)``.
     """
 
     problem: PoseProblem
@@ -50,7 +50,7 @@ class ExplainedPoses:
 
 @dataclass(frozen=True)
 class _At:
-    """A fit of poses about which columns are taken: its numbers, the equations there, and what is left out."""
+    """A fit of poses at which columns are computed: its estimate, the equations there, and the rows that are used."""
 
     estimate: Estimate
     found: Equations
@@ -59,10 +59,10 @@ class _At:
 
 
 def explain_poses(problem: PoseProblem) -> ExplainedPoses:
-    """The few terms that explain poses, with what it rests on.
+    """The few terms that explain poses, with the fit behind them.
 
     Args:
-        problem: Poses and all that may be wrong.
+        problem: Poses and all candidate errors.
     """
     terms = problem.terms
     named = [term.unit for term in terms], [_name(term) for term in terms]
@@ -111,7 +111,7 @@ def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
 
 
 def _without_strays(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
-    """Rows without poses that lie far from all others; all, where there are many: then it is no matter of a few."""
+    """Rows without outliers; all rows where so many poses are far off that they are no outliers."""
     size = np.abs(found.left) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
     far = np.unique(found.pose[size > _FAR])
     if len(far) > _MOST_FAR * len(np.unique(found.pose)):
@@ -120,6 +120,6 @@ def _without_strays(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> 
 
 
 def _spread(found: Equations, series: int) -> float:
-    """Standard deviation of what is left in a series, by the median, which a few strays do not move."""
+    """Standard deviation of the residual in a series, by its median, which a few outliers do not change."""
     values = np.abs(found.left[found.series == series])
     return max(1.4826 * float(np.median(values)), 1e-300) if len(values) else 1.0

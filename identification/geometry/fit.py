@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Fit of poses by Gauss and Newton: base, target, delay and the terms that are taken in, from any start."""
+"""Gauss-Newton fit of poses: base, target, delay and the chosen terms, from any start."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _STEPS = 30
 _HALVINGS = 6
 _SMALL = 1e-10  # relative change of the weighted sum of squares at which a fit has ended
 RANK = 1e-7
-"""Share of its size that a column has to add to those before it: less is rounding of robot files and of sums."""
+"""Share of a column's size that has to be independent of those before it: less is rounding of robot files and sums."""
 
 
 def start_of(problem: PoseProblem) -> Estimate:
     """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term.
 
-    Poses that need no fit are units.
+    Poses that are not fitted are identities.
     """
     first: dict[int, Array] = {}
     tools = []

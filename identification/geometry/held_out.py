@@ -1,4 +1,4 @@
-"""Errors of poses that no fit has seen, by blocks: the columns of poses as the engine takes them."""
+"""Held-out errors of poses, by blocks, as products for the engine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Blocks:
-    """Products of nuisances, terms and what is left, by block of poses.
+    """Products of nuisances, terms and residual, by block of poses.
 
     Attributes:
         products: In units of noise, nuisances first.
@@ -27,7 +27,7 @@ class Blocks:
     nuisances: int
 
     def losses(self, chosen: Sequence[int]) -> Float[Array, " B"]:
-        """Squares of each block that a fit of the others leaves, in units of noise."""
+        """Squared residuals of each block by a fit of the others, in units of noise."""
         return self.products.losses(self.columns(chosen))
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
@@ -44,7 +44,7 @@ def blocks_of(found: Whitened) -> Blocks:
 
 
 def left_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
-    """What fits of the other blocks leave of each row, in units of noise."""
+    """Residual of each row by fits of the other blocks, in units of noise."""
     at = blocks.columns(chosen)
     place = np.searchsorted(np.unique(found.block), found.block)
     return left_of_each(found.whole[:, at], found.whole[:, -1], place, blocks.products.without_each(at))

@@ -1,4 +1,4 @@
-"""Findings of a fit of poses: sizes, shares, rivals and bounds, all on poses that no fit has seen."""
+"""Findings of a fit of poses: sizes, shares, rivals and detection limits, all on held-out poses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from identification.geometry.terms import ELASTIC, ZERO, PoseTerm
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_NEAR = 15.0  # squares: what fits worse than that weighs less than a thousandth
+_NEAR = 15.0  # squares by which a rival may fit worse: beyond, its likelihood is below a thousandth
 _POWER = 1.6448536269514722  # 95 % quantile of the normal distribution
 _LEAST_GAP = 1e-3
 _ROUNDING = 1e-9
@@ -32,7 +32,7 @@ Group = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Gap:
-    """Held-out losses, and what shares are shares of."""
+    """Held-out losses before and after all findings; their difference is the gap that findings share."""
 
     blocks: Blocks
     before: Float[Array, " B"]
@@ -43,18 +43,18 @@ class Gap:
         rows = weights @ self.blocks.rows
         before, after = (weights @ x / rows for x in (self.before, losses))
         least = weights @ self.after / rows
-        # The gap is what is above the noise, or what all findings take off where that is less.
+        # The gap is the loss above the noise, or the part that all findings close where that is smaller.
         gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
         return (before - after) / gap
 
 
 def drawn_blocks(gap: Gap) -> Float[Array, "R B"]:
-    """How often each block is drawn in bootstrap replicates of the gap closed, the same for all that is closed."""
+    """How often each block is drawn in each bootstrap replicate of the gap; the same draws for all findings."""
     return block_counts(len(gap.after), random_stream("bootstrap of the gap in poses"))
 
 
 def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
-    """Terms that were found, those of one joint's place together."""
+    """The chosen terms, in groups of one effect on one joint."""
     places: dict[tuple[str, str | None], list[int]] = {}
     for k in explained.chosen:
         places.setdefault(explained.problem.terms[k].place, []).append(k)
@@ -67,7 +67,7 @@ def gap_of(explained: ExplainedPoses, blocks: Blocks) -> Gap:
 
 
 def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
-    """What was found, the largest share first."""
+    """Findings, the largest share first."""
     groups = groups_of(explained)
     shares = _shares(gap, groups)
     std = _deviations(explained)
@@ -76,7 +76,7 @@ def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
 
 
 def _deviations(explained: ExplainedPoses) -> dict[int, float]:
-    """Of all terms that were found, fitted together."""
+    """Standard deviations of the chosen terms, fitted together."""
     at = list(explained.chosen)
     if not at:
         return {}
@@ -122,7 +122,7 @@ def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
 
 
 def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[float, tuple[PoseRival, ...]]:
-    """Probability of a finding and of what else explains the same poses with as many numbers."""
+    """Probability of a finding, and its rivals: other terms, as many, that explain the same poses."""
     fits, chosen = explained.fits, explained.chosen
     rest = tuple(k for k in chosen if k not in group)
     near = [group, *rivals_of(fits, chosen, group, _NEAR)]
@@ -148,11 +148,11 @@ def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
 def bounds_of(
     explained: ExplainedPoses, findings: Sequence[PoseFinding]
 ) -> tuple[tuple[PoseBound, ...], tuple[Unseen, ...]]:
-    """Smallest sizes that would have been seen beside what was found, and terms that these poses cannot show.
+    """Detection limits of all terms that are no findings, and terms that these poses cannot show.
 
     Args:
         explained: The fit.
-        findings: Their rivals may be there in any size, in place of what was found.
+        findings: Their rivals have no limit, as they may replace the finding at any size.
     """
     places = [place for finding in findings for rival in finding.rivals for place in rival.places]
     rivals = {(place.effect, place.joint, name) for place in places for name in place.parameters}
@@ -182,7 +182,7 @@ def _unseen(term: PoseTerm, why: str) -> Unseen:
 
 
 def _why(explained: ExplainedPoses, k: int) -> str:
-    """With what a term is the same: the pose of the base, that of the target, or both together."""
+    """Why a term cannot be seen: it moves no frame, or is the same as a pose of the base, the target, or both."""
     found, term = explained.found, explained.problem.terms[k]
     scale = (explained.kept * explained.noise.weights[found.series])[:, None]
     column = found.columns[:, [k]] * scale
@@ -205,7 +205,7 @@ def _why(explained: ExplainedPoses, k: int) -> str:
 
 
 def _bears(explained: ExplainedPoses, term: PoseTerm) -> bool:
-    """False if all load of a joint is rounding beside that of the others."""
+    """False if the load of a joint is rounding in comparison with that of the others."""
     loads = np.concatenate([np.abs(one.load) for one in explained.problem.sets])
     return bool(loads[:, term.row].max() > _ROUNDING * max(float(loads.max()), 1e-300))
 

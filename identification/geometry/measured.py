@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Measured poses of frames, with what the model says of the joints at that moment, ready for fitting."""
+"""Measured poses of frames, with positions, velocities and modelled loads of the joints, ready for fitting."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 
 MOST = 1200
-"""Poses of a recording that are used; of more, evenly spread ones: neighbours in time say the same."""
+"""Most poses of a recording that are used, evenly spread: neighbours in time are redundant."""
 # Poses are a motion where a joint moves less than this share of its range from sample to sample, in the median.
 _DENSE = 0.02
 _FEWEST_OF_MOTION = 200
-_AT_EDGE = 1.0  # share of a second at both ends of a motion where derivatives settle
-_MOVES = 1e-3  # [rad/s or m/s] of the fastest joint: below, a delay shows nowhere
+_AT_EDGE = 1.0  # [s] at both ends of a motion that are left out, where derivatives are not accurate
+_MOVES = 1e-3  # [rad/s or m/s] speed of the fastest joint below which a delay does not show
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Measured:
         t: Time [s], ``(n,)``.
         q: Joint positions as read [rad or m], ``(n, nv)``.
         v: Joint velocities, ``(n, nv)``: zeros for poses at rest.
-        load: Torque that the transmissions pass to the links by the model [N m or N], ``(n, nv)``.
+        load: Modelled torque that the transmissions pass to the links [N m or N], ``(n, nv)``.
         position: Measured [m], ``(n, 3)``.
         turn: Measured orientation, x, y, z, w, ``(n, 4)``; None where it was not measured.
         moving: True if the recording is a motion, so that a delay between pose and joints can show.
@@ -145,7 +145,7 @@ def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bo
 
 
 def load_of(robot: Robot, recording: Recording) -> Float[Array, "n nv"]:
-    """Torque that the transmissions pass to the links by the model at every sample [N m or N].
+    """Modelled torque that the transmissions pass to the links at every sample [N m or N].
 
     Args:
         robot: Gives the model.

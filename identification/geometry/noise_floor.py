@@ -1,4 +1,4 @@
-"""Noise of the tracker by what no model needs: poses that repeat, or differences from sample to sample of a motion."""
+"""Noise of the tracker without a model: from repeated poses, or from differences between samples of a motion."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
 _SAME = 1e-4  # [rad or m]: joints this near have the same pose, to what encoders repeat
-_FEWEST = 6  # degrees of freedom that say something of a noise
-_POSES = 300  # for the question whether anything is left that depends on the posture
+_FEWEST = 6  # least degrees of freedom for an estimate of the noise
+_POSES = 300  # most poses in the test whether the residual depends on the posture
 _SHUFFLES = 199
 _FORESEEN = 0.15
-"""Share of what is left that the posture has to foretell on held-out poses, beyond what it does by chance."""
+"""Share of the residual that the posture has to predict on held-out poses, beyond its share by chance."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Noise of one coordinate of a series, its interval at 95 %, and what it rests on."""
+    """Noise of one coordinate of a series, its interval at 95 %, and its source."""
 
     sigma: float
     interval: tuple[float, float]
@@ -28,7 +28,7 @@ class Floor:
 
 
 def floor_of(explained: ExplainedPoses, series: int) -> Floor:
-    """Noise of one series of poses; the best kinematic model's rest where nothing repeats.
+    """Noise of one series of poses; the residual of the best kinematic model where no pose repeats.
 
     Args:
         explained: The fit.
@@ -78,12 +78,12 @@ def _interval(sigma: float, free: float) -> tuple[float, float]:
 
 
 def depends_on_posture(explained: ExplainedPoses) -> bool:
-    """True if joint positions foretell what is left of held-out poses better than they do of shuffled ones.
+    """True if joint positions predict the residuals of held-out poses better than those of shuffled poses.
 
-    A smooth function of the posture (ridge on Gaussian kernels) is fitted to nine tenths and judged on the last.
+    A smooth function of the posture (ridge on Gaussian kernels) is fitted to nine tenths and tested on the last.
 
     Args:
-        explained: The fit whose rest is asked about.
+        explained: The fit that leaves the residuals.
     """
     return any(_foreseen(explained, number) for number in range(len(explained.problem.sets)))
 
@@ -109,7 +109,7 @@ def _foreseen(explained: ExplainedPoses, number: int) -> bool:
 
 
 def _predictor(q: Float[Array, "n nv"]) -> Float[Array, "n n"]:
-    """Matrix that foretells each pose from those of other blocks."""
+    """Matrix that predicts each pose from those of other blocks."""
     n = len(q)
     size = np.ptp(q, axis=0)
     scaled = q / np.where(size > 0, size, 1.0)

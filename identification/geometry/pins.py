@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""The loops of a closed chain as poses see them: which frames they keep together, and where these sit.
+"""The loops of a closed chain as pairs of frames that stay together, also where the file states a formula.
 
-A file may state a parallelogram by a formula (``elbow: theta3 - theta2``). A pin holds two of its links together, and
-with other lengths the formula no longer holds. So the pins are looked for: two points, one of each link, that the
-formula keeps together in every posture. Where there are none the formula stays.
+A file may state a parallelogram by a formula (``elbow: theta3 - theta2``). In the robot a pin holds two links together,
+and with other link lengths the formula does not hold. So pins are searched for: two points, one on each link, that the
+formula keeps together in every posture. Where there are none, the formula is kept.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _POSTURES = 12
 
 @dataclass(frozen=True)
 class KnownPlaces:
-    """Places that earlier poses have shown of a closed chain.
+    """Corrected places of a closed chain, from earlier diagnoses of poses.
 
     Attributes:
-        twists: By joint, or frame that a loop keeps, how it is moved, in its own axes [m, rad].
-        targets: By frame, where the target sits on it.
+        twists: Correction of each joint, or frame of a loop, in its own axes [m, rad].
+        targets: Pose of the target on each frame.
     """
 
     twists: Mapping[str, Float[Array, " 6"]] = field(default_factory=dict)
@@ -44,8 +44,8 @@ class Loops:
 
     Attributes:
         model: The tree, with a frame for each pin.
-        chain: Its loops; ``linear_map`` and ``offset`` hold the formulas that stand for no pin.
-        targets: By frame, the index of where the target is known to sit.
+        chain: Its loops; ``linear_map`` and ``offset`` hold the formulas for which there is no pin.
+        targets: For each frame with a known target, the index of the target's frame.
     """
 
     model: pin.Model
@@ -64,11 +64,11 @@ class Loops:
 
 
 def loops_of(robot: Robot, known: KnownPlaces | None = None) -> Loops | None:
-    """The loops of a closed chain with what is known of their places; None for an open chain.
+    """The loops of a closed chain with known corrections of their places; None for an open chain.
 
     Args:
         robot: The given model.
-        known: Of earlier poses.
+        known: Corrections from earlier poses.
     """
     if robot.chain is None:
         return None
@@ -105,7 +105,7 @@ def move_frame(model: pin.Model, frame: int, move: pin.SE3) -> None:
 
 
 def is_carried(model: pin.Model, frame: int, by: int) -> bool:
-    """True if a frame is another one, or fixed to it."""
+    """True if a frame is ``by`` itself, or fixed to it."""
     joint = model.frames[by].parentJoint
     while frame and model.frames[frame].parentJoint == joint:
         if frame == by:
@@ -148,13 +148,13 @@ def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, sec
         matrix.append(np.hstack([a.rotation, -b.rotation]))
         right.append(b.translation - a.translation)
     A, y = np.concatenate(matrix), np.concatenate(right)
-    # The points nearest to the joints: along the axes of a flat loop any will do.
+    # The points nearest to the joints: those of a planar loop may be anywhere along its axes.
     points = np.linalg.lstsq(A, y, rcond=SINGULAR)[0]
     return points.reshape(2, 3) if np.abs(A @ points - y).max() <= CLOSED else None
 
 
 def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) -> Loops | None:
-    """A loop at two points in the place of the formulas of its joints; None if these are none of it."""
+    """The loops with a pin at two points in place of the formulas of its joints; None if it does not close them."""
     model, chain = loops.model.copy(), loops.chain
     links = [_link(model, row) for row in rows]
     ends = [
@@ -182,7 +182,7 @@ def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) 
 
 
 def _determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
-    """True if the loops say where all their passive joints are, in every posture."""
+    """True if the loops determine all their passive joints in every posture."""
     at, to_unknown = constraints_of(loops.model, loops.chain.anchors), loops.chain.linear_map[:, loops.chain.nv :]
     for positions in x:
         values = np.linalg.svd(error_and_slope(at, positions)[1] @ to_unknown, compute_uv=False)
@@ -192,7 +192,7 @@ def _determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
 
 
 def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str) -> int:
-    """A frame of the body at a point, or one that the file has there but for a shift along the joint's axis."""
+    """A frame of the body at a point: one of the file, if it differs only along the joint's axis, else a new one."""
     index = _index(model, row)
     body, axis = _link_frame(model, index), _axis(model, index)
     for frame in range(model.nframes):

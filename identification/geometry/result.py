@@ -1,4 +1,4 @@
-"""What measured poses say of a robot's geometry: frozen data, in the words of ``diagnosis.json``."""
+"""Result of a diagnosis of measured poses: frozen data with the names of ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Place:
 
 @dataclass(frozen=True)
 class PoseRival:
-    """What explains the same poses as a finding, with its probability, see `engine.resampling`."""
+    """Places that explain the same poses as a finding, with their probability, see `engine.resampling`."""
 
     places: tuple[Place, ...]
     probability: float
@@ -39,10 +39,10 @@ class PoseRival:
 
 @dataclass(frozen=True)
 class PoseFinding:
-    """One named cause of a wrong tip; ``joint`` is the frame of a ``tool_pose`` and None for a ``base_pose``.
+    """One named cause of pose errors; ``joint`` is the frame of a ``tool_pose`` and None for a ``base_pose``.
 
-    ``gap_closed`` comes back when this finding alone is taken out and all others are fitted again; ``share`` is its
-    Shapley value. ``floors`` is what it leaves when it is taken out, as mean square in squares of the noise.
+    ``gap_closed`` is the share of the gap that is open without this finding, all others fitted again; ``share`` is its
+    Shapley value. ``floors`` is the growth of the mean squared residual without it, in squares of the noise.
     """
 
     effect: str
@@ -70,12 +70,12 @@ class FrameGap:
         unit: ``m`` or ``rad``.
         rms_before: With the given geometry; poses of base and target as given, or else fitted.
         rms_after: With the findings.
-        noise_floor: What the tracker leaves.
+        noise_floor: Noise of the tracker.
         noise_floor_interval: At 95 %.
-        noise_floor_source: ``repetitions``, ``above_band`` or ``predictors``; the last, what the best kinematic model
-            leaves, is an upper limit.
+        noise_floor_source: ``repetitions``, ``above_band`` or ``predictors``; the last, the residual of the best
+            kinematic model, is an upper limit.
         closed: Part of the gap that the findings close; None where there is no gap.
-        hold_out_samples: Poses that were judged.
+        hold_out_samples: Number of held-out poses.
     """
 
     frame: str
@@ -112,9 +112,9 @@ class Unseen:
 
 @dataclass(frozen=True)
 class FittedPose:
-    """A pose of which nothing is known, always fitted: ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
+    """An unknown pose that is always fitted: ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
 
-    ``what`` is ``base`` (the robot's root in the axes of what measured) or ``tool`` (the target on its frame).
+    ``what`` is ``base`` (the robot's root in the axes of the tracker) or ``tool`` (the target on its frame).
     """
 
     what: str
@@ -149,7 +149,7 @@ class PoseEvidence:
 
 @dataclass(frozen=True)
 class GeometryResult:
-    """All that measured poses say, see `identification.geometry.diagnose_poses`.
+    """Result of `identification.geometry.diagnose_poses`.
 
     Attributes:
         verdict: The contract's, of the poses alone.
@@ -157,18 +157,18 @@ class GeometryResult:
         interval: Of ``closed``, 95 %.
         frames: Gap of each frame.
         findings: Named causes, the largest first.
-        minor: Those that are seen but close less than a hundredth of the gap and leave less than half a floor.
-        bounds: What would have been seen.
-        not_testable: What these poses cannot show.
+        minor: Causes that are seen but close less than a hundredth of the gap and less than half a noise floor.
+        bounds: Detection limits.
+        not_testable: Terms that these poses cannot show.
         fitted: Poses of base and target that the recordings do not give.
         delays: Of recordings that are motions.
         rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
-        structured: True if something is left that depends on the posture.
+        structured: True if the residual depends on the posture.
         warnings: Notes on the data.
         evidence: Errors of single poses.
         torque_verdict: Of the torques of the same recordings; None where there are none.
         notes: On how findings in torque and in poses agree.
-        claims: What was claimed, and the best that was not, each by effect and joint, with the gates that it met.
+        claims: Ledger: the claimed causes and the best unclaimed ones, by effect and joint, with their gates.
     """
 
     verdict: str

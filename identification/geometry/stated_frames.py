@@ -2,8 +2,8 @@
 """Whether poses are given in the robot's root frame and of its own frames, as their columns say, or of others.
 
 A log says ``p.<frame>``: the position of a frame of the robot in its root frame. A laser tracker writes its own axes
-under that name, and a reflector sits beside the frame. What is off by more than anyone would overlook is such another
-frame, of which nothing is known; what is off by less is an error of the base's or the tool's pose.
+under that name, and a reflector sits beside the frame. A pose that is off by more than anyone would overlook is of such
+another frame, whose pose is unknown and fitted; one that is off by less has an error of the base's or the tool's pose.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, 
 from phantom_dyn.model.robot import Robot
 
 _LITTLE = 1e-3
-"""Share of the largest motion of a frame per unit of a place, below which another place moves it not at all."""
+"""Motion of a frame per unit of a place, relative to the largest, below which the place counts as without effect."""
 _CHANCE = 1e-4
-"""Chance at which poses of one base for all recordings, near the root, fit worse than any poses of bases."""
+"""Level of the test whether one base near the root frame fits worse than a free base for each recording."""
 
 
 def problem_of(
     robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all that may be wrong, poses of base and tool among it where these are given.
+    """Measured poses with all candidate errors, among them poses of base and tool where these are given.
 
     Args:
         robot: The given model.
@@ -63,7 +63,7 @@ def problem_of(
 
 
 def _without_taken_up(problem: PoseProblem) -> PoseProblem:
-    """Without places that passive joints take up: beside other errors they would move frames, by next to nothing."""
+    """Without places that passive joints compensate: beside other errors they would move frames by next to nothing."""
     if problem.loops is None or not problem.terms:
         return problem
     size = np.abs(equations(problem, start_of(problem)).columns).max(axis=0)
@@ -78,7 +78,7 @@ def _without_taken_up(problem: PoseProblem) -> PoseProblem:
 
 
 def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
-    """Terms without the place of a first joint that carries all frames and joints: it is the place of the base.
+    """Terms without the place of a first joint that carries everything: it is the same as the pose of the base.
 
     Args:
         robot: The given model.
@@ -106,12 +106,12 @@ def _is_far(problem: PoseProblem, one: Measured) -> bool:
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
     reach = float(np.linalg.norm(reached, axis=1).max())
-    # Three numbers of a shift at their limit, of base and of tool, and three of a turn.
+    # The three shifts of base and of tool at their limits, and the three turns.
     return float(np.median(np.linalg.norm(one.position - reached, axis=1))) > np.sqrt(3) * (2 * shift + turn * reach)
 
 
 def _as_good(near: Equations, terms: int, free: Equations) -> bool:
-    """True if what the nearer fit leaves is more by no more than chance."""
+    """True if the residual of the constrained fit is not larger than that of the free one by more than chance."""
     from scipy.special import fdtri
 
     of_near, of_free = float(near.left @ near.left), float(free.left @ free.left)

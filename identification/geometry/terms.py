@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""What may be wrong with the geometry of a robot: one number each, with the joint that it belongs to.
+"""Candidate errors of a robot's geometry, called terms: one number each, with the joint that it belongs to.
 
-Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``; of a
-closed chain also those by which a frame sits elsewhere that a loop keeps at another one), the
-deflection of a joint under its load (``joint_elasticity``), and, where poses are given in the robot's root frame, the
-six numbers by which the base stands elsewhere (``base_pose``) and a target sits elsewhere on its frame (``tool_pose``).
+Joint zeros (``encoder_offset``), six numbers of the place of a joint on its parent (``link_geometry``; in closed chains
+also of a frame that a loop keeps at another one), the deflection of a joint under its load (``joint_elasticity``), and,
+where poses are given in the robot's root frame, six numbers of the pose of the base (``base_pose``) and of a target on
+its frame (``tool_pose``).
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _ALONG = 1.0 - 1e-9  # cosine above which a joint moves along one of its own axe
 
 @dataclass(frozen=True)
 class PoseTerm:
-    """One number that the geometry of a robot may lack.
+    """One candidate error of the geometry.
 
     Attributes:
         effect: ``encoder_offset``, ``link_geometry``, ``joint_elasticity``, ``base_pose`` or ``tool_pose``.
         joint: The joint; the frame of a ``tool_pose`` or of the ``link_geometry`` of a loop's pin, None for a
             ``base_pose``.
-        row: Of a zero or an elasticity the place among the robot's joints, of a ``link_geometry`` that among the
-            velocities of the tree, which are the same but for closed chains; -1 without a joint.
+        row: For a zero or an elasticity the number among the robot's joints, for a ``link_geometry`` that among the
+            velocities of the tree, which is the same but for closed chains; -1 without a joint.
         parameter: Name of the number.
         unit: Of the number.
         part: Of a pose, which of its six numbers; else -1.
@@ -77,12 +77,12 @@ def _pose_term(effect: str, joint: str | None, row: int, part: int) -> PoseTerm:
 
 
 def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) -> tuple[PoseTerm, ...]:
-    """All terms of the joints that carry one of the frames, or that loops carry it by, from the root on.
+    """All terms of the joints that carry one of the frames, directly or through loops, from the root on.
 
-    The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. A
-    joint whose encoder sits on its link shows the elasticity of its transmission itself, so that there is none. Passive
-    joints have places alone; that along or about its own axis is the constant of the formula of one, and of one that
-    closes a loop it is none.
+    The part of a joint's place along or about its own axis is its zero and is left out of its ``link_geometry``. An
+    encoder on the link measures the elasticity of the transmission, so that such a joint has no term for it. Passive
+    joints have places alone; the part along or about the axis is a term where a formula gives the joint's position
+    (it is the formula's constant), and none where a loop does.
 
     Args:
         robot: A tree with one velocity a joint.
@@ -137,7 +137,7 @@ def _followed(loops: Loops, placed: set[int]) -> set[int]:
 
 
 def moved_part(robot: Robot, index: int) -> int:
-    """Which of its own six directions a joint moves along or about; -1 if along none of them alone.
+    """Number of the axis (x, y, z, rx, ry, rz) along or about which a joint moves; -1 if it is none of these.
 
     Args:
         robot: Gives the model.

@@ -1,6 +1,6 @@
-"""Equations weighted by the noise of poses, and what the base kinematic parameters leave of them.
+"""Pose equations weighted by their noise, which is estimated from the residual of the base kinematic parameters.
 
-The noise of each series is what the best kinematic model leaves; where it is correlated in time, poses count for less.
+The noise of each series is the residual of the best kinematic model; where it is correlated in time, poses count less.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 SEEN = 1e-5
-"""A column counts if this share of it is left beside the nuisances: angles in robot files have nine digits at best."""
+"""Share of a column that has to be independent of the nuisances: angles in robot files have nine digits at best."""
 BLOCKS = 10
 """Blocks that are held out of fits in turn, of each recording."""
 _ROUNDS = 4
-_FEWEST = 8  # poses of a motion that say anything of how long noise lasts
+_FEWEST = 8  # least poses of a motion for an estimate of the noise's correlation time
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Noise:
 
     Attributes:
         sigma: Of each coordinate, by series [m or rad].
-        slow: By series, over how many poses in a row it is the same: variances of estimates grow by it.
-        free: Degrees of freedom behind it.
+        slow: By series, poses that carry the information of an independent one: variances of estimates grow by it.
+        free: Degrees of freedom of the estimate.
     """
 
     sigma: Float[Array, " s"]
@@ -46,13 +46,13 @@ class Noise:
 
 @dataclass(frozen=True)
 class Whitened:
-    """Columns in units of noise, those of terms without what nuisances explain as well.
+    """Equations in units of noise, residual and terms projected off the nuisances.
 
     Attributes:
-        left: Shape ``(m,)``.
+        left: Residual, projected, ``(m,)``.
         columns: Terms, projected, ``(m, p)``.
-        seen: False for terms that leave nothing of their own, ``(p,)``.
-        whole: Nuisances, terms and what is left, not projected, ``(m, k + p + 1)``.
+        seen: False for terms that nuisances alone can make, ``(p,)``.
+        whole: Nuisances, terms and residual, not projected, ``(m, k + p + 1)``.
         block: Of each row.
         rank: Number of base kinematic parameters.
     """
@@ -74,7 +74,7 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
     """Places of the base kinematic parameters among terms: the independent columns, by the reduction of dynamics.
 
     Args:
-        columns: Without what nuisances explain.
+        columns: Projected off the nuisances.
         units: Of the terms.
         names: Of the terms.
     """
@@ -85,7 +85,7 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
 def noise_of(
     found: Equations, units: Sequence[str], names: Sequence[str], moving: Bool[Array, " s"], kept: Bool[Array, " m"]
 ) -> Noise:
-    """Noise of each series from what the best kinematic model leaves, all terms of any size.
+    """Noise of each series from the residual of the best kinematic model, with all terms free.
 
     Args:
         found: Equations at some estimate.
@@ -133,11 +133,11 @@ def whitened(
     kept: Bool[Array, " m"],
     named: tuple[Sequence[str], Sequence[str]],
 ) -> Whitened:
-    """Equations in units of noise, as if no term had been taken in yet.
+    """Equations in units of noise, with the residual before any term.
 
     Args:
         found: Equations at an estimate.
-        values: Of the terms there: what they explain is put back.
+        values: Of the terms there: what they explain is added to the residual.
         noise: Of the poses.
         block: Of each row.
         kept: True for rows that count.

@@ -1,8 +1,8 @@
-"""How far simulated motion strays from the recorded one by noise alone, where the model is right.
+"""The distance of simulated from recorded motion, over the distance that noise alone makes where the model is right.
 
-Three things make it stray: the noise of the state that it starts from, the torque that counts as noise, and what the
-fit leaves open of the moves within the tolerances. Each is put into the simulation of every window once. Filters and
-steps of the simulation are no better than a part of the way that a joint makes.
+Noise acts in three ways: in the state that a simulation starts from, as torque along it, and through the uncertainty of
+the moves within the tolerances. Each is put into the simulation of every window once. A share of the way that a joint
+makes is added for errors of filters and of the simulation's steps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# Probability that a right model strays further on some joint: most of the 5 % in all is for torques.
+# Probability that a right model exceeds its band on some joint; the rest of the 5 % in all is for torques.
 _LEVEL = 0.01
 
 
@@ -33,7 +33,7 @@ def strays(
     folds: tuple[int, ...],
     horizon: float,
 ) -> Float[Array, " nv"]:
-    """How far each joint strays over the end of the 99 % band of what noise makes of it; one is the end.
+    """Distance of each joint's simulated from its recorded motion, in units of the end of its 99 % noise band.
 
     Args:
         shots: Windows.
@@ -57,7 +57,7 @@ def strays(
         drive = torque(shot, model)
         right = under_torque(shot, model, drive)
         nudge = rng.choice([-1.0, 1.0], right.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
-        # Noise of another time has the same size and colour, and nothing to do with this window.
+        # Noise of another time has the same size and spectrum, and is independent of this window.
         pushed = np.roll(noise[window.log], len(drive) // 2, axis=0)
         # The fits of two folds differ by this much less than a fit and the truth (jackknife).
         spread = np.sqrt(0.5 * (len(folds) - 1))
@@ -77,14 +77,14 @@ def strays(
 
 
 def _two(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
-    """A fold and another one; of a window that no fit has seen the first two."""
+    """The fold of a window and another one; the fold that no fit has seen goes with the first."""
     if fold not in folds:
         return fold, folds[0]
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
 
 
 def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
-    """The same, but a gap of unknown cause where a model whose torque shows none does not move as the robot does."""
+    """The judgement; ``unknown`` in place of ``no_gap`` where the simulated motion leaves its noise band by far."""
     if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
     joint = max(rollout.strays, key=lambda name: rollout.strays[name])

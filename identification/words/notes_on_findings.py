@@ -20,9 +20,9 @@ CHANGES = {
     "level": "put a level on the base, or mount the robot another way up",
     "timing": "measure the torque, or record with another controller gain",
 }
-"""What to do beside recording motion that separates effects from their twins where no motion does."""
+"""Measurements other than motion that separate effects which leave the same torque in every motion."""
 _MOST_PAIRS = 3
-"""Causes that a sentence separates from others at most; of more it names the first, `diagnosis.json` has all pairs."""
+"""Most causes that a sentence lists with their rivals; of more it names the first, `diagnosis.json` has all."""
 
 
 def pairs_words(pairs: Sequence[Rivalry]) -> str:

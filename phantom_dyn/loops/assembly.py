@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The way of assembly that a closed chain starts in, and whether its loops determine every passive joint."""
+"""The assembly mode in which a closed chain starts, and whether its loops determine every passive joint."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
 
 
 def _elsewhere(chain: ClosedChain, at: Constraints) -> Float[Array, "m n"]:
-    """The slope where nothing is lined up by chance: at joints turned from the start by angles without a pattern."""
+    """Slope of the loop constraints at a generic posture: joints turned from the start by angles without a pattern."""
     turned = 0.3 * np.sin(1 + np.arange(chain.linear_map.shape[1]) ** 2)
     return error_and_slope(at, chain.start + chain.linear_map @ turned)[1] @ chain.linear_map
 

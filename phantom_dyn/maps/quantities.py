@@ -65,10 +65,10 @@ QUANTITIES = {quantity.name: quantity for quantity in _LIST}
 
 
 def require_quantities(names: tuple[str, ...], model: MapModel) -> None:
-    """Refuse what is no quantity, or what nothing states of this robot.
+    """Refuse unknown quantities, and a stiffness where no joint of the robot states one.
 
     Raises:
-        ParameterError: In a sentence.
+        ParameterError: The sentence names the quantity and what to give.
     """
     if not names:
         raise ParameterError(f"No quantity was given: name some of {', '.join(QUANTITIES)}.")
@@ -164,5 +164,5 @@ def _times_transposed(A: Array, B: Array) -> Array:
 
 
 def _symmetric(matrices: Array) -> Array:
-    """Both halves alike to the last bit, which rounding leaves unequal."""
+    """Matrices that are symmetric up to rounding, made exactly symmetric."""
     return (matrices + np.swapaxes(matrices, 1, 2)) / 2

@@ -1,4 +1,4 @@
-"""A machine and its effects as arrays for compiled steps, where all of them are such as compiled steps know."""
+"""A machine and its effects as arrays for compiled steps, where each of its effects has a compiled law."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from phantom_dyn.simulation.stepping import Machine
 
 
 class Compiled(NamedTuple):
-    """All that compiled steps take before the controller and the state.
+    """Arguments of the compiled steps, but for the controller and the state.
 
     Attributes:
         run: The compiled loop.

@@ -18,13 +18,14 @@ _GAP = 2.5
 
 # A torque counts as clipped from this share of the samples, or this many in a row, at its extreme value.
 _CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
-# Share of rows, and number of stretches, from which on zeros are no torque of a drive that is off.
+# Zeros in at least this share of the rows, and in at least so many stretches, are looked at; in so many more stretches
+# they are no drive that was switched off.
 _MOSTLY, _FEW, _OFTEN = 0.5, 4, 20
-# Ways of a joint from one end to the other in which a torque that stays the same is no step of a test.
+# Passages of a joint from one end of its way to the other during which a step of a test would not keep its torque.
 _PASSAGES = 4
-# Share of the largest torque that the smallest one is, where the small ones are missing, and where all are alike.
+# Smallest over largest torque from which on small torques are missing, and from which on all are of one size.
 _GAP_BELOW, _ALIKE = 0.1, 0.9
-# Samples in a row at the extreme value below which it is the peak of a motion without noise that is repeated.
+# Fewer samples in a row at the extreme value are the peak of a repeated motion without noise.
 _SHORTEST_RUN = 2
 # A smooth peak, however coarsely rounded, has at most 2.4 times as many samples in its top level as in the next.
 _TOP_HEAVY = 4

@@ -1,8 +1,8 @@
-"""What a controller had taken out of the recorded torques, as a column map says: the model's is put back.
+"""Adds gravity and friction of the model to recorded torques from which a controller had subtracted its own.
 
-A low pass is taken back first. Gravity needs the positions alone. Friction needs velocities, and where a joint stands
-they are noise whose sign changes at every sample; so it is put back with the velocities from which the model's friction
-is computed, and both cancel.
+A column map says so. A low pass of the torque is inverted first. Gravity needs the positions alone. Friction needs
+velocities, and where a joint stands these are noise whose sign changes at every sample; so it is added with the same
+velocities from which the model's friction is computed, and both cancel.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
 def before_low_pass(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
-    r"""Torques as they were before a low pass of first order, and what was taken back.
+    r"""Torques as they were before a low pass of first order, and a sentence that says which one was inverted.
 
-    A filter of the time constant T gives :math:`\tau` for :math:`\tau + T \dot\tau`.
+    A low pass of the time constant T whose input is :math:`\tau + T \dot\tau` gives :math:`\tau`.
 
     Args:
         table: Says which torques went through which low pass, as the column map has it.

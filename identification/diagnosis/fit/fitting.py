@@ -20,7 +20,7 @@ from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
-# Torque asked for over torque needed below which a row would vanish from a fit.
+# Least gain of a torque constant: a smaller one would scale its row out of the fit.
 _LEAST_GAIN = 0.02
 
 
@@ -30,14 +30,14 @@ class Fitted:
 
     Attributes:
         problem: What was fitted.
-        point: About which coefficients the fit was linear.
+        point: The estimate about which nonlinear laws were linearised.
         theta: All coefficients, zero where a column is not in the model, ``(K,)``.
         active: Columns in the model.
-        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
         objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
-        denied: Loss that bodies which cannot exist would have taken off beyond this fit, in sample.
+        denied: How much lower the loss would be if bodies that cannot exist were allowed, in sample.
     """
 
     problem: Problem
@@ -52,7 +52,7 @@ class Fitted:
 
     @property
     def total(self) -> float:
-        """Held-out loss over all blocks, and what the moves of the nuisances cost."""
+        """Held-out loss over all blocks plus the penalty."""
         return float(self.loss.sum()) + self.penalty
 
     @cached_property
@@ -78,7 +78,7 @@ class Fitted:
 
     @property
     def expand(self) -> Float[Array, "k n"] | None:
-        """Active coefficients that a unit of each number that was fitted moves, None if they are the same."""
+        """Active coefficients per unit of each fitted number; None where the fitted numbers are the coefficients."""
         return None if self._folded is None else self._folded.expand
 
     @cached_property
@@ -111,7 +111,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Point:
-    """About what a fit is linear, where its laws are not.
+    """The estimate about which nonlinear laws are linearised.
 
     Attributes:
         scalings: Gains of wrong torque constants, each with what is fitted on its row.
@@ -123,7 +123,7 @@ class Point:
 
     @property
     def moved(self) -> bool:
-        """True if some law is not linear, so that the point had to be sought."""
+        """True if some law is nonlinear, so that the point was found by iteration."""
         return bool(self.scalings) or self.payload is not None
 
 
@@ -145,7 +145,7 @@ class Near:
         return Near(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> Near:
-        """A fit of these terms, and the payload of the last fit that had one."""
+        """The start of the next fit after this one of these terms; its payload is that of the last fit with one."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -218,7 +218,7 @@ def fit(
 
 
 def _beyond(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
-    """The same problem with bounds for what some coefficients have beyond a part of them."""
+    """The problem in terms of the differences of some coefficients from given values: its bounds are shifted."""
     lower, upper = problem.lower.copy(), problem.upper.copy()
     lower[columns] -= part
     upper[columns] -= part

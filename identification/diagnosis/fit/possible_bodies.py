@@ -25,11 +25,11 @@ from identification.estimators.consistent.consistent_bodies import ReferenceBody
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# Share of a body by which an eigenvalue may lie below zero: rounding of files.
+# How far an eigenvalue may lie below zero, as a share of the body's size: rounding of files.
 _ROUNDING = 1e-6
-# Loss that a change as large as the given body itself costs, in squared deviations: it decides what no data show.
+# Weak prior, in squared deviations: loss of a change as large as the given body. It decides what the data do not.
 _HELD = 1e-4
-# Half widths of the box about a link by which it is widened, and the shortest one as a share of the longest.
+# Factor by which the box about a link is widened, and its smallest side as a share of the largest.
 _WIDER, _THINNEST = 1.5, 0.5
 # Reach of a link of a robot without any length [m].
 _SOME_LENGTH = 0.3
@@ -101,7 +101,7 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
 
 
 def _given(robot: Robot, index: int) -> ReferenceBody:
-    """The body of the model with units; one without mass is measured by the mean of the others."""
+    """The body of the model with its units; a body without mass has the mean mass of the others as its unit."""
     given = robot.model.inertias[index]
     mass = float(given.mass)
     if mass <= 0:
@@ -117,7 +117,7 @@ def impossible(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, 
 
 def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
     """Bodies with the places of their changes among what is fitted."""
-    # A load's columns come last, so that what is fitted is not in the order of its columns.
+    # Columns of a load come last, so that fitted columns are not in ascending order.
     order = np.argsort(kept)
     return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
 

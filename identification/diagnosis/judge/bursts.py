@@ -25,17 +25,17 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
 
-# Two of them that are as close [s] are one.
+# Largest distance [s] of two bursts that count as one.
 _CLOSE = 0.1
-# Left out before and behind a burst [s], so that no filter carries it over.
+# Time [s] to leave out before and behind a burst, as filters spread it.
 _MARGIN = 0.2
 # Share of a window that has to be usable.
 _FILLED = 0.6
-# Usable samples of a joint without which nothing is looked for.
+# Usable samples of a joint that a search for bursts needs.
 _LEAST_SAMPLES = 50
 # Median of the square of a standard normal number.
 _MEDIAN_SQUARE = 0.4549
-# Degrees of freedom of the law by which sizes are fitted: events weigh little in it.
+# Degrees of freedom of Student's law, with which variances are fitted: events have little weight in it.
 _FREEDOM = 4.0
 _STEPS = 60
 _FEWEST_SAMPLES = 20
@@ -47,7 +47,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
     Args:
         problem: Columns and blocks.
         residual: What the explanation leaves of each log, in the judged band.
-        doubt: Variance of what joints that stand, creep or turn about leave open in each log, in the band.
+        doubt: Variance of each log's residual where joints stand, creep or reverse, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
     answers = np.sqrt(answers_above(problem, sensors_of(session)))
@@ -71,16 +71,16 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
                 for j, torque in enumerate(columns.model_torque[k].T)
             ]
         )
-        # What the drive gives less than the model needs is pushed from outside.
-        # Behind the ends of what was recorded a filter sees the mirror image of the motion.
+        # A push from outside is what the drive gives less than the model needs.
+        # Near the ends of a recording filters work on a mirror image of the motion.
         reach = int(rate / session.cutoff_hz) + 1
         outside = np.pad(~log.valid_in_band, reach, constant_values=True)
         inside = np.logical_not(ndimage.maximum_filter1d(outside, 2 * reach + 1, axis=0))[reach:-reach]
         usable = columns.usable[k] & inside[:, None]
         found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
-        # Derivatives and filters are no better than this.
+        # Accuracy of derivatives and filters.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
-        # Nor than a controller's answer above the band, which may come down to any frequency, at times all at one.
+        # A controller's answer to its encoder, measured above the band, may alias to one frequency inside it.
         least = np.maximum(rules.MODEL_SHARE * sizes, rules.SENSOR_TIMES * answers)
         for joint, start, stop, torque, ratio in found:
             row = log.joint_names.index(joint)
@@ -113,10 +113,10 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
 def from_quiet(
     bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
 ) -> tuple[Burst, ...]:
-    """Those bursts that stand out from a quiet rest.
+    """Bursts on joints whose residual is otherwise noise, and larger than the residual of any other joint.
 
-    Where a joint is left with more than noise all the time, the peaks of that are no events; and what such a joint does
-    without being modelled it does to the others too, with no more than its own torque.
+    Where the residual of a joint is above its noise all the time, its peaks are no events; and an unmodelled torque of
+    that joint may show on others, with at most its own size.
 
     Args:
         bursts: In all recordings.
@@ -178,11 +178,11 @@ def bursts_in(
 
 
 def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
-    """First and last sample of each event and how many times what is expected it is on average over a window.
+    """First and last sample of each event, and its mean over a window in units of the expected deviation.
 
-    The largest is taken out with its flanks before the next one is looked for, as a window beside it holds part of it.
-    An event stands out from what is left at all other times: where that comes close to it, the noise is not of one size
-    but loud at some moments, as a controller's answer to the steps of an encoder is that the log takes too rarely.
+    The largest is removed with its flanks before the next one is looked for, as a window beside it holds part of it. An
+    event has to be far above the largest level at all other times: else the noise itself is loud at some moments, as is
+    a controller's answer to the steps of an encoder in a log with a low rate.
     """
     found, free, reach = [], use.copy(), round(rules.BURST_LENGTHS[0] / step)
     elsewhere = 0.0
@@ -197,7 +197,7 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
         if excess[peak] <= 1.0:
             elsewhere = float(excess[peak])
             break
-        # As long as it pushes the same way.
+        # An event lasts as long as its torque keeps its sign.
         inside = free & (levels[0] * levels[0][peak] > rules.BURST_FLANK * levels[0][peak] ** 2)
         first, last = _run(inside, peak)
         free[max(first - reach, 0) : last + reach + 1] = False
@@ -209,7 +209,7 @@ def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple
 def _level(relative: Array, use: Array, count: int) -> Array:
     """Weighted mean about each sample, zero where too little of the window is usable.
 
-    A mean keeps a push, which has one sign, and loses the noise of encoders, which comes in packets without one.
+    A push has one sign, so that a mean keeps it; noise of encoders has none, so that a mean removes it.
     """
     window = np.hanning(count + 2)[1:-1]
     filled = np.convolve(use, window, mode="same")[: len(use)]
@@ -219,9 +219,9 @@ def _level(relative: Array, use: Array, count: int) -> Array:
 
 
 def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
-    """Level that chance exceeds on no joint, at no time and with no length in 99 of 100 recordings without an event.
+    """Level that 99 of 100 recordings without an event do not exceed, on any joint, at any time, in any window.
 
-    The spread is that of the level itself at most times, which keeps the colour of the residual.
+    The spread is the median deviation of the level itself, so that the spectrum of the residual counts.
     """
     from scipy.special import ndtri
 
@@ -258,7 +258,7 @@ class Causes:
     """Squared torques of one joint that make a residual larger at some moments than at others.
 
     Attributes:
-        known: Variance that is known beforehand [torque^2], ``(n,)``: of joints that stand or turn about.
+        known: Variance that is known beforehand [torque^2], ``(n,)``: where joints stand or reverse.
         torque: Square of the moving part of the modelled torque and of its change, at its largest nearby, ``(n,)``.
         reversals: True near reversals of the velocity, ``(n,)``.
     """

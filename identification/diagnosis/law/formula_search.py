@@ -1,4 +1,4 @@
-"""The shortest formula that predicts a rest on blocks that no fit has seen, and whether it is always the same one."""
+"""The shortest formula that predicts a rest on held-out blocks, and how often bootstrap replicates choose the same."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from phantom_dyn.random_streams import random_stream
 
 MOST_TERMS = 4
 _AT_ONCE = 24  # columns at the full rate
-_SETTLINGS = 4
+_HOLDS = 4  # rounds in which moves are held at their bounds or released
 _PERMUTATIONS = 100
 _CHANCE = 0.99  # quantile of the largest gain by chance that every term has to exceed
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
-NEARLY = 0.85  # of what the best size foresees, for a shorter formula
+NEARLY = 0.85  # share of the squares predicted by the best size that a shorter formula has to predict
 _WORTH = 0.02  # part of the explained squares that one more term has to add
 
 
 @dataclass(frozen=True)
 class LibraryColumns:
-    """The library on one rest.
+    """Columns of the library for one rest.
 
     Attributes:
         library: Its terms.
-        x: Their columns in the judged band at the kept samples, of unit size, and what may move, ``(n, C)``.
-        size: What they were divided by, ``(C,)``.
+        x: Their columns in the judged band at the kept samples, scaled to unit size, then the free columns, ``(n, C)``.
+        size: Divisor of each column of a term, ``(D,)``.
         terms: Which columns each term has.
         products: Of each block.
-        free: The prior of what may move.
+        free: Prior of the free coefficients, see `identification.diagnosis.law.rest.Freedom`.
     """
 
     library: tuple[LawTerm, ...]
     x: Float[Array, "n C"]
-    size: Float[Array, " C"]
+    size: Float[Array, " D"]
     terms: Terms
     products: BlockProducts
     free: Free
@@ -50,12 +50,12 @@ class LibraryColumns:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen.
+    """The chosen formula.
 
     Attributes:
         columns: The library.
         chosen: Terms of the formula, empty where none is beyond chance.
-        held_out: Squares that the choice leaves of each block, made and fitted on other folds, ``(B,)``.
+        held_out: Squares left of each block by formulas that were chosen and fitted on other folds, ``(B,)``.
         before: Squares of each block without a formula, ``(B,)``.
         votes: Share of the bootstrap replicates that choose each kind of term.
         same: Share of the replicates that choose the same kinds of terms.
@@ -93,16 +93,16 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
 
 
 def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
-    """The same with moves that end at their bounds beside the best choice held there.
+    """Rest and columns with those moves held at a bound that end there beside the best choice of terms.
 
-    All other fits of a law take the rest of the moves as free within a prior, and are products and solutions. A term
-    that is the same as a move sets it free again when it comes in: where the holds go in a circle, the move stays held
-    and the term says what lies beyond its bound.
+    With the others free within their prior, every further fit is one linear solution without bounds. A term that makes
+    the same torque as a move releases it again once it is chosen: where holds and releases repeat, the move stays held,
+    and the term takes what lies beyond its bound.
     """
     whole = columns.products.summed((rest.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
     free, held, before = columns.free, np.zeros(len(rest.right)), []
-    for _ in range(_SETTLINGS):
+    for _ in range(_HOLDS):
         path = [(), *stepwise(columns.terms, free.taken_out(whole), MOST_TERMS)]
         size = best_size(cross_validated(rest, replace(columns, free=free), MOST_TERMS))
         at = columns.terms.columns(path[min(size, len(path) - 1)])
@@ -120,14 +120,14 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
 
 
 def _held(rest: Rest, held: Array, size: Array) -> Free:
-    """The prior with moves held at a bound: so narrow that no fit takes them away."""
+    """The prior with moves held at a bound: so narrow there that no fit moves them."""
     narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
     bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
     return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
 
 
 def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
-    """Coefficients of some columns, then of what may move within its bounds."""
+    """Coefficients of some columns, then the free ones within their bounds."""
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
     own = slice(len(at), None)
@@ -139,7 +139,7 @@ def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[i
 
 
 def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
-    """Squares left of each block without a law, what may move within its bounds fitted to other folds."""
+    """Squares left of each block without a law: the free columns alone, fitted to other folds within their bounds."""
     loss = np.zeros(len(rest.folds))
     moved = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in columns.products.by_fold(rest.folds):
@@ -150,9 +150,9 @@ def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
 
 
 def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"], most: int = MOST_TERMS) -> Choice:
-    """The choice of terms at the size that held-out blocks ask for, tested against chance and repeated by bootstrap.
+    """The formula of the size that predicts held-out blocks best, tested against chance and repeated by bootstrap.
 
-    Where replicates disagree on it, a shorter one on which they agree is taken if it foresees nearly as much.
+    Where replicates disagree on it, a shorter one on which they agree is taken if it predicts nearly as much.
 
     Args:
         rest: What is left on the joint.
@@ -179,7 +179,7 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
 
 
 def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
-    """Squares left of each block at every size, none included, by choices that have not seen its fold.
+    """Squares left of each block at every size from 0 terms on, by choices that have not seen its fold.
 
     Args:
         rest: What is left on the joint.
@@ -203,7 +203,7 @@ def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chose
 
 
 def best_size(loss: Float[Array, "m B"]) -> int:
-    """The fewest terms that are not surely worse than the best size, and not worse by more than a little."""
+    """The smallest size whose loss exceeds the best by at most its standard error, or a share `_WORTH` of the gain."""
     total = loss.sum(axis=1)
     best = int(np.argmin(total))
     most = _WORTH * (total[0] - total[best])
@@ -216,7 +216,7 @@ def best_size(loss: Float[Array, "m B"]) -> int:
 
 
 def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
-    """True if every term gains more than chance does with the whole library on what the formula leaves."""
+    """True if every term gains more than the best of the library gains by chance on what the formula leaves."""
     terms, seen = columns.terms, (rest.folds >= 0).astype(float)
     whole = columns.products.freed(seen, columns.free)
     at = terms.columns(chosen)
@@ -229,7 +229,7 @@ def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
 
 
 def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
-    """The gain that the best of all terms reaches by chance: on blocks of what is left in another order."""
+    """The gain that the best of all terms reaches by chance: on the residual with its blocks in another order."""
     rng = random_stream("order of blocks of a rest")
     used = rest.weight > 0
     root = np.sqrt(rest.weight[used])

@@ -31,7 +31,12 @@ def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
 
 
 def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -> Float[Array, " N"]:
-    """A state whose law, of its start, the direction and the way since, is known between two reversals of the path."""
+    """A state along a path, piece by piece between its reversals.
+
+    Args:
+        x: Path.
+        law: The state within a piece: from the state at its start, the direction, and the way since.
+    """
     side = np.sign(np.diff(x, prepend=x[:1]))
     turns = np.flatnonzero(side[1:] != side[:-1]) + 1
     edges = [0, *turns.tolist(), len(x)]

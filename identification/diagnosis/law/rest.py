@@ -27,11 +27,11 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
 
-_PER_PERIOD = 5.0  # samples a period of the judged band's edge: more say the same again
-_MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and say little more
-_OTHERS = 5  # other joints of the branch that are looked at, the nearest
-_MOST_POWER = 0.98  # of an input, in the frequencies at which its answer is known
-_TWINS = 0.99  # correlation from which the drive's torque says no more than what it passes on
+_PER_PERIOD = 5.0  # samples a period of the judged band's edge: more are redundant
+_MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and add little
+_OTHERS = 5  # other joints of the branch whose motion may be an input, the nearest
+_MOST_POWER = 0.98  # share of an input's power in the frequencies at which its answer is known
+_TWINS = 0.99  # correlation of the drive's torque with the transmitted one above which it is no input of its own
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class RestLog:
         band: Its filter.
         cutoff_hz: Edge of the judged band.
         valid: False for samples in the band that touch what was not recorded or is left out, ``(m,)``.
-        kept: Which of the samples in the band are kept.
+        kept: Which of the samples in the band are used.
         residual: Measured less modelled torque of these samples in the judged band, by fits that have not seen them,
             ``(n,)``.
-        weight: What each counts, ``(n,)``.
-        free: Columns of what may move beside a law, ``(n, F)``.
+        weight: Of each, ``(n,)``.
+        free: Columns of the moves and findings that are fitted again beside a law, ``(n, F)``.
     """
 
     t: Float[Array, " N"]
@@ -85,9 +85,9 @@ class Rest:
         blocks: Number of the block of each kept sample, those that share noise with the block before -1, ``(n,)``.
         folds: Of each block, -1 for blocks that no fit may see, ``(B,)``.
         floor: Noise floor of the joint.
-        precision: Of the prior of what may move beside a law, in squares of the torque, ``(F, F)``.
+        precision: Of the prior of the free coefficients (see `Freedom`), in squares of the torque, ``(F, F)``.
         right: Precision times the mean of that prior, ``(F,)``.
-        lower, upper: Bounds of what may move, ``(F,)``.
+        lower, upper: Bounds of the free coefficients, ``(F,)``.
     """
 
     joint: str
@@ -109,7 +109,7 @@ class Rest:
 
     @property
     def weight(self) -> Float[Array, " n"]:
-        """What each kept sample counts."""
+        """Weight of each kept sample, zero outside of the blocks."""
         return np.concatenate([log.weight for log in self.logs]) * (self.blocks >= 0)
 
     def series(self, name: str) -> Float[Array, " n"]:
@@ -142,12 +142,12 @@ class Rest:
 
     @property
     def answered(self) -> tuple[str, ...]:
-        """Inputs whose answer may change with the frequency: of the joint's motion the velocity stands for all."""
+        """Inputs that the rest may answer with a gain and phase over frequency; of the joint's motion the velocity."""
         own = [f"{kind}.{self.joint}" for kind in ("v", "tl", "tau")]
         return tuple(name for name in own if name in self.inputs)
 
     def named(self, names: frozenset[str] | set[str]) -> tuple[str, ...]:
-        """Some inputs and frequencies in the order of the inputs, each frequency behind its input."""
+        """Those of the names that are inputs or their frequencies, in the order of the inputs."""
         both = (one for name in self.inputs for one in (name, frequency_of(name)))
         return tuple(name for name in both if name in names)
 
@@ -206,8 +206,8 @@ def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list
         robot: Names its joints.
         log: One recording.
         operation: Its torque.
-        row: The joint that is looked at.
-        near: Other joints that are looked at.
+        row: The joint whose rest it is.
+        near: Other joints whose motion may be an input.
     """
     motion, name = log.motion, robot.joint_names
     own = name[row]
@@ -236,7 +236,7 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
 
 
 def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
-    """Without inputs that stand still, and without the drive's torque where it is what the transmission passes on."""
+    """Without inputs that are constant, and without the drive's torque where it equals the transmitted one."""
     still = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
     passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
     if f"tl.{joint}" not in still and abs(np.corrcoef(passed, drive)[0, 1]) > _TWINS:
@@ -248,9 +248,9 @@ def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Columns that every fit of a law has beside it, with a quadratic prior on their coefficients.
+    """Columns of moves and findings that every fit of a law fits again, with a quadratic prior on their coefficients.
 
-    The coefficients count from those of the shown fit.
+    A coefficient is a change from the fit of the diagnosis.
 
     Attributes:
         columns: For each log, on the law's joint, in the judged band, ``(n, F)``.
@@ -267,7 +267,7 @@ class Freedom:
 
 
 def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series) -> Freedom:
-    """What may move on one joint's row.
+    """The free columns of one joint's row; the torques of the other joints are part of their prior.
 
     Args:
         shown: The effects that are shown.
@@ -305,14 +305,14 @@ def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Se
 
 
 def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    """Which of the active columns touch a row, and where they stand among its columns."""
+    """Numbers of the active columns that touch a row, and their places among the row's columns."""
     stands = {column: k for k, column in enumerate(index)}
     place = [k for k, column in enumerate(active.tolist()) if column in stands]
     return place, [stands[int(active[k])] for k in place]
 
 
 def _seen_weights(problem: Problem, log: int) -> Float[Array, "n nv"]:
-    """What each sample of a log counts, zero where no fit may see it."""
+    """Weight of each sample of a log, zero where no fit may see it."""
     count = len(problem.columns.residual[log])
     weight = sample_weights(problem, log, slice(0, count))
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):

@@ -28,12 +28,12 @@ _START = 1.5  # times the edge of the judged band: from here on hardly anything 
 _TOP = 0.2  # of the rate: above, derivatives of a spline lose more than 2 %
 _RATIO = 2.0  # of the ends of a part of the band above: an octave rings for a period
 _TRAVELS = 0.05  # of a joint's top speed: slower, a reversal is near
-_AROUND = 1.0  # periods of the lower end of a part: so far from a stop or a reversal friction is no matter of it
+_AROUND = 1.0  # periods of the lower end of a part: so far from a stop or a reversal friction adds nothing to it
 _FEWEST = 40.0  # independent values in a part: fewer leave its power uncertain by more than a third
-_OF_ENCODERS = 0.5  # share of the power of a part: from here on what is left of it is a difference of guesses
+_OF_ENCODERS = 0.5  # share of the power of a part that encoders may make: beyond, the difference is too uncertain
 _MEDIAN = 0.4549364  # of the square of a standard normal variable
 _EFFICIENCY = 0.37  # of that median against the mean
-_HIDDEN = 0.3  # share of a part that encoders make: less of the torque need not be there at all
+_HIDDEN = 0.3  # share of the power of a part below which the torque's may be an error of the encoders' part
 _LOWEST = 2  # parts with the least power: what is left of motion and effects raises the others
 
 
@@ -75,7 +75,7 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
         least = min(parts, key=lambda one: one.whole, default=None)
         if least is None:
             return None
-        # A difference that may be an error of the encoders' part says little of the torque.
+        # A small difference may be an error of the encoders' part.
         value = least.torque if least.torque > _HIDDEN * least.whole else 0.0
         return Density(value, 0.0, max(least.torque, 0.0) + _HIDDEN * least.whole)
     lowest = clear[:_LOWEST]
@@ -102,7 +102,7 @@ def balance_parts(
     count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
     if count < 1:
         return out
-    # Friction by the smooth velocity: noise that turns the sign about is no matter of the band above.
+    # Friction by the smooth velocity: noise that changes its sign would add power to the band above.
     raw = log.motion.q if log.raw_q is None else log.raw_q
     balance = log.tau - _rigid_torque(robot, log, raw) - modelled_friction(robot, log.motion)
     if log.external is not None:

@@ -1,4 +1,4 @@
-"""Noise of the torque readings, seen in the band above the motion, where the recorder has not smoothed it."""
+"""Noise of the torque readings, measured in the band above the motion where the recorder has not smoothed it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TOP = 0.4  # of the rate: above, the alignment of a held torque takes too much 
 
 @dataclass(frozen=True)
 class Density:
-    """Power density of white noise [(N m)^2/Hz], the smallest and the largest over parts of the band above."""
+    """Power density of white noise [(N m)^2/Hz]: mean, smallest and largest over parts of the band above the motion."""
 
     value: float
     low: float
@@ -32,10 +32,11 @@ class Density:
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:
     """Power density of the noise in a joint's torque readings; None where the band above does not show it.
 
-    What the torque shares with the readings of the joint's position is left out: a controller answers the noise and
+    Torque that is coherent with the readings of the joint's position is left out: a controller answers the noise and
     the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band above, into
     which steps of friction and of references reach least: a recorder that smooths leaves less and less there, and then
-    nothing follows for lower frequencies. What lines between uneven samples take off is known, and put back.
+    nothing follows for lower frequencies. The power that interpolation between uneven samples removes is known, and
+    added again.
 
     Args:
         logs: Recordings at the full rate.
@@ -56,7 +57,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
 
 
 def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
-    """Mean power density in each part of the band above one recording with its middle [Hz], and the length."""
+    """Mean power density and middle [Hz] of each part of the band above the motion of one recording, and its length."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = _MARGIN * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
@@ -68,7 +69,7 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
         _, own = power_density(q, rate, length)
         _, both = cross_density(tau, q, rate, length)
         segments = max(2 * len(tau) // length - 1, 2)
-        # By chance two series share one part in as many as there are segments.
+        # Over n segments, a share 1/n of the power of independent series is coherent by chance.
         power = np.maximum(power - np.abs(both) ** 2 / np.maximum(own, 1e-300), 0.0) * segments / (segments - 1)
     power = power / log.noise_gain(f)
     if held:

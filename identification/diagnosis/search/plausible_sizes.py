@@ -1,8 +1,8 @@
-"""Sizes that a robot may have: the one table of ranges that hang on a recording, and what lies outside of any range.
+"""Which sizes of an effect are plausible: ranges that depend on the recording, and the first size outside of any range.
 
-Ranges that hold for every robot are written in each effect, with their reason. Those of this table are measured by what
-the drive of the joint gives and how fast it moves. A size outside is no size of a sound robot: a rival of a plausible
-size leads in its place, and where there is none, the finding does not carry the verdict "explained".
+Ranges that hold for every robot are written in each effect, with their reason. Those of this table are relative to the
+recorded torque and speed of the joint. No sound robot has a size outside of its range: a rival of a plausible size
+leads in its place, and where there is none, the finding does not count for the verdict "explained".
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from phantom_dyn.effects.effect import Effect, Parameter
 
 @dataclass(frozen=True)
 class Range:
-    """A quantity, what it is measured by, and the most that a sound robot has of it.
+    """The upper end of a plausible range, relative to what was recorded of the joint.
 
     Attributes:
-        quantity: Which.
-        units: Of the parameters that it is about, of a hinge and of a linear joint.
-        by_speed: True if it is measured by the largest torque over the largest speed, not by the largest torque.
-        most: Of that measure.
-        because: Why: no measured number, but how a drive works.
+        quantity: Its name in words.
+        units: Of the parameters that it limits, on a hinge and on a linear joint.
+        by_speed: True if it is relative to the largest torque over the largest speed, else to the largest torque.
+        most: Upper end of the range in these units.
+        because: The reason, from how a drive works.
     """
 
     quantity: str
@@ -83,7 +83,7 @@ def implausible(session: Session, term: Term, theta: Float[Array, " k"]) -> tupl
 
 
 def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
-    """The parameter with what the table says of it, where that is less than its effect says."""
+    """The parameter with the range of this table, where it ends below the range of the effect."""
     if parameter.plausible is None:
         return parameter
     rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]

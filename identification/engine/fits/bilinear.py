@@ -1,4 +1,4 @@
-"""Products of the columns of one model, with rows rescaled that are seen times a gain which is fitted as well."""
+"""Products of the columns of one model, where the measured torque of a row has a gain that is fitted, too."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Scaling:
-    """A gain on one row, as a wrong torque constant is: what was measured is ``gain`` times what acted.
+    """A gain on one row, such as a wrong torque constant: the measured torque is ``gain`` times the true one.
 
-    The row's columns are then seen times the gain, and the gain's column is what acts by the current fit instead of by
-    the given model: a fit about this point is exact in the gain.
+    The row's columns are multiplied by the current gain, and the column of the gain is the torque of the current fit
+    instead of the given model's. At convergence the fit is exact in the gain.
 
     Attributes:
-        row: Which.
-        column: The gain's, which is what acts by the given model.
+        row: Number of the row.
+        column: Column of the gain: the torque of the given model.
         gain: Current estimate.
         theta: Coefficients of the current fit, that of the gain zero, ``(K,)``.
     """
@@ -35,7 +35,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Products of the columns of one model by which fits without one fold each are made and judged.
+    """Products of the columns of one model for fits without one fold each, and for their held-out losses.
 
     Attributes:
         a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
@@ -67,7 +67,7 @@ class Products:
 def products_of(
     problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool
 ) -> Products:
-    """Products of the active columns, with rows that have a gain rescaled."""
+    """Products of the active columns; rows with a gain are rescaled."""
     grams = problem.grams
     a, b = problem.total_a[active[:, None], active], problem.total_b[active]
     c = float(grams.c[grams.fold >= 0].sum())
@@ -97,7 +97,7 @@ def _mixed(
 
 
 def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
-    """Products by fold and block with rows that have a gain rescaled."""
+    """Products by fold and block; rows with a gain are rescaled."""
     grams = problem.grams
     fold_a, fold_b = grams.fold_a.among(active), grams.fold_b[:, active]
     core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
@@ -122,7 +122,7 @@ def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scaling
 
 
 def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
-    """Products by fold and block as they are."""
+    """Products by fold and block without any gain."""
     grams = problem.grams
 
     def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:

@@ -1,4 +1,4 @@
-"""What every rival gains on held-out blocks of many residuals at once, such as those of recordings without a gap."""
+"""Held-out gains of every rival on many residuals at once, such as those of recordings without a gap."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = np.ndarray
 def gains_on_residuals(
     problem: LinearProblem, sets: Sequence[tuple[int, ...]], b: Float[Array, "F K R"], core_b: Float[Array, "F K R"]
 ) -> Float[Array, "T R"]:
-    """Held-out gain of each set of columns on each of some residuals beside the nuisances; bounds are left out.
+    """Held-out gain of each set of columns on each residual, beside the nuisances; bounds are ignored.
 
     Args:
         problem: Products of the columns.
@@ -33,14 +33,14 @@ def gains_on_residuals(
     for fold, part in enumerate(folds):
         products, held = right - b[fold], core_b[fold]
         base = solve(part.inner, products[moved])
-        # Products with what the nuisances leave, on the blocks that train and on those that are held out.
+        # Products projected off the nuisances, on the blocks that train and on those that are held out.
         products = products - part.made.T @ products[moved]
         inside, across = part.core
         held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
         for which, columns, (total, less, core) in alike:
             x = solve_each(part.training(columns, total - less[fold]), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
-    # A rival also relieves the nuisances of moves that cost.
+    # A rival also lowers the penalty on the nuisances.
     base = solve(whole.inner, right[moved])
     products = right - whole.made.T @ right[moved]
     costly = problem.precision[moved, None] * whole.made

@@ -1,8 +1,8 @@
-"""Fits of many sets of effects that differ little: each from the nearest one that was solved as a whole.
+"""Fits of many sets of effects that differ little, each as a change of the nearest set that was solved from scratch.
 
-A fit of a robot with many joints contains some hundred nuisances, and hardly any of them changes its bound where one
-column takes the place of another. So a few sets are kept as tableaus (see `numerics.tableau`), and
-every other set costs what it changes of the nearest one: same minima, to rounding.
+A fit of a robot with many joints contains some hundred nuisances, and where one column replaces another, hardly any of
+them meets or leaves a bound. So a few sets are kept as tableaus (see `numerics.tableau`), and the cost of every other
+set is that of its differences from the nearest one; the minima are the same, to rounding.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from phantom_dyn.array_types import Float, Int
 
 Array = np.ndarray
 
-# Columns and bounds in which a set may differ from the solved one that it is computed from.
+# Largest number of columns and bounds in which a set may differ from the solved one that it is computed from.
 _FAR = 60
-# Solved sets that are kept, and fits of which it is known where they ended.
+# Solved sets, and coefficients of earlier fits, that are kept.
 _KEPT = 4
 _ENDS = 100
-# Share of a move's largest possible part of a loss below which it is rounding.
+# Share of the loss that the change of a coefficient can make at most, below which it is rounding.
 _NOTHING = 1e-14
 
 
@@ -39,7 +39,7 @@ class LinearFit(NamedTuple):
     Attributes:
         theta: All coefficients, zero where a column is not in the fit, ``(K,)``.
         active: Columns in the fit.
-        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
         objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
@@ -65,7 +65,7 @@ class NearFits:
         self.problem = problem
         self._start = start
         self._solved: list[SolvedSet] = []
-        # Where the last fits ended: a similar one hardly differs.
+        # Coefficients of the last fits, from which similar ones start.
         self._ends, self._held_out_ends = deque[End](maxlen=_ENDS), deque[End](maxlen=_ENDS)
         self._nothing = float(problem.grams.c[problem.grams.fold >= 0].sum())
 
@@ -101,7 +101,7 @@ class NearFits:
         problem, solved = self.problem, self._nearest(active)
         found = self._minima(solved, active, held_out=held_out)
         if not all(one.converged for one in found):
-            # Rounding of what is far from it is too large.
+            # Too far from the solved set: rounding is too large.
             solved = self._solve(active)
             found = self._minima(solved, active, held_out=held_out)
         x, index = np.array([one.x for one in found]), solved.changes(active)[2]
@@ -182,7 +182,7 @@ class NearFits:
 
 
 class _Beside:
-    """Columns beside a fit, with the part taken out that its free columns can make of them.
+    """Columns beside a fit, projected off its free columns.
 
     Args:
         solved: What the fit was computed from.
@@ -200,7 +200,7 @@ class _Beside:
         own = places < n
         across = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
         across = across + cross[:, free] @ entered.answer[:, free].T
-        # What the slopes of the wanted columns answer to what changes, and the other way round.
+        # Response of the slopes of the wanted columns to the changes, and the other way round.
         there = np.empty((len(wanted), len(places)))
         there[:, own] = np.where(solved.whole.held[places[own]], 1.0, -1.0) * answer[:, places[own]]
         there[:, ~own] = across[:, places[~own] - n]
@@ -213,7 +213,7 @@ class _Beside:
         self._slope = (slope + there @ action) / self._scale
 
     def left(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
-        """Products among each group of columns with priors, and with the residual, of what is left of them."""
+        """Products of the projected columns among each group, with priors, and with the residual."""
         at, size = np.searchsorted(self._wanted, columns), columns.shape[1]
         square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
         square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
@@ -233,7 +233,7 @@ def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) ->
     out = solved.losses + 2.0 * np.einsum("bk,bk->b", solved.core_slope, step)
     slope = (lines @ (x[:, :n])[:, :, None])[:, :, 0] - grams.core_b[:, new]
     out += 2.0 * np.einsum("bm,bm->b", slope, entered) + np.einsum("bm,bmk,bk->b", entered, square, entered)
-    # Moves of other limbs hardly answer: most steps are rounding.
+    # Coefficients of other limbs hardly change: most of their steps are rounding.
     size = np.abs(step).max(axis=0) ** 2 * solved.core_diagonal
     used = np.flatnonzero(size > _NOTHING * max(float(size.max(initial=0.0)), 1.0))
     _form(out, solved.core, used, np.ascontiguousarray(step[:, used]))

@@ -88,7 +88,7 @@ class FoldProjection:
         problem: What is fitted.
         lines: Training products of the nuisances with all columns, ``(n, K)``.
         core: Products of the held-out cores among nuisances, and between them and all columns.
-        made: Nuisances that a unit of each column moves, ``(n, K)``.
+        made: Change of the nuisances per unit of each column, ``(n, K)``.
     """
 
     problem: LinearProblem
@@ -103,21 +103,21 @@ class FoldProjection:
         return self.lines[:, moves] + np.diag(self.problem.precision[moves])
 
     def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
-        """Training products among each group of columns with the nuisances taken out, priors included.
+        """Training products among each group of columns projected off the nuisances, priors included.
 
         Args:
             columns: Of each group.
-            square: Training products among them as they are.
+            square: Training products among them without the projection.
         """
         made, cross = _each(self.made, columns), _each(self.lines, columns)
         return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
     def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
-        """Products of the held-out cores among each group of columns with the moved nuisances counted.
+        """Products over the held-out cores among each group of columns projected by the training fit.
 
         Args:
             columns: Of each group.
-            square: Products of the held-out cores among them as they are.
+            square: Products over the held-out cores among them without the projection.
         """
         inside, across = self.core
         made = _each(self.made, columns)

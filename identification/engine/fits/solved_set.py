@@ -1,4 +1,4 @@
-"""A set of columns that is solved as a whole, and what fits of other sets near it are computed with."""
+"""A set of columns that is solved from scratch, with all that fits of similar sets need of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class _Pieces:
-    """What one column enters a tableau with, for several tableaus: see `Entering`."""
+    """Parts of one column as it enters a tableau, for several tableaus: see `Entering`."""
 
     cross: Float[Array, "T n"]
     answer: Float[Array, "T n"]
@@ -26,14 +26,14 @@ class _Pieces:
 
 @dataclass(frozen=True)
 class End:
-    """Where the fits of one set ended.
+    """Coefficients of the fits of one set.
 
     Attributes:
-        bits: Of a number, those of the columns of the set.
-        index: The columns that ``x`` is of, ``(v,)``.
+        bits: The set as a number with one bit for each column.
+        index: Columns of ``x``, ``(v,)``.
         x: Coefficients without each fold, if the set was held out, and last those of the fit to all blocks, ``(G, v)``.
-        known: Which of all columns ``x`` is of, ``(K,)``.
-        held: Those of them that are at a bound in the fit to all blocks, ``(K,)``.
+        known: True for the columns of ``x`` among all, ``(K,)``.
+        held: True for those at a bound in the fit to all blocks, ``(K,)``.
     """
 
     bits: int
@@ -81,13 +81,13 @@ class SolvedSet:
 
     @cached_property
     def which(self) -> Int[Array, " B"]:
-        """The fit that each block is judged by: its fold's, or the last, which is that of all blocks."""
+        """Number of the fit that predicts each block: that without its fold, or the last, which is of all blocks."""
         fold = self.problem.grams.fold
         return np.where(fold < 0, len(self.folds), fold)
 
     @cached_property
     def at(self) -> Float[Array, "B n"]:
-        """Coefficients that each block is judged by."""
+        """Coefficients of the fit that predicts each block."""
         return np.stack([one.x * one.scale for one in (*self.folds, self.whole)])[self.which]
 
     @cached_property
@@ -187,7 +187,7 @@ def quadratic(problem: LinearProblem, columns: Int[Array, " n"]) -> tuple[Array,
 
 
 def _together(one: Tableau, pieces: list[_Pieces], which: int) -> tuple[Array, Array, Array, Array]:
-    """What several columns enter one of several tableaus with."""
+    """Parts of several columns as they enter one of the tableaus."""
     n = len(one.x)
     cross, answer = (
         np.array([getattr(piece, name)[which] for piece in pieces]).reshape(-1, n) for name in ("cross", "answer")

@@ -1,1 +1,1 @@
-"""Small numerical tools: bounded least squares, two threads."""
+"""Minima within bounds, minima of problems that differ a little, spans of columns, and work in two threads."""

@@ -7,13 +7,13 @@ import numpy as np
 from phantom_dyn._kernels.jit import fused, inlined, interpreted_as
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Below what any of these products is known to; it keeps exact twins solvable.
+# Added to the diagonal, relative: keeps exact twins solvable, and is below the accuracy of these products.
 _TWINS = 1e-12
-# Steps in which all bounds are exchanged at once, and steps at most behind them, of which each lowers the loss.
+# Most steps that exchange all bounds at once, and most steps after them, each of which lowers the loss.
 _AT_ONCE, _DESCENDING = 10, 400
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
-# Rows that are taken out of all others at once.
+# Rows that are eliminated at once.
 _PANEL = 4
 
 
@@ -45,9 +45,9 @@ def bounded_solve(
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
 
-    First all violated bounds are taken in and all wrong multipliers released at once, sweep by sweep (the primal-dual
-    active set method of Hintermueller, Ito and Kunisch, 2002), which takes few sweeps where it settles. Where it goes
-    in circles, as among near twins, only steps are taken that lower the loss, so that no set of bounds comes twice.
+    First all violated bounds are held and all wrong multipliers released at once, sweep by sweep (the primal-dual
+    active set method of Hintermueller, Ito and Kunisch, 2002), which takes few sweeps where it converges. Where it
+    cycles, as among near twins, only steps are taken that lower the loss, so that no set of bounds comes twice.
 
     Args:
         a: Quadratic part.
@@ -74,7 +74,7 @@ def bounded_solve_without(
 
 
 def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) -> Array:
-    """As `_minima`, with arrays brought to one memory layout, as the loop is compiled anew for each layout."""
+    """As `_minima`, with arrays brought to one memory layout, as the loop is compiled once for each layout."""
     k = len(b)
     out = np.empty((max(len(less_a), 1), k))
     a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
@@ -101,7 +101,7 @@ def _minima(
     Args:
         a: Quadratic part.
         b: Linear part.
-        less_a: What each row leaves out of ``a``; of length 0 for nothing.
+        less_a: Part of ``a`` that each row leaves out; of length 0 where nothing is left out.
         less_b: The same of ``b``.
         ends: Lower bounds, upper bounds, and where to begin, ``(3, k)``.
         out: One row a minimum.
@@ -133,7 +133,7 @@ def _minima(
                     _hold(outside, end, fixed, x)
                     least, most = reached, -1
                 elif most >= 0:
-                    # What was released leads astray together: release what pulls most.
+                    # Releasing all at once raised the loss: release only the number that pulls most.
                     for i in range(k):
                         fixed[i] = i != most and (x[i] <= lower[i] or x[i] >= upper[i])
                     most = -1
@@ -268,7 +268,7 @@ def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
         j, m, n, o = first, first + 1, first + 2, first + 3
         for i in range(last, count):
             p, q, r, s = u[j, i] / u[j, j], u[m, i] / u[m, m], u[n, i] / u[n, n], u[o, i] / u[o, o]
-            # What joints of different limbs do has nothing in common.
+            # Products of joints on different limbs are zero.
             if p == 0.0 and q == 0.0 and r == 0.0 and s == 0.0:
                 continue
             for k in range(i, count):

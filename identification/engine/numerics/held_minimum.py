@@ -1,6 +1,6 @@
-"""Minima of a changed problem with given unknowns held, by what the tableau of the solved one answers.
+"""Minima of a changed problem with given unknowns held, from the tableau of the solved one.
 
-What differs from the solved problem is a small system of its own (the Schur complement method for quadratic programs,
+The changes to the solved problem are a small system of their own (the Schur complement method for quadratic programs,
 Gill, Murray, Saunders and Wright, 1990), whose size is the number of changes and not that of the problem. Compiled: a
 search solves some hundred thousand of these systems.
 """
@@ -15,7 +15,7 @@ from identification.engine.numerics.tableau import TWINS, Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Float, Int
 
-# Steps at most that take the rounding out of a minimum, and what of a loss the last of these may gain.
+# Most steps that remove the rounding of a minimum, and the largest gain of the last of these.
 _CORRECTED, _SMALL = 8, 0.01
 
 
@@ -71,7 +71,7 @@ def minimum(one: Tableau, more: Entering, held: Array, value: Array) -> HeldMini
             slope[i] = now[i]
     for j in range(k):
         p = places[j]
-        # A shift moves what was held; a force on what was free is its slope.
+        # An unknown that was held is shifted; one that was free gets its slope as a force.
         if not started[p]:
             slope[p] = action[j]
         elif not held[p]:
@@ -81,7 +81,7 @@ def minimum(one: Tableau, more: Entering, held: Array, value: Array) -> HeldMini
 
 @fused
 def refined(one: Tableau, more: Entering, held: Array, found: HeldMinimum) -> tuple:
-    """A minimum with the rounding of the tableau taken out, its value, and False where that fails."""
+    """A minimum without the rounding of the tableau, its value, and False where the correction does not converge."""
     n, v = len(one.x), len(held)
     x, slope, b, force = found.x.copy(), found.slope, np.empty(v), np.empty(v)
     b[:n], b[n:] = one.b, -more.slope
@@ -96,7 +96,7 @@ def refined(one: Tableau, more: Entering, held: Array, found: HeldMinimum) -> tu
         step = _correction(one, more, force, held, found.places[: found.flipped])
         total, lowered = 0.0, 0.0
         for i in range(v):
-            # What keeps twins solvable is no part of the problem.
+            # The ridge that keeps twins solvable is no part of the problem.
             total += x[i] * (slope[i] - b[i] - TWINS * x[i])
             lowered += slope[i] * step[i]
             x[i] += step[i]
@@ -133,7 +133,7 @@ def _slope(one: Tableau, more: Entering, x: Array, b: Array) -> Array:
 
 @fused
 def _correction(one: Tableau, more: Entering, force: Array, held: Array, flipped: Array) -> Array:
-    """What unknowns that are free answer to a force on each of them, ``flipped`` those that were held or are now."""
+    """Change of the free unknowns by a force on each; ``flipped`` are free here and held there, or the other way."""
     n, v, k = len(one.x), len(held), len(flipped)
     out = np.zeros(v)
     for p in range(n):
@@ -158,19 +158,19 @@ def _correction(one: Tableau, more: Entering, force: Array, held: Array, flipped
 
 @fused
 def _answer(one: Tableau, more: Entering, place: int, other: int) -> float:
-    """What the state of one unknown, ``other``, answers to an action on one."""
+    """Change of the state of one unknown, ``other``, by a unit action on another."""
     n = len(one.x)
     if place >= n:
         return more.answer[place - n, other] if other < n else more.among[place - n, other - n]
     if other < n:
         return one.answer[place, other]
-    # A slope answers to a force as what is free answers to a shift, with the other sign.
+    # By symmetry, a slope changes by a force as the free unknown does by a shift, with the other sign.
     return more.answer[other - n, place] if one.held[place] else -more.answer[other - n, place]
 
 
 @fused
 def _add_answers(one: Tableau, more: Entering, place: int, action: float, out: Array) -> None:
-    """Add to ``out`` what the states of all unknowns answer to an action on one."""
+    """Add to ``out`` the changes of all states by an action on one unknown."""
     n = len(one.x)
     line = one.answer[place] if place < n else more.answer[place - n]
     for i in range(n):
@@ -181,7 +181,7 @@ def _add_answers(one: Tableau, more: Entering, place: int, action: float, out: A
 
 @fused
 def answers_among(solved: Tableau, entering: Entering, places: Array) -> Array:
-    """What the states of some unknowns answer to an action on each of them, one column an action, ``(k, k)``."""
+    """Changes of the states of some unknowns by a unit action on each of them, one column an action, ``(k, k)``."""
     out = np.empty((len(places), len(places)))
     for j in range(len(places)):
         for i in range(len(places)):

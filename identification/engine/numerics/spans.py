@@ -1,4 +1,4 @@
-"""Spans of columns: an orthonormal basis, and what of other columns is outside of it."""
+"""Spans of columns: an orthonormal basis, and the part of other columns that is outside of it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from phantom_dyn.array_types import Array, Float
 
 
 def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:
-    """Basis of the span of columns, each weighed by its own size."""
+    """Orthonormal basis of the span of columns; the tolerance is relative to the size of each."""
     norms = np.linalg.norm(matrix, axis=0)
     kept = matrix[:, norms > 0] / norms[norms > 0]
     if not kept.size:
@@ -18,7 +18,7 @@ def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "
 
 
 def without(matrix: Array, basis: Float[Array, "m r"]) -> Array:
-    """What of columns is not in a span; twice, so that rounding leaves no part along it."""
+    """The part of columns outside of a span, projected twice so that rounding leaves nothing along it."""
     for _ in range(2):
         matrix = matrix - basis @ (basis.T @ matrix)
     return matrix

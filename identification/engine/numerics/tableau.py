@@ -1,7 +1,7 @@
-"""What is kept of a problem that is solved within bounds: its principal pivot transform.
+"""The principal pivot transform of a quadratic problem that is solved within bounds.
 
-It states what every unknown answers to a force on one that is free, or to a shift of one that is held. Minima of
-problems that differ from it by some unknowns follow from it: see `tableau_changes`.
+It holds the response of every unknown to a force on a free one, or to a shift of a held one. Minima of problems that
+differ by some unknowns follow from it: see `tableau_changes`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import numpy as np
 from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Array, Bool, Float
 
-# What keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the digits that a solution does.
+# Added to the diagonal, relative: keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the
+# digits of a solution.
 TWINS = 1e-11
-# Steps that take the rounding of an inverse out of what is kept of a solved problem.
+# Newton steps that remove the rounding of the inverse.
 _REFINED = 3
 # A multiplier is of the wrong sign from this share of the largest product with the residual on.
 _ROUNDING = 1e-12
@@ -26,9 +27,9 @@ class Entering(NamedTuple):
 
     Attributes:
         cross: Products of these with the solved problem's unknowns, ``(m, n)``.
-        answer: What the solved problem's unknowns answer to a shift of each, ``(m, n)``.
+        answer: Response of the solved problem's unknowns to a shift of each, ``(m, n)``.
         square: Products among these, ``(m, m)``.
-        among: What the slopes of these answer to a shift of each, ``(m, m)``.
+        among: Response of the slopes of these to a shift of each, ``(m, m)``.
         slope: Of the loss by each, at zero, ``(m,)``.
         scale: Unit of each, ``(m,)``.
     """
@@ -50,10 +51,10 @@ class Tableau(NamedTuple):
         scale: Unit of each unknown, ``(n,)``.
         held: Unknowns at a bound, ``(n,)``.
         x: Minimum, ``(n,)``.
-        state: Unknowns that are free, slopes of those that are held, ``(n,)``.
-        answer: What the state answers to a force on an unknown that is free or a shift of one that is held, one line
-            an action, ``(n, n)``.
-        rounding: Size below which a slope is nothing.
+        state: Values of free unknowns, slopes of held ones, ``(n,)``.
+        answer: Response of the state to a force on a free unknown or a shift of a held one, one row for each action,
+            ``(n, n)``.
+        rounding: Size below which a slope counts as zero.
     """
 
     a: Float[Array, "n n"]
@@ -68,7 +69,7 @@ class Tableau(NamedTuple):
     def pieces(
         self, cross: Float[Array, "m n"], diagonal: Float[Array, " m"], b: Float[Array, " m"]
     ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, " m"], Float[Array, " m"]]:
-        """What further unknowns enter with: cross products, answer, slope and scale of `Entering`.
+        """Parts of `Entering` for further unknowns: cross products, answer, slope and scale.
 
         Args:
             cross: Products of these with the solved problem's unknowns.
@@ -103,7 +104,7 @@ def tableau(
     upper: Float[Array, " n"],
     near: Float[Array, " n"],
 ) -> Tableau:
-    """Solve a problem and keep what changes of it are solved with.
+    """Solve a problem within bounds, as the tableau from which changes of it are solved.
 
     Args:
         a: Quadratic part, positive definite.
@@ -126,7 +127,7 @@ def tableau(
     answer[np.ix_(fixed, free)] = -made.T
     answer[np.ix_(free, fixed)] = made
     answer[np.ix_(fixed, fixed)] = scaled[np.ix_(fixed, fixed)] - across.T @ made
-    # An inverse alone is not accurate where much cancels.
+    # The inverse alone is not accurate where large terms cancel.
     for _ in range(_REFINED):
         x[free] += inverse @ (right[free] - scaled[free] @ x)
     state = np.where(held, scaled @ x - right, x)

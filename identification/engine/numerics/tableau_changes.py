@@ -1,6 +1,6 @@
 """Minima within bounds of problems that differ from a solved one by some unknowns: which of them are held at a bound.
 
-Unknowns enter, leave, meet a bound or come off one. With given ones held, `held_minimum` says where the others end.
+Unknowns enter, leave, meet a bound or are released. With given ones held, `held_minimum` computes the others.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from identification.engine.numerics.tableau import Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# Steps at most where one bound at a time is met or left, and exchanges of all that is amiss at once in a row that may
-# leave no less amiss than there ever was.
+# Most steps where one bound at a time is met or released, and most exchanges of all wrong bounds in a row that leave no
+# fewer wrong bounds than before.
 _STEPS, _TRIES = 300, 3
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
@@ -30,10 +30,10 @@ class ChangedMinimum:
         x: All unknowns, those of the solved problem first, ``(n + m,)``.
         slope: Of the loss by each, zero where it is free, ``(n + m,)``.
         value: ``x a x - 2 b x`` of the changed problem.
-        converged: False where rounding is too large for this, or steps were not enough: it has to be solved as a whole.
+        converged: False where rounding is too large or steps were not enough: solve the problem from scratch.
         flipped: Unknowns that are free here and held in the solved problem, or the other way round, ``(k,)``.
-        action: What makes the change: unknowns, those that are flipped first and then those that are held elsewhere,
-            and a force on each that was free or a shift of each that was held.
+        action: The change as actions on the solved problem: unknowns (flipped ones first, then those that are held at
+            another value), and a force on each that was free or a shift of each that was held.
     """
 
     x: Float[Array, " v"]
@@ -51,30 +51,30 @@ def changed(
     bounds: tuple[Float[Array, " v"], Float[Array, " v"]],
     near: Float[Array, " v"],
 ) -> ChangedMinimum:
-    """Minimum with unknowns that enter and without some that are there.
+    """Minimum of a solved problem after unknowns enter and others leave.
 
     Args:
         solved: A solved problem.
-        entering: The former, which come last.
-        leaving: Places of the latter, which are zero.
-        bounds: Lower and upper ones of all.
+        entering: Unknowns that enter; they come last.
+        leaving: Places of those that leave, which are zero in the result.
+        bounds: Lower and upper bounds of all.
         near: Minimum of a similar problem; the bounds that bind there are tried first. Where it is NaN, those that
             bind in the solved problem.
     """
-    # One form of arrays, as a function is compiled once more for every other one.
+    # Arrays of one layout, as the function is compiled for each layout.
     ends = np.stack([*bounds, near])
     x, slope, value, converged, places, action, flipped = _changed(solved, entering, leaving, ends)
     return ChangedMinimum(x, slope, value, converged, places[:flipped], (places, action))
 
 
 class _Held(NamedTuple):
-    """What decides which unknowns are held, in the tableau's units.
+    """Bounds and unknowns that leave, in the tableau's units: they decide which unknowns are held.
 
     Attributes:
         low: Lower bounds, ``(v,)``.
         high: Upper bounds, ``(v,)``.
         gone: Unknowns that leave, ``(v,)``.
-        wrong: Size from which on a slope pulls off a bound, ``(v,)``.
+        wrong: Size of a slope above which its unknown is released from a bound, ``(v,)``.
     """
 
     low: Float[Array, " v"]
@@ -96,7 +96,7 @@ def _changed(one: Tableau, more: Entering, leaving: Array, ends: Array) -> tuple
     _begin(one, bounds, ends[2] / unit, held, value)
     found, total, converged, done = _at_once(one, more, held, value, bounds)
     if not done and not np.isnan(ends[2]).all():
-        # Sets that are as similar may bind elsewhere: the solved problem is often nearer than the nearest of them.
+        # Sets of equal similarity may have other bounds: the solved problem is often a better start than any of them.
         _begin(one, bounds, np.full(v, np.nan), held, value)
         found, total, converged, done = _at_once(one, more, held, value, bounds)
     if not done:
@@ -112,7 +112,7 @@ def _changed(one: Tableau, more: Entering, leaving: Array, ends: Array) -> tuple
 
 @fused
 def _begin(one: Tableau, bounds: _Held, near: Array, held: Array, value: Array) -> None:
-    """Fill in which unknowns are held at first and at what, by ``near`` where it is a number, else as they were."""
+    """Fill in which unknowns are held at first, and their values: by ``near`` where it is a number, else as before."""
     for i in range(len(near)):
         known, started = not np.isnan(near[i]), i < len(one.x) and one.held[i]
         held[i], value[i] = started, one.x[i] if started else 0.0
@@ -125,7 +125,7 @@ def _begin(one: Tableau, bounds: _Held, near: Array, held: Array, value: Array) 
 
 @fused
 def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _Held) -> tuple:
-    """Minimum by exchanging all that is amiss at once, its value, if it is converged, and if this went not astray."""
+    """Minimum by exchanging all wrong bounds at once; its value, whether it converged, and whether this succeeded."""
     v = len(held)
     fewest, tries = v + 1, _TRIES
     amiss, outside = np.empty(v, dtype=np.bool_), np.empty(v, dtype=np.bool_)
@@ -133,7 +133,7 @@ def _at_once(one: Tableau, more: Entering, held: Array, value: Array, bounds: _H
     while True:
         count = _amiss(found.x, found.slope, held, bounds, amiss, outside)
         if count == 0:
-            # What is converged has to be so beyond rounding.
+            # Convergence has to hold after the rounding is removed.
             found, total, converged = refined(one, more, held, found)
             if not converged:
                 return found, total, False, True
@@ -166,7 +166,7 @@ def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _
                 share = min(max((_met(found.x, bounds, i) - x[i]) / (found.x[i] - x[i]), 0.0), 1.0)
                 if share < least:
                     first, least = i, share
-        # What is let off its bound moves away from it, but for rounding.
+        # A released unknown moves away from its bound, but for rounding.
         if first >= 0 and first == released and least == 0.0:
             break
         if first >= 0:
@@ -178,7 +178,7 @@ def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _
         _end(found.x, bounds, x)
         worst = _most_pulled(x, found.slope, held, bounds)
         if worst < 0:
-            # What is converged has to be so beyond rounding.
+            # Convergence has to hold after the rounding is removed.
             found, total, converged = refined(one, more, held, found)
             _end(found.x, bounds, x)
             worst = _most_pulled(x, found.slope, held, bounds)
@@ -200,7 +200,7 @@ def _step_by_step(one: Tableau, more: Entering, held: Array, x: Array, bounds: _
 
 @fused
 def _within(one: Tableau, more: Entering, held: Array, value: Array, bounds: _Held) -> HeldMinimum:
-    """A minimum with what is outside its bounds held there too, and what is then outside, until nothing is."""
+    """A minimum with unknowns outside of their bounds held at them, repeated until none is outside."""
     while True:
         found, outside = minimum(one, more, held, value), 0
         for i in range(len(held)):
@@ -213,13 +213,13 @@ def _within(one: Tableau, more: Entering, held: Array, value: Array, bounds: _He
 
 @fused
 def _met(x: Array, bounds: _Held, i: int) -> float:
-    """The bound that an unknown that is outside them meets."""
+    """The bound that is nearest to an unknown outside of its bounds."""
     return bounds.low[i] if x[i] < bounds.low[i] else bounds.high[i]
 
 
 @fused
 def _end(x: Array, bounds: _Held, out: Array) -> None:
-    """Fill ``out`` with unknowns within their bounds, those that leave at zero."""
+    """Fill ``out`` with the unknowns clipped to their bounds; those that leave are zero."""
     for i in range(len(x)):
         out[i] = 0.0 if bounds.gone[i] else min(max(x[i], bounds.low[i]), bounds.high[i])
 
@@ -232,14 +232,14 @@ def _outside(x: float, bounds: _Held, i: int) -> bool:
 
 @fused
 def _pulls(x: float, slope: float, bounds: _Held, i: int) -> bool:
-    """True if an unknown pulls off the bound that holds it."""
+    """True if the slope of an unknown points away from the bound that holds it."""
     below, above = x <= bounds.low[i] and slope < -bounds.wrong[i], x >= bounds.high[i] and slope > bounds.wrong[i]
     return not bounds.gone[i] and (below or above)
 
 
 @fused
 def _amiss(x: Array, slope: Array, held: Array, bounds: _Held, amiss: Array, outside: Array) -> int:
-    """Mark unknowns that are outside their bounds or pull off the bound that holds them, and the former; how many."""
+    """Mark unknowns outside of their bounds, and those with a wrong bound (to be met or released); return how many."""
     count = 0
     for i in range(len(x)):
         outside[i] = not held[i] and _outside(x[i], bounds, i)
@@ -250,7 +250,7 @@ def _amiss(x: Array, slope: Array, held: Array, bounds: _Held, amiss: Array, out
 
 @fused
 def _most_pulled(x: Array, slope: Array, held: Array, bounds: _Held) -> int:
-    """The unknown that pulls most off the bound that holds it; -1 if none does."""
+    """The held unknown whose slope points most away from its bound; -1 if none does."""
     worst, largest = -1, -1.0
     for i in range(len(x)):
         if held[i] and _pulls(x[i], slope[i], bounds, i) and abs(slope[i]) > largest:

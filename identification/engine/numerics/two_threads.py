@@ -9,7 +9,7 @@ from typing import TypeVar
 S = TypeVar("S")
 T = TypeVar("T")
 
-# Products, filters and elementwise functions let go of the interpreter; more threads than two wait for each other.
+# Products, filters and elementwise functions release the interpreter's lock; more than two threads wait for each other.
 _THREADS = 2
 
 

@@ -47,7 +47,7 @@ class Products:
 
 @dataclass(frozen=True)
 class Free:
-    """The last columns, which every fit has, with a quadratic prior on their coefficients.
+    """The last columns, which are in every fit, with a quadratic prior on their coefficients.
 
     Attributes:
         precision: Of the prior, ``(F, F)``.
@@ -63,7 +63,7 @@ class Free:
         return len(self.right)
 
     def taken_out(self, products: Products) -> Products:
-        """Products of the other columns with what these ones can make taken out."""
+        """Products of the other columns where the free ones are fitted beside any choice of them (Schur complement)."""
         n = len(products.right) - self.count
         if self.count == 0:
             return products
@@ -77,7 +77,7 @@ class Free:
         )
 
     def beside(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Their coefficients beside given ones of other columns."""
+        """Coefficients of the free columns where those of other columns are given."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
@@ -91,12 +91,12 @@ class Free:
 
 @dataclass(frozen=True)
 class BlockProducts:
-    """The same for each block.
+    """`Products` of each block.
 
     Attributes:
-        gram: ``(B, C, C)``.
-        right: ``(B, C)``.
-        total: ``(B,)``.
+        gram: Of the columns, ``(B, C, C)``.
+        right: Of the columns with the residual, ``(B, C)``.
+        total: Of the residual with itself, ``(B,)``.
     """
 
     gram: Float[Array, "B C C"]
@@ -104,7 +104,7 @@ class BlockProducts:
     total: Float[Array, " B"]
 
     def summed(self, counts: Float[Array, " B"]) -> Products:
-        """Of all blocks, each as often as ``counts`` says."""
+        """Sum over all blocks, each as often as ``counts`` says."""
         gram = np.tensordot(counts, self.gram, axes=1)
         return Products(gram, counts @ self.right, float(counts @ self.total))
 
@@ -114,7 +114,7 @@ class BlockProducts:
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
     def freed(self, counts: Float[Array, " B"], free: Free) -> Products:
-        """The same of the columns but the last, which are fitted beside every choice and so taken out."""
+        """Products of all columns but the free ones, which are fitted beside every choice."""
         return free.taken_out(self.summed(counts))
 
     def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:

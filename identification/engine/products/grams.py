@@ -22,7 +22,7 @@ class Weights:
 
     Attributes:
         floor: Noise floor, in the unit of the row, ``(nv,)``.
-        spread: How many samples of coloured noise tell as much as one of white noise, ``(nv,)``.
+        spread: Samples of coloured noise that carry the information of one of white noise, ``(nv,)``.
     """
 
     floor: Float[Array, " nv"]
@@ -111,7 +111,7 @@ class Grams:
         return self.by_fold(self.b)
 
     def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
-        """What is known of each block, summed over the blocks of each fold."""
+        """A series over blocks, summed over the blocks of each fold."""
         return np.tensordot(self._is_in_fold, series, axes=1)
 
     @cached_property
@@ -135,7 +135,7 @@ class TouchedColumns(Protocol):
 
     @property
     def residual(self) -> Sequence[Float[Array, "n rows"]]:
-        """For each series, what is to be explained."""
+        """For each series, the residual that columns are to explain."""
         ...
 
     @property
@@ -165,7 +165,7 @@ def row_grams(
     for k, block in enumerate(blocks):
         part = slice(block.start, block.stop)
         use = columns.usable[block.log][part, row]
-        # One product of the columns with the residual beside them gives all three.
+        # One product of columns and residual together gives all three.
         x, residual = columns.values[block.log][row][part], columns.residual[block.log][part, row]
         joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
         # The core is the block less its first few samples.

@@ -1,7 +1,7 @@
-"""Products of all columns, kept row by row: columns that touch no common row have none, and most touch one row only.
+"""Products of all columns, kept row by row: columns on different rows have none, and most are on one row only.
 
-Written out, those of a robot with six joints would be a matrix of some thousand columns for each block of samples, nine
-tenths of it zero. Of each row the lower triangle is kept (see `products.triangles`), as the other one is the same.
+As full matrices, those of a robot with six joints would have a thousand columns for each block of samples, and nine
+tenths of them would be zero. Of each row the lower triangle is kept (see `products.triangles`), by symmetry.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from phantom_dyn.array_types import Array, Float, Int
 
 @dataclass(frozen=True)
 class RowProducts:
-    """Columns times columns, block by block, rows summed where they are asked for.
+    """Columns times columns, block by block; rows are summed on demand.
 
     Attributes:
         index: For each row, which of all columns touch it.
@@ -35,7 +35,7 @@ class RowProducts:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """As if written out."""
+        """Shape of the full matrices."""
         return len(self.values[0]), self.columns, self.columns
 
     def among(self, columns: Int[Array, " k"]) -> Float[Array, "B k k"]:
@@ -99,7 +99,7 @@ class RowProducts:
         return out
 
     def sum(self, axis: int = 0) -> Float[Array, "K K"]:  # noqa: ARG002 - asked as an array of all products is
-        """Over all blocks, written out; ``axis`` is zero, as of an array."""
+        """Sum over all blocks as a full matrix; ``axis`` is zero, as of an array."""
         out = np.zeros((self.columns, self.columns))
         for index, values in zip(self.index, self.values, strict=True):
             out[np.ix_(index, index)] += square(values.sum(axis=0))
@@ -135,11 +135,11 @@ class RowProducts:
         return out[0] if isinstance(key, int | np.integer) else out
 
     def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
-        """All written out."""
+        """All blocks as full matrices."""
         return self[np.arange(self.shape[0])]
 
     def _known(self, columns: Int[Array, " k"]) -> int:
-        """How many of the first columns are those of every fit."""
+        """How many of the first ones are, in order, the columns of every fit."""
         count = len(self.always)
         return count if np.array_equal(columns[:count], self.always) else 0
 
@@ -150,7 +150,7 @@ class RowProducts:
 
     @cached_property
     def _places(self) -> tuple[Int[Array, " K"], ...]:
-        """For each row, where each of all columns stands in it; -1 where it does not touch it."""
+        """For each row, the place of each column in it; -1 for columns that do not touch it."""
         out = np.full((len(self.index), self.columns), -1)
         for place, index in zip(out, self.index, strict=True):
             place[index] = np.arange(len(index))

@@ -1,4 +1,4 @@
-"""Symmetric matrices kept as their lower triangles, line by line: half the memory."""
+"""Symmetric matrices stored as their lower triangles, row by row: half the memory."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from phantom_dyn.array_types import Array, Float, Int
 
 
 def place(i: Int[Array, "..."], j: Int[Array, "..."]) -> Int[Array, "..."]:
-    """Where the entries ``(i, j)``, which are those at ``(j, i)`` too, stand in a triangle."""
+    """Places of the entries ``(i, j)``, or ``(j, i)``, in a triangle."""
     line = np.maximum(i, j)
     return line * (line + 1) // 2 + np.minimum(i, j)
 
 
 def places_in(width: int, size: int) -> Int[Array, " n"]:
-    """Where the triangle of the first ``size`` lines stands in a square of ``width`` lines, written line after line."""
+    """Places of the triangle of the first ``size`` rows in a square of ``width`` rows that is stored row by row."""
     lines, columns = np.tril_indices(size)
     return lines * width + columns
 
@@ -25,12 +25,12 @@ def triangle(square: Float[Array, "... k k"], places: Int[Array, " n"]) -> Float
 
 
 def square(triangle: Float[Array, "... n"], chosen: Int[Array, " m"] | None = None) -> Float[Array, "... m m"]:
-    """A triangle written out, or some of its lines and columns."""
+    """The full matrix of a triangle, or some of its rows and columns."""
     if chosen is None:
         chosen = np.arange(int(np.sqrt(2 * triangle.shape[-1])))
     return triangle.take(place(chosen[:, None], chosen), axis=-1)
 
 
 def diagonal(triangle: Float[Array, "... n"], chosen: Int[Array, " m"]) -> Float[Array, "... m"]:
-    """Some entries of the diagonal."""
+    """Chosen entries of the diagonal."""
     return triangle.take(place(chosen, chosen), axis=-1)

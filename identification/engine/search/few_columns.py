@@ -1,7 +1,7 @@
 """Search for the few columns that explain a residual: a beam over sets, each column at the price of chance.
 
-Nuisances have been taken out of residual and columns, so that a fit of any set is a small system of products. Where the
-columns depend on what was found, `until_same_set` takes them again at each set and searches again.
+Residual and columns are projected off the nuisances before, so that a fit of any set is a small system of products.
+Where the columns depend on the fitted values, `until_same_set` computes them again at each set and searches again.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ Chosen = tuple[int, ...]
 
 _BEAM = 8
 _MOST = 20
-_PATIENCE = 2  # columns that a set may cost before it pays
+_PATIENCE = 2  # most columns that are added without a better set before the search ends
 _TIE = 1e-8  # of all squares: twins differ by less, through rounding
-_APART = 1e-9  # least eigenvalue of products of columns of size one: less are combinations of each other
-_ROUNDS = 5  # of taking columns again
+_APART = 1e-9  # least eigenvalue of the products of normalised columns: below, they are linearly dependent
+_ROUNDS = 5  # most searches
 
 
 @dataclass(frozen=True)
 class SetFits:
-    """Products of a residual and of columns in units of noise, nuisances taken out: fits of any set in microseconds.
+    """Products of residual and columns in units of noise, projected off the nuisances: fits of any set in microseconds.
 
     Attributes:
         products: Of the columns, ``(p, p)``.
         slopes: Of the columns with the residual, ``(p,)``.
         total: Square of the residual.
-        lower, upper: Bounds of each coefficient; a set that ends beyond them explains nothing, ``(p,)``.
-        seen: Places of the columns that leave something of their own beside the nuisances.
+        lower, upper: Bounds of each coefficient, ``(p,)``; a set whose fit is beyond them counts as impossible.
+        seen: Places of the columns that nuisances alone cannot make.
     """
 
     products: Float[Array, "p p"]
@@ -45,7 +45,7 @@ class SetFits:
     seen: Chosen
 
     def values(self, chosen: Sequence[int]) -> Float[Array, " k"] | None:
-        """Best coefficients of some columns; None if they are combinations of each other."""
+        """Best coefficients of some columns; None if these are linearly dependent."""
         at = list(chosen)
         products = self.products[np.ix_(at, at)]
         size = np.sqrt(np.diag(products))
@@ -55,7 +55,7 @@ class SetFits:
         return np.linalg.solve(scaled, self.slopes[at] / size) / size
 
     def squares(self, chosen: Sequence[int]) -> float:
-        """Squares that are left; infinite where a coefficient is beyond its bounds."""
+        """Sum of squares that some columns leave; infinite where a coefficient is beyond its bounds."""
         at = list(chosen)
         if not at:
             return self.total
@@ -71,13 +71,13 @@ def set_fits(
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
     seen: Bool[Array, " p"],
 ) -> SetFits:
-    """Products of columns and residual, from both of which the nuisances were taken out.
+    """Products of columns and residual, both projected off the nuisances.
 
     Args:
         columns: In units of noise.
         residual: In units of noise.
         bounds: Least and largest coefficient of each column.
-        seen: False for columns that leave nothing of their own.
+        seen: False for columns that nuisances alone can make.
     """
     return SetFits(
         columns.T @ columns,
@@ -89,7 +89,7 @@ def set_fits(
 
 
 def few_columns(fits: SetFits, price: float) -> Chosen:
-    """The set of columns with the least squares and prices together, ascending; of twins that which stands first.
+    """The set of columns with the lowest sum of squares and prices, ascending; of twins the first one.
 
     Args:
         fits: Products.
@@ -113,7 +113,7 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
 
 
 def _swapped(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
-    """The set after all exchanges of a column, and all that can be spared, that pay."""
+    """The set after all exchanges and removals of a column that lower squares and prices."""
     while chosen:
         others = [k for k in fits.seen if k not in chosen]
         trials = [tuple(x for x in chosen if x != k) for k in chosen]
@@ -126,13 +126,13 @@ def _swapped(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
 
 
 def _rounded(fits: SetFits, chosen: Sequence[int], price: float) -> float:
-    """Squares and prices of a set, so that twins stay in their order and not in that of their rounding errors."""
+    """Squares and prices of a set, rounded so that twins are equal whatever their rounding errors."""
     value, grain = fits.squares(chosen) + price * len(chosen), max(_TIE * fits.total, 1e-6)
     return float(np.round(value / grain)) * grain if np.isfinite(value) else np.inf
 
 
 def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list[Chosen]:
-    """Sets that stand in the place of a group: the group with one of its columns exchanged for another one.
+    """Rivals of a group of columns: the group with one of its columns exchanged for another one.
 
     Args:
         fits: Products.
@@ -154,14 +154,14 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
 def until_same_set(
     state: State, search: Callable[[State, int], tuple[State, Chosen]], retake: Callable[[State, Chosen], State]
 ) -> tuple[State, Chosen]:
-    """The set of columns that a search finds again where the columns are taken at what it has found.
+    """The set that a search finds again after the columns were computed at the fit of that set.
 
-    Sets that come back in a circle end it too.
+    It ends, too, where earlier sets come again.
 
     Args:
-        state: Where the columns are taken first.
-        search: The state with what it needs for a search, and the set found, from the number of earlier rounds.
-        retake: The state with columns taken at the fit of a set.
+        state: With the columns of the first search.
+        search: A search: the state after it and the set found, from a state and the number of earlier rounds.
+        retake: The state with columns computed at the fit of a set.
     """
     chosen: Chosen = ()
     tried: list[Chosen] = []

@@ -1,8 +1,8 @@
 """Choice of groups of columns one by one: orthogonal least squares with exchanges.
 
-In each step the group that lowers the squares most is added, by its part that is orthogonal to those that are in; then
+In each step the group that lowers the squares most is added, by its part that is orthogonal to the chosen ones; then
 every group is exchanged for a better one where there is one. All of it works on products of the columns, summed over
-blocks, so that the same choice is made again on other blocks at no cost.
+blocks, so that repeating the choice on other blocks costs next to nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from phantom_dyn.array_types import Array, Float, Int
 
 Chosen = tuple[int, ...]
 
-_RANK = 1e-5  # part of a column's squares that has to be left beside those that are in
+_RANK = 1e-5  # share of a column's squares that has to be orthogonal to the chosen ones
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
 
 
 def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
-    """Chosen terms with none to ``most`` others added to given ones, which stay; without given ones as `stepwise`."""
+    """Given terms with 0 to ``most`` further ones, chosen as by `stepwise`."""
     if not start:
         return [(), *stepwise(terms, products, most)]
     out = [start]
@@ -88,7 +88,7 @@ def squares(terms: Terms, products: Products, chosen: Chosen) -> float:
 
 
 def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """What each term lowers the squares beside those that are chosen."""
+    """By how much each term lowers the sum of squares beside the chosen ones."""
     gram, right = products.gram, products.right
     size = np.diag(gram).copy()
     kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()

@@ -1,4 +1,4 @@
-"""A corrected model as MJCF: what MuJoCo has a place for beyond links, damping, dry friction and rotors.
+"""A corrected model as MJCF, with all that MuJoCo can express beyond links, damping, dry friction and rotors.
 
 Springs are ``stiffness`` and ``springref``, encoder zeros ``ref``, plays and springs of transmissions a second joint
 on the same axis, couplings fixed tendons, constant torques the bias of an actuator, torque constants its ``gear``,
@@ -23,10 +23,10 @@ PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{
 """Names of the elements that are added for a joint, or for two."""
 
 SHORTEST_STEP = 1e-4
-"""Steps of a simulation [s] from which on delays are whole: MuJoCo keeps a number of commands, not a time."""
+"""Shortest step of a simulation [s] for which the file holds enough past commands to make its delays."""
 # MuJoCo wants a motor constant above zero [N m/A]: with a resistance of one ohm this gives no torque to speak of.
 _NO_MOTOR = 1e-9
-# A rotor behind a play or a spring has to have inertia of its own: this share of what it moves where none is known.
+# A rotor behind a play or a spring needs inertia: where none is known, this share of the inertia of the link.
 _LEAST_ROTOR = 0.01
 # Time constant [s] of the ends of a play, twice MuJoCo's usual step: as stiff as it can be.
 _STOP = 0.004
@@ -63,7 +63,7 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF holds: those of joints in a loop are part of what closes it."""
+    """Encoder zeros that a URDF or MJCF holds: not those of joints in a loop, which change how it closes."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
@@ -75,7 +75,7 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that the MJCF holds: one behind a play would need a body without inertia between."""
+    """Springs of transmissions that the MJCF holds: not behind a play, as a body without inertia would be between."""
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 

@@ -32,7 +32,7 @@ _HEADS = ("<robot", "<mujoco")
 
 @dataclass(frozen=True)
 class JointMove:
-    """Where a joint really sits: ``placement @ exp(twist)``, and what its encoder reads too much [rad or m]."""
+    """The true placement of a joint, ``placement @ exp(twist)``, and the offset of its encoder [rad or m]."""
 
     twist: Float[Array, " 6"]
     zero: float = 0.0
@@ -41,12 +41,12 @@ class JointMove:
 def joint_moves(
     found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
 ) -> dict[str, JointMove]:
-    """Moves by joint.
+    """Moves of the joints, by name, of all findings and known effects.
 
     Args:
         found: What measured poses say; None where there are none.
-        known_zeros: Joints whose zeros the torques have shown as well, so that they are moved already.
-        known: Effects that belong to the given model already: the places of joints among them are moved first.
+        known_zeros: Joints whose zeros are findings of the torques, so that the model has them already.
+        known: Known effects; the places of joints among them are moved first.
     """
     out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
     for finding in () if found is None else found.findings:
@@ -71,11 +71,11 @@ class FileMoves:
 
 
 def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
-    """Moves as model files hold them: all of an open chain, of a closed one those that leave its loops as stated.
+    """Moves as model files hold them: all of an open chain; of a closed one those that do not change how loops close.
 
-    A joint that follows by a formula is turned back with the zeros of those that it follows, so that the formula holds
-    for readings. Links of a parallelogram that are moved no longer follow a formula. MuJoCo derives where a loop closes
-    from how the file is drawn.
+    A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings. Of
+    links in a parallelogram places are left out: moved, they would no longer follow its formula. MJCF takes no move of
+    a loop between frames, as MuJoCo derives where it closes from the drawn positions.
 
     Args:
         robot: The given model.

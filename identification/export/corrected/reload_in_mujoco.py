@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Loading a corrected MJCF again in MuJoCo: the torques that it needs, and how far its motion leaves a recorded one."""
+"""Check of a corrected MJCF in MuJoCo: torques that it needs, and the distance of its motion from a recorded one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _STEP = 1e-3  # of a rollout [s]
-_LEAD = 300  # steps before a rollout in which the encoders' joints are led along the recorded motion
+_LEAD = 300  # steps before a rollout in which joints with encoders follow the recorded motion
 
 
 def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
@@ -70,9 +70,9 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
 
 
 def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
-    """As `torque_difference`, of a file that was given, without what the model leaves out of it.
+    """As `torque_difference`, for an edited copy of the user's file, without parts of it that the model does not have.
 
-    Left out are springs, weights that are carried, servos and the medium, as far as no finding is about them.
+    These are springs, compensated weights, servos and the medium, except where a finding is about them.
 
     Args:
         text: Of the MJCF, with its meshes where MuJoCo finds them.
@@ -109,10 +109,10 @@ def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held
 def rollout_errors(
     text: str, robot: Robot, motion: Motion, tau: Float[Array, "N nv"], *, horizon: float = 0.2, starts: int = 40
 ) -> Float[Array, " nv"]:
-    """How far MuJoCo's motion is from the recorded one after some time under the recorded torque, root mean square.
+    """Distance of MuJoCo's motion from the recorded one after some time under the recorded torque, root mean square.
 
-    What the recording does not hold (links in their play, drives that lag) is found by leading the encoders' joints
-    along the recorded motion for a while before each rollout.
+    States that the recording does not hold (links in their play, drives that lag) are found by moving the joints with
+    encoders along the recorded motion for a while before each rollout.
 
     Args:
         text: A MJCF with one actuator per driven joint, in the robot's order, first.
@@ -155,7 +155,7 @@ def rollout_errors(
 
 
 def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
-    """Samples with recorded motion before and behind them: a rollout over a break in the recording judges nothing."""
+    """Samples with recorded motion before and behind them: a rollout over a break of the recording has no meaning."""
     first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
     part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
     begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
@@ -170,7 +170,7 @@ def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, 
 
 
 def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:
-    """Drives that have been asked for the same torque for long."""
+    """Put the drives into the state in which they have been asked for the same torque for a long time."""
     import mujoco
 
     data.time = start

@@ -57,7 +57,7 @@ def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
 
 
 def geometry_json(found: GeometryResult) -> dict[str, Any]:
-    """All that does not stand beside what torques say."""
+    """The entry ``geometry``: all but frames and findings, which are beside those of the torques."""
     rest = {name: value for name, value in vars(found).items() if name not in _BESIDE}
     lists = ("bounds", "not_testable", "fitted", "delays")
     return (
@@ -71,7 +71,7 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
 
 
 def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:
-    """What a ``diagnosis.json`` says of poses, without the errors of single poses; None where it says nothing.
+    """Results on poses in a ``diagnosis.json``, without the errors of single poses; None where there are none.
 
     Args:
         content: Of the whole file.

@@ -22,15 +22,15 @@ from identification.scenarios.at_rest.rests import Stills
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# Rests under either sign of load that a judgement needs: less do not show how well they repeat.
+# Rests that are needed under each sign of load: fewer do not show how well they repeat.
 LEAST_RESTS = 3
-# Sizes of load that differ by less than this part nothing: the model and the forces are not better known.
+# Share by which loads have to differ in size to separate play from spring: model and forces are not better known.
 _ALIKE = 0.2
 
-# Stands for none at all, of rests that are equal to the last bit; a number that is divided by it can be squared.
+# Least standard deviation, for rests that are equal to the last bit; a number divided by it can be squared.
 _NO_DEVIATION = 1e-150
 
-# Of the catalogue; the last one, both together, has a parameter more.
+# Effects of the catalogue by which a joint gives way; the last has both, and one parameter more.
 WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
 
 
@@ -39,10 +39,10 @@ class Way:
     """One way of giving way, fitted to the rests.
 
     Attributes:
-        effects: Of the catalogue.
+        effects: Their names in the catalogue.
         values: Full width of the play [rad or m], or compliance [rad/(N m) or m/N], one for each effect.
-        std: Their deviations.
-        left: Error that is left of each rest, by the fit to all others, ``(R,)``.
+        std: Their standard deviations.
+        left: Residual of each rest by the fit to all others, ``(R,)``.
     """
 
     effects: tuple[str, ...]
@@ -59,13 +59,13 @@ class GivingWay:
         before: Error of each rest less the mean of all others, ``(R,)``.
         ways: What explains them, the most probable first; empty where nothing is beyond chance.
         probabilities: Of each way, see `engine.resampling`.
-        replicates: Shares of the gap that the first way closes, in each of them.
+        replicates: Share of the gap that the first way closes, in each bootstrap replicate.
         shift: Distance of the rests under loads of opposite sign [rad or m].
-        shift_std: Its deviation.
+        shift_std: Its standard deviation.
         detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
-        shown: Whether the shift is more than chance makes, both in squares of its deviation.
-        both: Whether play and spring are each sure beside the other; None where that was not asked, as loads of one
-            size or few rests do not say it.
+        shown: Whether the shift is larger than by chance; both numbers are squares in units of its deviation.
+        both: Whether play and spring each differ from zero beside the other; None where loads of one size, or few
+            rests, cannot show that.
     """
 
     before: Float[Array, " R"]
@@ -110,7 +110,7 @@ def giving_way(stills: Stills) -> GivingWay:
     ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
     both = None
     if len(error) > 6 and not alike:
-        # Both together are a rival only if each is sure beside the other.
+        # Both together are a way of their own only if each differs from zero beside the other.
         certain = stdtr(len(error) - 3, ways[2].values / np.maximum(ways[2].std, 1e-300))
         both = both_are_there(float(certain.min()))
     ways = ways if both is not None and both.passed else ways[:2]
@@ -134,13 +134,13 @@ def giving_way(stills: Stills) -> GivingWay:
 
 
 def _probabilities(losses: Float[Array, "R m"]) -> Float[Array, " m"]:
-    """Of each way; the noise of a rest is what the best way leaves of it."""
+    """Probability of each way; the noise of a rest is taken from the residuals of the best one."""
     noise = max(float(losses.mean(axis=0).min()), 1e-300)
     return probabilities(losses / noise, (np.zeros(losses.shape[1]),), lead=share_by_likelihood)
 
 
 def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> Way:
-    """Least squares with a constant; each rest is a block, and what is left of it is by a fit that has not seen it."""
+    """Least squares with a constant; the residual of each rest is by the fit to all others."""
     x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
     every, rests = list(range(x.shape[1])), np.arange(len(error))
     products = block_products(x, error, np.ones(len(error)), rests, len(error))

@@ -48,7 +48,7 @@ class EncoderOffset(Effect):
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``offset``."""
+        """``offset``: reading less true position."""
         row = row_of(robot, joint)
         far = np.inf if robot.prismatic[row] else np.pi
         large = 0.1 if robot.prismatic[row] else 0.5
@@ -65,7 +65,7 @@ class EncoderOffset(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent."""
+        """The tangent at no offset; `refined` has secants."""
         return ((0.0,),)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
@@ -84,7 +84,7 @@ class EncoderOffset(Effect):
         return Signature(rows, change[:, list(rows), None], ("offset",), (robot.position_units[row],))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """A hinge comes round after half a turn."""
+        """Half a turn either way for a hinge: beyond, the same offsets come again."""
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
@@ -99,19 +99,19 @@ class EncoderOffset(Effect):
         return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta.item(), none, none)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
-        """As far from the reading as it is wrong."""
+        """The motion with the offset subtracted from the readings."""
         none = np.zeros(len(motion.t))
         return robot, displaced(motion, row_of(robot, joint), none - theta.item(), none, none)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Added to the reading."""
+        """The offset, added to the reading."""
         row, offset = row_of(robot, joint), theta.item()
         return Simulated(
             reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """The offset as the zero of the encoder, which model files hold completely."""
         return ModelNumbers(whole=True, zero=theta.item())
 
 

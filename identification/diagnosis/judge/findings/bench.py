@@ -1,4 +1,4 @@
-"""Where the loop over the gates is, and what claims are judged by; what is computed for a set is kept."""
+"""State of the loop over the gates, and the fits by which it judges claims; those of a set are computed once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Shown:
         joint_fit: Fit of all their numbers at once.
         standings: How each named effect compares with its rivals. Both are fitted beside all effects that the search
             found, those too small to be shown included, so that no rival wins by explaining those.
-        beside: All that the search has found, with what took its place.
+        beside: All that the search has found, with rivals in the place of those that they replaced.
     """
 
     plain: Search
@@ -57,18 +57,19 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where the loop is.
+    """State of the loop over the gates.
 
     Attributes:
-        found: What the search has found, as far as nothing has taken its place: rivals are compared beside all of it.
+        found: Effects of the search, with rivals in the place of those that they replaced; all comparisons are beside
+            this set.
         shown: Effects among these that have passed all gates so far.
-        barred: Effects and joints that are no rivals.
-        nothing: Effects that have turned out to be no more than nothing.
-        searched_again: Whether others were looked for in the place of these.
-        outdone: Effects and joints that had to give way to a rival, and do not come back while it is there.
-        exchanged: What gave way to rivals, and these.
+        barred: Effects and joints that may not be rivals.
+        nothing: Effects whose size does not differ from zero.
+        searched_again: Whether effects were searched for in the place of these.
+        outdone: Effects and joints that a rival replaced; they do not come back while it is there.
+        exchanged: Pairs of replaced effects and the rivals that replaced them.
         looked_at: Sets whose rivals were compared.
-        done: Whether the last of these is what is shown.
+        done: Whether the last of these is the result.
     """
 
     found: frozenset[Term]
@@ -83,23 +84,23 @@ class State:
 
     @classmethod
     def of(cls, found: frozenset[Term]) -> State:
-        """The beginning."""
+        """The state before the first gate: all that the search has found is shown."""
         return cls(found, found)
 
     def with_others(self, found: frozenset[Term]) -> State:
-        """The same with another set, of which all may be shown: what was hidden beside the first may be seen now."""
+        """The state with another set, all of it shown again: an effect that failed beside the first may pass now."""
         return replace(self, found=found, shown=found, nothing=frozenset())
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What claims are judged by; what is computed for a set is kept.
+    """Searches and fits by which claims are judged; the fit of a set is computed once.
 
     Attributes:
-        search: Rivals, with fits to white noise.
+        search: Rivals, with fits to whitened torques.
         plain: The same with plain fits in the judged band.
         noise: Of each log's torque.
-        judge_of: Floors of the joints beside a set of effects.
+        judge_of: Noise floors of the joints beside a set of effects.
     """
 
     search: Search
@@ -110,12 +111,12 @@ class Bench:
 
     @property
     def record(self) -> Record:
-        """Where decisions are written down."""
+        """The record of decisions, of which the ledger is made."""
         return self.search.record
 
     @cached_property
     def again(self) -> tuple[Search, ...]:
-        """The rivals under what should not matter: another band and other tolerances."""
+        """The search under conditions that should not change the answer: another band, and other tolerances."""
         return self.plain, with_wide_tolerances(self.search)
 
     @cached_property
@@ -127,7 +128,7 @@ class Bench:
 
     @cached_property
     def left(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], Sums]]:
-        """What subsets of a set leave in the judged band."""
+        """Squared residuals in the judged band of the subsets of a set."""
         plain = self.plain
         return lru_cache(maxsize=1)(lambda found: squares_left(plain, found))
 
