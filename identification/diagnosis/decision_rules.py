@@ -1,9 +1,8 @@
-"""Thresholds that decide no claim, as those of noise, rivals, the verdict and bursts: value, unit, reason, source.
+"""Thresholds other than those of gates: of noise, rivals, the verdict and bursts, each with unit, reason and source.
 
-What a claim has to pass stands with its thresholds in `identification.gates`, and what the contract has in
-common for torques, poses and rests in `identification.engine.contract_levels`. ``python benchmarks/same_answers.py
-record --rule NAME=VALUE`` judges forty recordings with another value of one of them, and its ``compare`` prints which
-answers change.
+Thresholds of gates are in `identification.gates`, those of the contract for torques, poses and rests alike in
+`identification.engine.contract_levels`. ``python benchmarks/same_answers.py record --rule NAME=VALUE`` diagnoses forty
+recordings with another value of one of them, and its ``compare`` prints which answers change.
 """
 
 from __future__ import annotations
@@ -13,120 +12,122 @@ from __future__ import annotations
 # probability: that the floor of some joint lies outside its interval (contract: 5 % over all joints).
 FLOOR_ERROR = 0.05
 
-# gain: of the trace of an effect in the noise, from which on the noise is estimated again without it.
+# gain: of an effect in the estimated noise. From here on the noise is estimated again without the effect.
 LEAST_TRACE = 10.0
 
-# ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
+# ratio: of the new to the old noise floor, below which the search is repeated with the lower noise.
 LOWER_NOISE = 0.9
 
-# power of the frequency by which the density of a white noise may rise or fall: a first-order filter makes two.
+# exponent: by which the density of a noise that counts as white may rise or fall with frequency; a first-order filter
+# makes two.
 FLAT_NOISE = 1.0
 
-# times: the noise of the sensors and what the method is accurate to, beyond which what no model predicts is a gap.
+# times: the noise of the sensors plus the errors of the method. A residual that no model predicts and that is larger is
+# a gap, not noise.
 SENSOR_TIMES = 2.0
 
-# share: of its usual velocity and of its way, by which a joint may differ between two repetitions of a motion. What the
-# model is wrong by then differs by as little. The axis of EMPS and the double pendulum repeat theirs to 0.9 to 1.4 %.
+# share: of its usual velocity and of its way, by which a joint may differ between two repetitions of a motion. The
+# error of the model then differs by as little. The axis of EMPS and the double pendulum repeat theirs to 0.9 to 1.4 %.
 REPEATED = 0.02
 
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
 
-# probability: (Bonferroni) that chance makes no size differ between diagnoses, over all sizes that are compared.
+# probability: (Bonferroni) that no size differs between diagnoses by chance, over all sizes that are compared.
 SIZES_DIFFER = 0.95
 
-# share: of the floor below which it is not known once the rounding is taken out.
+# share: of the noise floor. After the rounding of a coarse encoder is subtracted, at least this much is kept.
 COARSE_REMAINDER = 0.3
 
 # Rivals and their probabilities. Shown by `benchmarks/blind/run.py` (sets with the truth, their size, reliability).
 
-# times: the stated tolerances, under which the comparison with rivals is repeated: what they are is often a guess.
+# times: the stated tolerances. The comparison with rivals is repeated with these, as stated ones are often guesses.
 OTHER_TOLERANCE = 3.0
 
-# gain: by which a rival is worse in sample, ten deviations of one parameter: it wins no replicate.
+# gain: ten deviations of one parameter. A rival that is worse by it in sample leads in no replicate and is left out.
 HOPELESS_LOSS = 100.0
 
-# errors over blocks, and loss beyond these: by which a rival is worse held out: it is no longer compared.
+# standard errors over blocks, and loss beyond them: a rival that is worse by both on held-out data is not compared.
 HOPELESS_ERRORS, HOPELESS_BEYOND = 4.0, 4.0
 
-# share: of the torque that was found which a further parameter of a richer law is expected to carry.
+# share: of the torque of the finding that a further parameter of a richer law is expected to make (prior).
 EXPECTED_SHARE = 0.5
 
-# share: of the squared torque of either of two causes, below which the other one makes it as well: a tenth of the
-# amplitude, as much as a law of the right kind leaves whose parameter is off by a tenth.
+# share: of the squared torque of two causes. They count as the same where either makes the torque of the other up to
+# this: a tenth of the amplitude, as much as a law of the right kind leaves whose parameter is off by a tenth.
 SAME_CAUSE = 0.01
 
-# share: of the gain of a finding (or of the threshold) from which on a rival's law is taken again about its fit.
+# share: of the gain of a finding (or of the threshold). A rival that gains more is linearised about its own fit.
 RUNNER_UP = 0.8
 
-# probability: that a further recording strikes off one of two rivals, from which on it is proposed for them; below it
-# a note says in its place that no safe motion separates them. What is more likely to fail than not is no advice.
-# `benchmarks/next_experiment.py` compares what is proposed with random motions.
+# probability: that a further recording rules out one of two rivals. Below it no motion is proposed, and a note says
+# that no safe motion separates them. `benchmarks/next_experiment.py` compares proposed motions with random ones.
 SEPARATED = 0.5
 
-# Structures without a name, and what is left. Shown by `benchmarks/blind/run.py` (`unknown` inside and outside).
+# Structures without a name, and the residual. Shown by `benchmarks/blind/run.py` (`unknown` inside and outside).
 
-# share: of the loss that a flexible model takes off a residual that has structure.
+# share: of its loss by which a flexible model has to reduce a residual that counts as structured.
 STRUCTURE_SHARE = 0.08
 
-# standard errors over blocks: of the same.
+# standard errors over blocks: least size of that reduction.
 STRUCTURE_ERRORS = 3.0
 
-# share: from which on it has structure in however few blocks.
+# share: above which the residual is structured whatever its standard error.
 PLAIN_STRUCTURE = 0.5
 
 # The verdict. Its table is the contract's; `tests/identification/diagnosis/judge/test_verdict.py` states every row.
 
-# share: of the explainable gap, below which structure that is left does not change the verdict.
+# share: of the explainable gap, below which remaining structure does not change the verdict.
 LITTLE_STRUCTURE = 0.1
 
-# share: of the measured torque that an ordinary effect makes.
+# share: of the measured torque, as an ordinary effect makes it.
 ORDINARY_SHARE = 0.1
 
-# share: of its limit from which on a move counts as being there; solvers stop a rounding short of it.
+# share: of its limit above which a move counts as at the limit; solvers stop a rounding error short of it.
 AT_LIMIT = 0.999
 
-# Bursts: pushes, contacts and other events that nothing in the state of the robot foretells. `data_warnings` of the
-# cases of `benchmarks/blind/generate.py`, none of which holds one, show false ones.
+# Bursts: pushes, contacts and other events that the state of the robot does not predict. `data_warnings` of the cases
+# of `benchmarks/blind/generate.py`, none of which has one, show false ones.
 
-# probability: that chance makes one on any joint of a recording without an event.
+# probability: of a false burst on any joint of a recording without an event.
 BURST_LEVEL = 0.01
 
-# s: lengths of the events that are looked for.
+# s: windows in which events are searched for.
 BURST_LENGTHS = (0.15, 0.3, 0.6, 1.0)
 
-# times the torque that noise and the model's error are expected to leave at that moment.
+# times: the expected residual at that moment, by noise and errors of the model, above which it is an event.
 BURST_RATIO = 6.0
 
-# times: the largest level elsewhere, by which an event is larger. Normal noise of one size hardly ever comes to half of
-# BURST_RATIO, so that this asks more only where the noise is louder at some moments.
+# times: the largest level elsewhere in the recording that an event has to exceed. Stationary normal noise hardly ever
+# reaches half of BURST_RATIO, so that this matters only where the noise is louder at some moments.
 BURST_TIMES = 2.0
 
-# share: of what the moving part of the modelled torque is beyond its usual size, that a fitted model is wrong by at
-# least: 0.07 to 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
+# share: of the moving part of the modelled torque beyond its usual size; the least error of a fitted model. 0.07 to
+# 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
 MODEL_SHARE = 0.001
 
-# share: of the joint's largest burst, below which another one is what it does to the fits that have seen it.
+# share: of the joint's largest burst. A smaller burst is an artefact of fits that have seen the largest one.
 BURST_SHARE = 0.15
 
-# share: of the highest level of a burst, down to which it lasts.
+# share: of the highest level of a burst at which it begins and ends.
 BURST_FLANK = 0.25
 
-# Samples that say little.
+# Samples in which friction is uncertain.
 
 # s: standard deviation of the time at which modelled friction changes sign: real joints stick or bend for
 # milliseconds.
 REVERSAL_TIME = 0.005
 
-# s: three of these deviations: as long as a joint may stick while it seems to pass through zero.
+# s: three of these deviations. So long a joint may stick while its velocity seems to pass through zero.
 STANDING_TIME = 0.015
 
-# counts: of the encoder, within which a reading may stay while the joint stands.
+# counts: of the encoder, within which the reading of a standing joint stays.
 STANDING_COUNTS = 2
 
-# share: of the joint's usual speed, above which so few counts in that time are its way of moving, not a standstill.
+# share: of the joint's usual speed. Where so few counts in that time are a higher speed, the encoder is too coarse to
+# show a standstill so quickly.
 STANDING_SPEED = 0.25
 
-# s: over which a coarse encoder may have to stay for that; no joint that stops between moves stands for much less.
+# s: longest time over which a coarse encoder is watched for a standstill; joints that stop between moves stand longer.
 STANDING_LONGEST = 0.3
 
 # share: of a joint's top speed, below which it creeps.
@@ -135,38 +136,37 @@ CREEPING_SPEED = 0.05
 # s: before and behind a reversal, in which a joint creeps however it is driven.
 CREEPING_TIME = 0.05
 
-# share: of friction, by which that of a joint that creeps differs from a law: it breaks away at more than it slides at,
-# and comes up over some way.
+# share: of friction, by which that of a creeping joint differs from a law: it breaks away at more than sliding
+# friction, which is reached over some displacement.
 CREEPING_FRICTION = 0.3
 
-# share: of a joint's samples in which friction is not in doubt, from which on these say whether it has more than noise
-# left.
+# share: of a joint's samples. If friction is certain in more of them, these alone decide whether the residual is noise.
 SURE_SHARE = 0.2
 
-# times: as far as the deviation of what shakes it: a joint that travels, and is not only shaken.
+# times: the deviation of its vibration that a joint has to move to count as travelling.
 TRAVELS = 20.0
 
-# share: of the fastest speeds that is taken for noise, from which on the raw readings are asked.
+# share: of the fastest speeds. Where noise may make more, moving joints are found from the raw readings.
 SHAKES = 0.1
 
 # coherence: of torque and motion, at which a frequency counts as excited.
 COHERENT = 0.7
 
-# share: of all frequencies that are excited, from which on a resonance is looked for.
+# share: of all frequencies. Where more are excited, a resonance is searched for.
 EXCITED_SHARE = 0.2
 
-# blocks: of at least a second that can be held out in turn.
+# blocks: least number, of at least a second each, that are held out in turn.
 LEAST_BLOCKS = 4
 
-# Judged at rest.
+# Recordings at rest.
 
-# probability: that chance makes rests give way as much.
+# probability: of a shift as large between rests by chance.
 REST_CHANCE = 1e-3
 
-# share: of the explainable gap, from which on what is left has a cause of its own.
+# share: of the explainable gap, above which the residual has a cause of its own.
 REST_STRUCTURE = 0.1
 
-# times the end of the 99 % band: from which on simulated motion that strays is a gap, though no torque shows it. The
-# band is made from as few windows as it judges, and these magnify noise unequally: the `rollout.strays` of sealed nulls
-# reached 1.6.
+# times the end of the 99 % band: above which simulated motion that leaves its noise band is a gap, though no torque
+# shows it. The band is estimated from as few windows as it is applied to, and these magnify noise unequally: the
+# `rollout.strays` of sealed nulls reached 1.6.
 STRAYS_FAR = 2.0

@@ -9,7 +9,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 @dataclass(frozen=True)
 class Followed:
-    """Positions that both models reach in simulation, from the recorded state anew in every window.
+    """Positions that both models reach in simulation; every window starts from the recorded state.
 
     Attributes:
         before: Of the given model [rad or m] at the samples of the evidence, ``(N, nv)``; NaN where nothing was
@@ -44,8 +44,8 @@ class Evidence:
         sample_period: Median time between the samples of the recordings [s], before they were thinned; None: unknown.
         followed: Simulated motion of both models; None where none could be simulated.
         valid: False for samples that must not be used, as within a gap of a recording; None: all may be.
-        touched: True where something touches what a joint carries, so that its row is not judged, ``(N, nv)``; None
-            where nobody knows of contacts.
+        touched: True where something touches the links that a joint carries, so that its row is not used, ``(N, nv)``;
+            None where contacts are not known.
     """
 
     t: Float[Array, " N"]
@@ -66,7 +66,7 @@ class Evidence:
 
     @property
     def drawn(self) -> Evidence:
-        """The samples that may be used alone: a gap of a recording is then a gap in time."""
+        """Only the usable samples: a gap of a recording is then a gap in time."""
         if self.valid is None or self.valid.all():
             return self
         rows, followed = self.valid, self.followed

@@ -48,11 +48,11 @@ from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
 
-# Passes that take laws again about what the last one found.
+# Most searches, each with laws linearised about the result of the last one.
 _REFINEMENTS = 3
-# Times that what is left is weighed by what was left before: no search is needed for that.
+# Most times that a fit is repeated with its own residual as the noise, without another search.
 _WEIGHED_AGAIN = 2
-# Effects tested although they gain less than the threshold of chance.
+# Most effects that are tested although they gain less than the threshold of chance.
 _PROBATIONS = 3
 
 
@@ -61,10 +61,10 @@ class Explanation:
     """Result of the search: the chosen effects and the noise that they were scored against.
 
     Attributes:
-        search: All candidate effects of the session, and how sets of them are judged.
+        search: All candidate effects of the session, and the scores of sets of them.
         chosen: The effects that explain the recordings.
-        noise: What they and the flexible fits leave of each log's torque.
-        in_band: The same of the fits that foresee most in the judged band; empty where it was not computed.
+        noise: Residual of each log's torque after these effects and flexible fits.
+        in_band: The same of the fits that predict most in the judged band; empty where it was not computed.
         coarse: Encoders that are coarser than stated.
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
             where it was not computed.
@@ -79,10 +79,10 @@ class Explanation:
 
 
 def explanation_of(session: Session, progress: Progress = lambda _: None) -> Explanation:
-    """The effects that explain the recordings of a session, by a stepwise search that is judged on held-out blocks.
+    """The effects that explain the recordings of a session, by a stepwise search with held-out blocks.
 
-    Laws that are not linear are linearised; after each search they are taken again about what was found, and the noise
-    is what the findings leave.
+    Nonlinear laws are linearised; after each search they are linearised again about its result, and the noise is
+    estimated from its residual.
 
     Args:
         session: Robot, logs, blocks.
@@ -138,9 +138,10 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
 
 
 def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
-    """What the explanation leaves, weighed by itself: a fit that is weighed by too large a noise leaves more.
+    """Noise estimated from the residual of an explanation, with fits that are weighted by that residual itself.
 
-    It is never less than the noise of the sensors.
+    A fit that is weighted by too large a noise leaves a larger residual. The result is at least the noise of the
+    sensors.
 
     Returns:
         The noise, and the smallest ratio of new to old over the rows.
@@ -160,10 +161,10 @@ def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Se
 
 
 def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
-    """Rivals with products for given noise, without thresholds yet."""
+    """The search over all rivals for a given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
-    # Their products say all; the white columns themselves would be as large as the others.
+    # Only their products are kept: the white columns are as large as the others.
     problem = replace(set_up(session, columns, white, weights), white=replace(white, values=()))
     if columns.displaced:
         read = where_read(session, columns)
@@ -180,7 +181,7 @@ def _with_thresholds(
     spurious: dict[tuple[str, str | None], float],
     progress: Progress,
 ) -> Search:
-    """The same rivals with what chance, encoder noise and the accuracy of the method give."""
+    """The search with thresholds from chance, encoder noise and the accuracy of the method."""
     progress(Announcement(Stage.CHANCE))
     problem = search.problem
     filters = whitening_of(problem.columns, noise)
@@ -195,12 +196,13 @@ def _searched(
     progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
-    """What explains the recordings, the search that it was found with, and the noise that this one was set up for.
+    """The explanation by one search, with effects below the threshold of chance tested, too.
 
-    An effect that no other column can make is noise to the free fits: it raises what chance seems to give, and what is
-    slow is weighed down. So the best rival that falls short is tried: chance is measured again on the noise that it
-    leaves, and if it is above that, it stays. If not, everything is set up again for the noise without its trace. Where
-    there is no such effect, fitting one changes the noise too little to matter, and held-out fits find no trace.
+    The flexible fits that estimate the noise cannot make every effect: its torque then counts as noise, which raises
+    the threshold of chance and lowers the weight of slow signals. So the best rival below the threshold is tried: the
+    threshold is measured again with the noise that it leaves, and if its gain is above that, it is kept. If not,
+    everything is set up again for the noise without the part that the effect explains. Where there is no such effect,
+    fitting one changes the noise too little to matter, and held-out fits find no part of it.
     """
     chosen, left = explain(search, progress, start), noise
     for _ in range(_PROBATIONS):
@@ -209,7 +211,7 @@ def _searched(
             break
         quiet, ratio = smaller_noise(search, tried, left)
         if ratio < 1.0:
-            # By the filters of the problem, whose products these are held against.
+            # With the filters of the current problem, whose gains are compared with this threshold.
             filters = whitening_of(search.problem.columns, noise)
             least = null_threshold(search, filters, filters.series(quiet), above_chance.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))

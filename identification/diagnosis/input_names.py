@@ -1,10 +1,10 @@
-"""Names of what the rest of a gap may depend on."""
+"""Names of the inputs that a residual may depend on."""
 
 from __future__ import annotations
 
 
 def frequency_of(name: str) -> str:
-    """Name of the frequency as an input: the answer to an input has a gain and a phase that change with it."""
+    """Name of an input's frequency, for a residual that is a frequency response to that input."""
     return f"freq({name})"
 
 
@@ -14,7 +14,7 @@ def is_frequency(name: str) -> bool:
 
 
 def base_of(name: str) -> str:
-    """The input whose frequency a name says; any other name as it is."""
+    """The input of a frequency's name; any other name unchanged."""
     return name[len("freq(") : -1] if is_frequency(name) else name
 
 

@@ -1,4 +1,4 @@
-"""The recordings of a diagnosis, kept so that every model and law that is written can be run over them again."""
+"""The recordings of a diagnosis, kept to check every written model and law on them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Replay:
-    """Motion and measured torque of all recordings, and the samples that residuals are counted on.
+    """Motion and measured torque of all recordings, and the samples on which residuals are computed.
 
     Attributes:
-        robot: The model that was judged.
+        robot: The given model.
         logs: The recordings.
-        changes: What is known to be different in each of them; empty if nothing is.
+        changes: Known differences of each of them; empty if there are none.
         cutoff_hz: Edge of the judged band.
-        parts: Blocks of samples that are judged: index of the log, first sample in its band, and the one behind the
-            last.
-        weights: What each sample in the band of each log counts, ``(n, nv)``: less where friction may hold a joint.
+        parts: Held-out blocks: index of the log, first sample in its band, and one after the last.
+        weights: Weight of each sample in the band of each log, ``(n, nv)``: lower where friction may hold a joint.
     """
 
     robot: Robot
@@ -36,7 +35,7 @@ class Replay:
     weights: tuple[Float[Array, "_ nv"], ...]
 
     def robot_in(self, robot: Robot, log: int) -> Robot:
-        """A model as it was in one recording, with the load that is known of it there."""
+        """A model with the known load of one recording."""
         return robot_in(robot, self.changes[log]) if self.changes else robot
 
     def in_band(self, series: Float[Array, "N nv"], log: int) -> Float[Array, "n nv"]:
@@ -48,7 +47,7 @@ class Replay:
         return smoothed_where(wide, self.logs[log].valid_in_band, band.rate_hz / band.step, self.cutoff_hz)
 
     def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
-        """Squared residuals in the judged band, and what their samples count, summed over each block.
+        """Squared residuals in the judged band, and the weights of their samples, summed over each block.
 
         Args:
             torque: Drive torque [N m or N] that a model or a law asks for along one log, at the full rate.

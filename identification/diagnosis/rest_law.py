@@ -1,4 +1,4 @@
-"""What is said of a rest that the catalogue does not explain: its inputs, a formula, and a model to use now."""
+"""Result for a residual that the catalogue does not explain: its inputs, a formula, and a model to use now."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Law:
-    """The shortest formula that predicts what is left on one joint: the contract's ``unexplained.law``.
+    """The shortest formula that predicts the residual of one joint: the contract's ``unexplained.law``.
 
     Attributes:
         joint: Where it acts.
-        inputs: What it depends on.
-        formula: Torque that acts on the joint beyond the model, as the laws of the catalogue are written; SI units.
+        inputs: Names of its inputs.
+        formula: Torque that acts on the joint beyond the model, with the signs of the catalogue's laws; SI units.
         gap_closed: Share of the gap that it closes, on blocks that neither its choice nor its fit has seen.
         gap_closed_interval: At 95 %.
         valid: Range of each input in the recordings.
@@ -32,10 +32,9 @@ class Law:
 
 @dataclass(frozen=True)
 class InputGain:
-    """Share of the rest's squares that a smooth function of one or two inputs foresees on held-out blocks.
+    """Share of the residual's squares that a smooth function of one or two inputs predicts on held-out blocks.
 
-    ``chance`` is what the best of all inputs and pairs reaches in one of twenty draws where the blocks of the rest are
-    put in another order.
+    ``chance`` is the 95 % quantile of the best of all inputs and pairs where the residual's blocks are in random order.
     """
 
     inputs: tuple[str, ...]
@@ -52,8 +51,8 @@ class InputCurve:
         input: Its name.
         unit: Of the input.
         direction: ``forwards`` or ``backwards`` of the joint, empty for both alike.
-        x: Places.
-        middle, low, high: Torque there.
+        x: Values of the input.
+        middle, low, high: Torque there, and its band.
     """
 
     input: str
@@ -67,16 +66,16 @@ class InputCurve:
 
 @dataclass(frozen=True)
 class FrequencyAnswer:
-    """Torque on the joint that answers an input with a gain and a phase that change with the frequency.
+    """Frequency response from an input to the torque on the joint: gain and phase where the input has power.
 
-    Each with a 95 % band from block bootstrap, where the input has power.
+    Each has a 95 % band from block bootstrap.
 
     Attributes:
         input: Name of the frequency, as ``freq(v.j2)``.
         unit: Of the gain; of a torque over a torque empty.
         hz: Frequencies.
         gain, gain_low, gain_high: Amplitude of the torque over that of the input.
-        phase, phase_low, phase_high: By which the torque is ahead of the input [deg].
+        phase, phase_low, phase_high: Phase by which the torque leads the input [deg].
     """
 
     input: str
@@ -133,8 +132,8 @@ class ResidualModel:
         terms: Whose sum it is.
         states: Expressions of the inner states, in the order of ``s``.
         valid: Range of each input in the recordings.
-        rest_closed: Share of the rest's squares that it foresees on held-out blocks.
-        lawful: True if the law is in it; False for a sum of terms that fits without being one.
+        rest_closed: Share of the residual's squares that it predicts on held-out blocks.
+        lawful: True if it contains the law; False for a sum of terms where there is no law.
         slow: Speed below which the direction of motion is rounded off.
         bands: Lowest and highest frequency at which each answer with memory is known [Hz].
     """
@@ -152,20 +151,20 @@ class ResidualModel:
 
 @dataclass(frozen=True)
 class Dependence:
-    """What a structured rest depends on.
+    """Inputs and formula of a structured residual.
 
     Attributes:
-        joint, unit: Where the rest is, and the unit of its torque.
+        joint, unit: The joint, and the unit of its torque.
         inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
         gains: Of inputs and pairs, the largest first.
         curves: Of the named inputs.
         answers: Of the frequencies among the named inputs.
         terms: Of the law, empty without one.
         same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
-        rest_closed: Share of the rest's squares that the choice foresees on held-out blocks, the model moved within its
-            tolerances beside it.
-        samples: Blocks that it was judged on.
-        model: What can be used now; None where nothing foresees the rest.
+        rest_closed: Share of the residual's squares that the formula predicts on held-out blocks, moves of the model
+            within its tolerances fitted beside it.
+        samples: Number of held-out blocks.
+        model: A residual model to use now; None where nothing predicts the residual.
     """
 
     joint: str

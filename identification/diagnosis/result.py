@@ -1,4 +1,4 @@
-"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/3``)."""
+"""Result of a diagnosis: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/3``)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
     from phantom_dyn.model.robot import Robot
 
-# Share of a residual that three printed digits show.
+# Relative difference of residuals that shows in three printed digits.
 _PRINTED = 0.005
 
 
@@ -28,7 +28,7 @@ _PRINTED = 0.005
 class Value:
     """An estimate with its standard deviation and unit; lists for parameters that are lists (cogging orders).
 
-    A number that the recordings do not show has no finite deviation.
+    A number that the recordings do not determine has an infinite or missing standard deviation.
     """
 
     value: float | list[float]
@@ -37,7 +37,7 @@ class Value:
 
     @property
     def shown(self) -> bool:
-        """True if the recordings show the number, every one of a list."""
+        """True if the recordings determine the number; of a list, all numbers."""
         return bool(np.isfinite(self.std).all())
 
 
@@ -56,7 +56,7 @@ class EffectAt:
 
 @dataclass(frozen=True)
 class Rival:
-    """A set of effects that explains what a finding explains, with its share of bootstrap wins."""
+    """A set of effects that explains the same as a finding, with its probability."""
 
     effects: tuple[EffectAt, ...]
     probability: float
@@ -66,11 +66,11 @@ class Rival:
 class Finding:
     """One named cause of the gap; ``recording`` is the one that it acts in, None for all.
 
-    ``loadings`` are the deviations of its parameters as sums of independent standard numbers that all findings share,
-    one row a parameter, lists unfolded: products of rows are covariances. Empty where they are not known.
+    ``loadings`` has one row for each parameter (for each number of a list); the products of rows, also of different
+    findings, are covariances. Empty where these are not known.
 
-    ``gap_closed`` is the part of the gap that comes back when this finding alone is taken out and all others are fitted
-    again; ``share`` is its Shapley value, so that the shares of all findings add up to what they close together.
+    ``gap_closed`` is the part of the gap that is open without this finding, all others fitted again; ``share`` is its
+    Shapley value, so that the shares of all findings add up to the part that they close together.
 
     ``law`` names the simulator whose own law of the effect the recordings show; None for that of the catalogue.
     """
@@ -99,15 +99,15 @@ class JointGap:
         joint, unit: Which joint, and the unit of the figures.
         rms_before: Residual of the given model.
         rms_after: Residual of the corrected model.
-        noise_floor: What the sensors leave.
-        hold_out_samples: Samples that were judged.
+        noise_floor: Noise of the sensors.
+        hold_out_samples: Number of held-out samples.
         rms_torque: Measured torque; None where it is not known.
         rms_within_tolerance: Residual of the model with the best moves within its tolerances and no finding.
         noise_floor_interval: Of the floor, at 95 % over all joints together.
-        noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, by what flexible
-            predictors do not foresee.
-        discrepancy: By which a sound model may be wrong on drives of this kind, root mean square; None: not stated.
-        left: What is left beyond noise where the joint creeps or turns about, and elsewhere; None: not known.
+        noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, the residual of
+            flexible predictors.
+        discrepancy: Error of a sound model on drives of this kind, root mean square; None: not stated.
+        left: Residual beyond noise where the joint creeps or reverses, and elsewhere; None: not known.
         closed: Part of the gap within tolerance that the findings close; None where there is no gap.
     """
 
@@ -133,43 +133,40 @@ class JointGap:
 
     @property
     def noise_is_known(self) -> bool:
-        """False if nothing but an upper limit of the noise is known, which no residual within it proves to be noise."""
+        """False if only an upper limit of the noise is known: a residual below it may be more than noise."""
         return self.noise_floor_source != "none"
 
     @property
     def tolerated(self) -> float:
-        """Residual that no move within the tolerances explains, or of the given model where that is not known."""
+        """Residual of the model with the best moves within its tolerances; of the given model where it is not known."""
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
     @property
     def gives_way(self) -> bool:
-        """True if the given model leaves no more than noise, and its moves within the tolerances leave more.
+        """True if the residual of the given model is noise, and that of the model with its best moves is not.
 
-        They are fitted to all joints at once, and give way to what is missing on others.
+        Moves are fitted to all joints at once, so that a gap on other joints can make this one worse.
         """
         return bool(self.rms_before <= self.allowed < self.tolerated)
 
     @property
     def worse_within(self) -> bool:
-        """True if the given model's moves within the tolerances leave more than the given model, by what is printed."""
+        """True if moves within the tolerances enlarge the residual of the given model by more than a printed digit."""
         return bool(self.tolerated > (1.0 + _PRINTED) * self.rms_before)
 
     @property
     def without_findings(self) -> float:
-        """Residual without the findings: within the tolerances, or of the given model where its moves give way."""
+        """Residual without the findings: with moves within the tolerances, or of the given model (see `gives_way`)."""
         return self.rms_before if self.gives_way else self.tolerated
 
     @property
     def is_noise(self) -> bool:
-        """True if the measured torque is no more than may be noise: nothing can be seen in it."""
+        """True if the measured torque itself may be noise."""
         return self.rms_torque is not None and self.allowed >= self.rms_torque
 
 
 def noise_is_all(joints: tuple[JointGap, ...]) -> bool:
-    """True if every joint that was judged is noise.
-
-    So it is where columns are mixed up: the torque that the positions ask for was never measured.
-    """
+    """True if the measured torque of every tested joint may be noise, as where columns of the log are mixed up."""
     judged = [joint for joint in joints if joint.hold_out_samples]
     return bool(judged) and all(joint.is_noise for joint in judged)
 
@@ -184,11 +181,11 @@ class Gap:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What could hide behind a move that ends at the limit of its tolerance.
+    """A larger departure that a move at the limit of its tolerance may conceal.
 
     Attributes:
-        kind: A payload, or a larger change of what moves.
-        size: The heaviest payload [kg], or the relative change that is surpassed [1].
+        kind: A payload, or a larger change of the same quantity.
+        size: The heaviest payload [kg], or the relative change that is exceeded [1].
     """
 
     kind: Literal["payload", "change"]
@@ -200,11 +197,11 @@ class Adjusted:
     """A move of the model inside its tolerance.
 
     Attributes:
-        quantity: What moves.
+        quantity: The quantity of the model that is changed.
         change: Relative change.
-        tolerance: One sigma of what the model states; the change may reach twice that.
+        tolerance: Stated tolerance, one sigma; the change may reach two.
         at_limit: True if it ends at that limit.
-        hides: What could hide behind a move at its limit; None if it is inside.
+        hides: A larger departure that may hide behind a move at its limit; None if it is inside.
     """
 
     quantity: str
@@ -219,7 +216,7 @@ class FittedNumbers:
     """Numbers of the corrected model that were fitted together; those from ``timing`` on are of the recordings.
 
     Attributes:
-        moves: Of the model within its tolerances, those that are not certain included.
+        moves: Changes of the model within its tolerances, uncertain ones included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
         timing: Part of a sample by which the recorded torque is late.
         softness: Joints whose dry friction follows MuJoCo's soft law, each with the share of that law in its friction.
@@ -237,9 +234,9 @@ class FittedNumbers:
 
 @dataclass(frozen=True)
 class Bound:
-    """The smallest size of an effect that this recording would have shown with 95 % power.
+    """Detection limit: the smallest size of an effect that this recording would have shown with 95 % power.
 
-    ``of_torque``: what it makes of the measured torque of the joint where it shows most; None where it is not known.
+    ``of_torque``: its share of the measured torque on the joint where it is largest; None where it is not known.
     """
 
     effect: str
@@ -263,10 +260,10 @@ class NotTestable:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left: its share of the explainable gap, whether it has structure, and where.
+    """The residual after all findings: its share of the explainable gap, whether it has structure, and where.
 
-    ``times`` are the stretches [s] in which something acts that comes and goes: a contact, a push, a cable. Of a
-    structured rest ``dependence`` says on what it depends, and ``law`` how, where one formula stands out.
+    ``times`` are the stretches [s] of something intermittent: a contact, a push, a cable. For a structured residual
+    ``dependence`` has the inputs that it depends on, and ``law`` a formula, where one is clearly the best.
     """
 
     fraction_of_explainable: float
@@ -280,14 +277,14 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Burst:
-    """An event in a residual that nothing in the state of the robot foretells: a push, a contact, a catching cable.
+    """An event in a residual that the state of the robot does not predict: a push, a contact, a catching cable.
 
     Attributes:
         file: The recording.
-        joint: The one on which it stands out most.
+        joint: The one on which it is largest beside the noise.
         start, stop: Times of the recording [s].
-        torque: The most that it leaves [N m or N], positive along the joint.
-        ratio: How many times the torque that noise and the model's error are expected to leave then.
+        torque: Its largest torque [N m or N], positive along the joint.
+        ratio: Its size over the residual that noise and the model's error are expected to leave then.
     """
 
     file: str
@@ -300,24 +297,24 @@ class Burst:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the fits say of a gap, before anything is simulated or proposed.
+    """Result of the fits, before anything is simulated or proposed.
 
     Attributes:
         verdict: The contract's.
         joints: Gap of each joint.
         findings: Named causes, the largest first.
         adjusted: Moves of the model inside its tolerances.
-        unexplained: What is left.
-        bounds: What would have been seen.
-        not_testable: What this recording cannot show.
+        unexplained: The residual after all findings.
+        bounds: Detection limits.
+        not_testable: Effects that this recording cannot show.
         evidence: Samples behind the figures.
         warnings: Notes on the data.
         notes: Notes on the findings.
-        bursts: Events that nothing in the state foretells, in the order of time.
-        gap: What the findings close together.
+        bursts: Events that the state does not predict, in the order of time.
+        gap: Share that the findings close together.
         minor: Effects that are seen but too small to matter.
         numbers: Sets of numbers for the files of the corrected model.
-        ledger: What was claimed at any time, and the best that never were, with the gates that each met.
+        ledger: All effects that were claimed at any time, and the best others, with the gates that each met.
     """
 
     verdict: str
@@ -339,14 +336,14 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment.
+    """Content of ``diagnosis.json``, the evidence behind the figures, and the motion of the next experiment.
 
-    ``wrong`` says what is certainly wrong with a recording that was to be judged anyway, one clause each. Findings,
-    joints and what is unexplained are of the torques; ``geometry`` is what measured poses say, and ``verdict`` is of
-    both together. ``files`` are models and laws that were written, with what they leave; ``numbers`` are
-    what they may be made of beside what is stated, and ``replay`` is what they are run over, None where no torque was
-    judged. ``driven`` is the model with the gains of its controllers where these took the place of a torque, else None.
-    ``command`` is the command line that made it, empty where Python did.
+    ``wrong`` lists certain faults of recordings that were diagnosed anyway, one clause each. Findings, joints and
+    ``unexplained`` are of the torques, ``geometry`` of measured poses, and ``verdict`` of both together. ``files`` are
+    the written models and laws with their residuals; ``numbers`` are further sets of numbers for them, and ``replay``
+    the recordings that they are checked on, None without torques. ``driven`` is the model with the gains of its
+    controllers where these took the place of a torque, else None. ``command`` is the command line of the diagnosis,
+    empty where Python started it.
     """
 
     verdict: str
@@ -381,17 +378,17 @@ class Diagnosis:
 
     @property
     def poses_alone(self) -> bool:
-        """True if nothing but measured poses was judged: there was no torque."""
+        """True if there were measured poses and no torque."""
         return self.geometry is not None and self.geometry.torque_verdict is None
 
     @property
     def of_torques(self) -> Diagnosis:
-        """The same with the verdict of the torques alone."""
+        """The diagnosis with the verdict of the torques alone."""
         if self.geometry is None or self.geometry.torque_verdict is None:
             return self
         return replace(self, verdict=self.geometry.torque_verdict)
 
     @property
     def at_rest(self) -> bool:
-        """True if it was judged where the robot rests: positions less references take the place of torques."""
+        """True if the recordings were diagnosed at rest: positions less references take the place of torques."""
         return self.band_hz[1] == 0.0

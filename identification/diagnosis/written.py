@@ -1,4 +1,4 @@
-"""What a file of the corrected model leaves of the recorded torque, or why it was not written."""
+"""Residual of a written file of the corrected model on the recordings, or the reason why it was not written."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class WrittenFile:
-    """What a model or a law that was written leaves of the recorded torque, or why it was not written.
+    """One file of the corrected model: its residual on the recordings, or the reason why it was not written.
 
     Attributes:
         file: Its name.
-        rms_left: Residual by joint [N m or N] with the file, loaded back and run over the recordings; empty where no
-            torque was judged.
-        rms_given: The same with the given model.
-        holds: What was found and the file holds, as ``coulomb_friction j2``.
-        lacks: What was found and the file has no place for.
+        rms_left: Residual by joint [N m or N] of the file, loaded back and run over the recordings; empty without
+            torques.
+        rms_given: The same of the given model.
+        holds: Findings that the file holds, as ``coulomb_friction j2``.
+        lacks: Findings that the file has no place for.
         refused: Why it was not written, a clause; empty if it was.
     """
 

@@ -1,4 +1,4 @@
-"""Blocks of recordings: how long what is held out together is."""
+"""Division of recordings into blocks, which are held out of fits."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from identification.diagnosis import decision_rules as rules
 from identification.engine.products.blocks import FOLDS, Block
 from phantom_dyn.array_types import Float, Int
 
-# share: of what a joint travels in all logs, in each piece of a block that is cut: what is held out is then shown by
-# the other folds.
+# share: of a joint's travel in all logs that is in each piece of a divided block, so that other folds contain it, too.
 _PIECE = 1.0 / FOLDS
 
-# times its even share: the travel from which on a block is cut.
+# times the mean travel per block, above which a block is divided.
 _UNEVEN = 2.0
 
-# periods of the judged band's edge: a shorter block holds no value of its own.
+# periods of the judged band's edge: a shorter block has no independent value.
 _SHORTEST = 0.5
 
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     """Blocks of at least a second and five periods of the judged band's edge, some twelve to twenty-four in all.
 
-    A joint that moves once and rests else shows all of its friction in one of them, and nothing foresees that one while
-    it is held out: such a block is cut into shorter ones, each with an equal part of the joint's travel.
+    A joint that moves once and rests otherwise shows all of its friction in one block, which no fit to the others can
+    predict: such a block is divided into shorter ones, each with an equal part of the joint's travel.
 
-    The core leaves out as many samples as the filter's kernel reaches, so that the noise of a core is not that of
-    the block before it.
+    The core of a block leaves out as many samples as the filter's kernel is long, so that it shares no noise with the
+    block before.
     """
     period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
@@ -40,7 +39,7 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
         np.linspace(0, len(v), max(1, round(len(v) / _rate(log) / length)) + 1).astype(int)
         for log, v in zip(logs, speeds, strict=True)
     ]
-    # So short a recording holds nothing back, however often it is cut.
+    # A recording that is too short to hold data out is not divided further.
     count = sum(len(edges) - 1 for edges in every)
     most = max(_PIECE, _UNEVEN / count) if count >= rules.LEAST_BLOCKS else 1.0
     blocks = []
@@ -64,13 +63,13 @@ def _rate(log: Log) -> float:
 def _cut_by_travel(
     edges: Int[np.ndarray, " e"], shares: Float[np.ndarray, "n nv"], most: float, shortest: int
 ) -> Int[np.ndarray, " f"]:
-    """Edges of blocks, with more of them where one block holds much of what a joint travels.
+    """Edges of blocks, with more of them where one block has much of a joint's travel.
 
     Args:
         edges: First samples of the blocks, and the end of the last.
-        shares: Of its travel that each joint makes in a sample.
-        most: Share from which on a block is cut.
-        shortest: Samples that a block has at least.
+        shares: Share of each joint's travel in each sample.
+        most: Share above which a block is divided.
+        shortest: Least number of samples of a block.
     """
     travel = np.vstack([np.zeros(shares.shape[1]), np.cumsum(shares, axis=0)])
     out = [int(edges[0])]

@@ -1,4 +1,4 @@
-"""The columns that fits of one set of effects need, of all columns: a small problem in the place of a large one."""
+"""Selection of the columns that fits of one set of effects need: a small problem in place of a large one."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from identification.diagnosis.columns.terms import Term
 
 
 def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, dict[Term, Term]]:
-    """The moves, the rigid bodies and the columns of some effects, and for each of these the same with its place there.
+    """Columns of the moves, the rigid bodies and some effects, and for each of these effects its term among them.
 
     Args:
         columns: Of all effects.
-        terms: Of these; other effects that need no more columns stay too.
+        terms: The effects; others that need no further columns are kept, too.
     """
     first = min((block.first for block in columns.local), default=len(columns.names))
     wanted = {column for term in terms for column in term.columns}

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Findings of measured poses that belong to the given model already: zeros, elasticity, and poses of what is where."""
+"""Known findings of measured poses that correct the model: zeros, elasticity, and places of joints and targets."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
 OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
-"""Effects of poses that no torque law knows; the zero of an encoder is one of both."""
+"""Effects that only poses show; the zero of an encoder shows in poses and in torques."""
 
 
 def of_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
-    """Those that a model of torques takes: all but what only poses show."""
+    """Known effects that a model of torques can have: all but those that only poses show."""
     return tuple(one for one in known if one.effect not in OF_POSES)
 
 
 def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]]:
-    """How joints are moved on their parents, by joint, in the joint's axes [m, rad]; several moves in their order."""
+    """Correction of each joint's place on its parent, in the joint's axes [m, rad]; several are composed in order."""
     out: dict[str, Array] = {}
     for one in known:
         if one.effect == LINK and one.joint is not None:
@@ -35,15 +35,15 @@ def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]
 
 
 def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
-    """One twist for a move and another behind it, in the axes of what was moved."""
+    """Twist of two moves, one after the other, each in the axes of the moved joint."""
     return np.array(pin.log6(pin.exp6(first) * pin.exp6(second)).vector)
 
 
 def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
-    """The robot with its joints and targets where earlier poses put them; the same robot without such a finding.
+    """The robot with the places of joints and targets corrected by earlier poses; the same object without any.
 
-    A closed chain stays as it is: its torques are those of loops that close as its files say, and what poses have shown
-    is taken into account where poses are judged (`places_of_loops`).
+    A closed chain is not changed: its torques are those of loops that close as its files say, and corrections are used
+    in the diagnosis of poses alone (`places_of_loops`).
     """
     if robot.chain is not None:
         return robot
@@ -61,7 +61,7 @@ def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
 
 
 def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces | None:
-    """Places of a closed chain that earlier poses have shown; None for an open chain, which has them already."""
+    """Corrected places of a closed chain; None for an open chain, whose model has them already."""
     if robot.chain is None:
         return None
     targets: dict[str, pin.SE3] = {}
@@ -73,11 +73,11 @@ def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces
 
 
 def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings of poses with positions as the links have them: less known zeros and deflections under load.
+    """Recordings of poses with the positions of the links: readings less known zeros and deflections under load.
 
     Args:
-        robot: With its joints at their known places; gives the loads.
-        recordings: Those without poses stay.
+        robot: With corrected places of its joints; gives the loads.
+        recordings: Those without poses are not changed.
         known: Effects of earlier diagnoses.
     """
     recordings = _in_root(recordings, known)
@@ -98,7 +98,7 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
 
 
 def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings with their poses in the root frame, where earlier ones showed that the base stands elsewhere."""
+    """Recordings with poses in the true root frame, where earlier poses have shown another pose of the base."""
     if not any(one.effect == BASE_POSE for one in known):
         return recordings
     bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]

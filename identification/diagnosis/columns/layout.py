@@ -22,11 +22,11 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 
-# Sets of joints that are tried at most: each is a column on all of its joints.
+# Most sets of joints that are tried: each is a column on all of its joints.
 _MOST = 40
-# Ratio of the largest to the smallest scale of joints that are tried together.
+# Largest ratio of the scales of joints that are tried together.
 _ALIKE = 1.5
-# Share of its fastest speed at which dry friction has come up.
+# Share of a joint's largest speed at which dry friction has its full size.
 _SLOW = 0.02
 
 
@@ -35,10 +35,10 @@ class Local:
     """Columns of one effect in one place with one shape that are not the rigid-body regressor's.
 
     Attributes:
-        effect, joint, shape: What they are of.
+        effect, joint, shape: The term of the columns.
         first: Index of the first among all columns.
-        count: How many.
-        rows: Which rows they touch.
+        count: Number of columns.
+        rows: Rows that they touch.
     """
 
     effect: Rival
@@ -57,14 +57,14 @@ def lay_out(
     found: tuple[FoundEffect, ...],
     resonances: tuple[FoundEffect, ...],
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
-    """Rivals and where their columns stand; appends the columns' names.
+    """All rivals, and the places of their columns; appends the columns' names.
 
     Args:
-        session: Says what can be where.
+        session: Robot and recordings.
         operation: Of all recordings.
         first_body: Index of the first column of the rigid bodies.
         names: Of the columns so far; receives those of the effects.
-        found: By the last fit, and rivals that did nearly as well.
+        found: Effects of the last fit, and rivals that were nearly as good.
         resonances: Compliances read off resonances.
     """
     robot = session.robot

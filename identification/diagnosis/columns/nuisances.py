@@ -21,9 +21,9 @@ from phantom_dyn.model.robot import Robot
 TIMING = "timing"
 """Kind of the move that shifts all torques in time."""
 SOFTNESS = "softness"
-"""Kind of the move that lets the dry friction of a joint turn over softly."""
+"""Kind of the move to soft dry friction, which changes sign gradually as in MuJoCo."""
 ARRIVAL = "arrival"
-"""Kind of the move that lets the references of a joint arrive elsewhere in a frame."""
+"""Kind of the move that shifts the arrival of a joint's references within a frame."""
 BASE = "base"
 """Kind of the move of an error of the sensors on a base that is not bolted down."""
 OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL, BASE)
@@ -35,12 +35,12 @@ class Nuisance:
     """A move of the model that its tolerance allows: relative change with one sigma, bounded at two.
 
     Attributes:
-        name: What moves, for the report.
+        name: The changed quantity, for the report.
         sigma: One sigma of the change.
         bound: Largest change.
-        relative: True if the change is relative to the modelled value; a shift of all torques or of references is in
-            samples, softness of friction in that of the simulator that the model is for, and errors of the base's
-            sensors in SI units.
+        relative: True if the change is relative to the modelled value. Else a shift of all torques or of references is
+            in samples, softness of friction relative to that of the simulator of the robot's file, and errors of the
+            base's sensors in SI units.
     """
 
     name: str
@@ -55,8 +55,8 @@ class Move:
 
     Attributes:
         nuisance: Name and size.
-        kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, when its
-            references arrive, an error of the base's sensors, or the timing of all.
+        kind: Inertial parameters of a body, friction or rotor of a joint, softness of its friction, arrival of its
+            references, an error of the base's sensors, or the timing of all torques.
         place: Index of the body, name of the joint or of the error; None for all.
         direction: Of the move among the ten parameters of the body.
     """
@@ -79,7 +79,7 @@ def touching(robot: Robot, moves: tuple[Move, ...]) -> tuple[tuple[int, ...], ..
 
     The bodies behind a joint are read from Pinocchio once a row and not once a move: that takes most of the time.
     """
-    # What has a place of its own: a body by its index, or an active joint by its name.
+    # Moves of one place: of a body, by its index, or of an active joint, by its name.
     placed = [isinstance(move.place, int) or move.place in robot.joint_names for move in moves]
     out = []
     for row, own in enumerate(robot.joint_names):
@@ -111,7 +111,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
             if value > 0 and sigma > 0:
                 out.append(Move(Nuisance(f"{joint} {words}", sigma, 2 * sigma), kind, joint))
     for joint in soft_joints(robot):
-        # A recording of the simulator that the file is for rubs softly, a robot may do so less or not at all.
+        # A recording of the file's simulator has its soft friction; a robot may have less or none.
         out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), SOFTNESS, joint))
     for joint in robot.open_arrivals:
         # Anywhere in the frame.
@@ -119,7 +119,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
     if robot.floating:
         for name, sigma in SENSOR_ERRORS.items():
             out.append(Move(Nuisance(name, sigma, 2 * sigma, relative=False), BASE, name))
-    # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
+    # The unknown part of the alignment of torque and motion: a fraction of a sample.
     out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), TIMING, None))
     return tuple(out)
 
@@ -162,7 +162,7 @@ def move_columns(
             if log.arrival is not None:
                 change[row] = -band(log.arrival[:, row])
         else:
-            # The column of the effect that would add to what is modelled, times what is modelled.
+            # The column of the effect of this quantity, times the modelled value.
             value, effect = _modelled(robot, move.kind, move.place)
             signature = effect.signature(robot, operation, move.place, ())
             change = np.zeros_like(drift.T)
@@ -176,7 +176,7 @@ def move_columns(
 
 
 def _modelled(robot: Robot, kind: str, joint: str) -> tuple[float, Effect]:
-    """What the model gives a joint of one kind, and the effect that is more of it."""
+    """Modelled value of one quantity of a joint, and the effect that adds to it."""
     if kind == "rotor":
         return float(robot.rotor_inertia[robot.joint_names.index(joint)]), effect_named("rotor_inertia")
     viscous, coulomb = modelled_friction_of(robot, joint)

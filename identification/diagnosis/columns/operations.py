@@ -28,9 +28,9 @@ from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Largest relative decrease of a parameter [1]: tolerances are meant to be small, but a file may state any.
+# Largest relative decrease of a parameter [1]: tolerances should be small, but a file may state any.
 _LEAST = -0.9
-# Share of a joint's load over which the slope of a law is taken.
+# Step of the load, as a share of it, for the derivative of a law.
 _LOAD_STEP = 1e-4
 
 
@@ -44,11 +44,11 @@ def operate(
         log: Motion and measured torque.
         known: Effects that belong to the model already.
         recording: Index of the log among several.
-        band_hz: Edge of the band in which torques are judged [Hz].
+        band_hz: Edge of the judged band [Hz].
     """
     motion = motion_of(log)
     tau = inverse_dynamics(robot, motion)
-    # What pushes from outside, the drive need not give.
+    # A known push from outside is torque that the drive need not give.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
     more = {"temperature": log.temperature, "references": log.references, "base": motion.base}
@@ -59,14 +59,14 @@ def operate(
 def motion_of(log: Log) -> Motion:
     """Motion of a log in which a joint that is held all the time has neither velocity nor acceleration.
 
-    Its noise has a sign, which friction would follow, and an acceleration, which couples.
+    Otherwise friction would follow the sign of its noise, and other joints its noisy acceleration.
     """
     moves = ~standing_still(log).all(axis=0)
     return log.motion.with_joints(log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
 def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
-    """The robot whose last link carries the payloads of earlier diagnoses, so that they may be taken off again.
+    """The robot whose last link carries the payloads of earlier diagnoses, so that a payload may be negative.
 
     Args:
         robot: The given model.
@@ -76,11 +76,11 @@ def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
 
 
 def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...]) -> Operation:
-    """The same operation with the torque of known effects.
+    """The operation with the torque of known effects.
 
-    Each is made of what it acts on, as in the fit that found it: friction under load of what the transmission passes, a
-    late drive of what it is asked for, and a torque constant of all that. A mass acts where the links truly are, and in
-    the gravity that they truly feel.
+    Each is computed from the torque that it acts on, as in the fit that found it: friction under load from the
+    transmitted torque, a late drive from the torque that it is asked for, a torque constant from all of that. A mass
+    acts at the true positions of the links, and in the true gravity.
 
     Args:
         robot: The given model.
@@ -94,14 +94,14 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     tau, found_load = operation.tau, np.zeros_like(operation.tau)
     displacing = [pair for pair in effects if pair[0].displaces]
     if len(displacing) > 1:
-        # Together they are another torque than the sum of what each does by itself.
+        # Together their torque is not the sum of their single torques.
         tau = tau + inverse_dynamics(there, motion) - inverse_dynamics(robot, operation)
         effects = [pair for pair in effects if not pair[0].displaces]
     for stage in range(4):
         here = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
         for effect, one in effects:
             if _stage_of(effect) == stage:
-                # The drive has to give what the model needs less what the effect gives.
+                # The drive gives the torque that the model needs, less that of the effect.
                 if effect.inertial is not None and displacing:
                     truly = replace(here, robot=there, q=motion.q, v=motion.v, a=motion.a)
                     torque = effect.torque(there, truly, one.joint, np.array(one.theta))
@@ -116,15 +116,15 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
 def _per_load(
     robot: Robot, operation: Operation, effects: list[tuple[Effect, KnownEffect]]
 ) -> Float[Array, "N nv"] | None:
-    """Drive torque per torque on the link with known effects that follow the load; None where none does.
+    """Derivative of the drive torque by the torque on the link, with known effects that depend on the load.
 
-    A load that is found later changes their torque as well: differences of their laws about the load that is known say
-    by how much. Laws with a kink where the load is nothing have no slope there.
+    None without such effects. A load that is found later changes their torque, too, by the derivative of their laws at
+    the known load. At a load of zero, where laws have a kink, the derivative is taken as zero.
 
     Args:
         robot: The given model.
-        operation: With the load that is known.
-        effects: What is known.
+        operation: With the known load.
+        effects: Known effects.
     """
     following = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
     if not following:
@@ -143,12 +143,12 @@ def _per_load(
 
 
 def _stage_of(effect: Rival) -> int:
-    """When an effect's torque can be computed: after all that it is made of."""
+    """Place of an effect in the order of computation: after the torques that it is computed from."""
     return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
 
 
 def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
-    """The same operation with the torque of the effects that the last fit found."""
+    """The operation with the torque of the effects of the last fit."""
     plain = operation.again(operation.tau)
     found_load = np.zeros_like(operation.tau)
     for point in found:
@@ -162,7 +162,7 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
 
 
 def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
-    """Drive torque of an effect that was found."""
+    """Drive torque of an effect of the last fit."""
     signature = point.effect.signature(robot, operation, point.joint, point.shape)
     out = np.zeros_like(operation.tau)
     out[:, list(signature.rows)] = signature.columns @ point.coefficients
@@ -170,7 +170,7 @@ def _torque_of(robot: Robot, operation: Operation, point: FoundEffect) -> Float[
 
 
 def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
-    """The robot in the gravity that it truly feels and the motion of its links, by effects that were found.
+    """The robot in the true gravity, and the true motion of its links, by effects of the last fit.
 
     Args:
         robot: The given model.
@@ -185,7 +185,7 @@ def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]
 
 
 def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
-    """Friction torque of the model and of the effects of friction that were found, as part of the drive torque."""
+    """Friction torque of the model and of the last fit's friction effects, as part of the drive torque."""
     friction = operation.own_friction
     for point in found:
         if point.effect.rubs:
@@ -199,7 +199,7 @@ def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = N
     """The given model after moves within its tolerances.
 
     Args:
-        robot: The given model, or the same with a load that is known.
+        robot: The given model, or the same with a known load.
         moves: Relative changes, one for each of `moves_of`.
         given: The model whose tolerances they are, if ``robot`` carries a load.
     """
@@ -220,7 +220,7 @@ def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = N
 
 
 def moved_operation(operation: Operation, robot: Robot) -> Operation:
-    """The same motion and record, with the torque of another model in place of that of the given one.
+    """The operation with the torque of another model in place of the given one.
 
     Args:
         operation: Of the given model.

@@ -22,7 +22,7 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# What each kind of change may change, by `Effect.changes_with`; an unknown payload is a point mass of its recording.
+# Values of `Effect.changes_with` for each kind of change; an unknown payload is a point mass of its recording.
 _CHANGES: dict[Kind, tuple[str, ...]] = {
     "friction": ("friction",),
     "temperature": ("friction", "temperature"),
@@ -44,7 +44,7 @@ class OwnEffect(Effect):
         self.name = own_name(inner.name, recording)
         self._contains = tuple(own_name(name, recording) for name in inner.contains)
         self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
-        # A gain of one recording scales nothing in the others, and a shape is that of this recording.
+        # A gain of one recording does not scale the others, and a shape is that of this recording.
         self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
         self.inertial, self.shows_with = inner.inertial, inner.shows_with
         self.fitted = "plain" if inner.fitted == "shape held" else inner.fitted
@@ -79,7 +79,7 @@ class OwnEffect(Effect):
         return self.inner.untestable(robot, operation, joint)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Those of the effect: they are zero in the other recordings, and columns of its own."""
+        """Those of the effect; its columns are copies of these that are zero in the other recordings."""
         return self.inner.regressor_columns(robot, joint)
 
     def lightest(self, robot: Robot) -> float:
@@ -97,7 +97,7 @@ class OwnEffect(Effect):
         return self.inner.stated_law(robot, joint, shape, std, coefficients)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Those of the effect: what this recording has more than the others, of which nothing is known beforehand."""
+        """Those of the effect, as differences of this recording from the others, without a plausible range."""
         return tuple(replace(one, plausible=None) for one in self.inner.parameters(robot, joint))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:

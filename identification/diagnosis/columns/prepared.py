@@ -1,4 +1,4 @@
-"""What a diagnosis works on: recordings that can be used, cut where they are long, and the model with known places."""
+"""Input of a diagnosis: usable recordings, shortened where they are long, and the model with known corrections."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a diagnosis works on: of long recordings the stretches that it uses, and nothing of the rest.
+    """Input of a diagnosis; of long recordings only the stretches that are used.
 
     Attributes:
-        robot: The model that is judged.
-        seen: What fits may see.
-        unseen: What no fit sees.
+        robot: The given model.
+        seen: Recordings that fits may see.
+        unseen: Recordings that no fit sees.
         known: Effects on torques that belong to the given model already.
-        changes: What is known to be different between the recordings; empty: nothing.
+        changes: Known differences between the recordings; empty if there are none.
         tracked: Recordings with measured poses, if there are any.
-        places: Places of a closed chain that earlier poses have shown.
+        places: Corrected places of a closed chain, from earlier poses.
         files: Names of all recordings.
-        notes: On what is used of long ones.
-        started: On the clock that counts the seconds of a diagnosis.
+        notes: On the stretches of long recordings that are used.
+        started: Start of the diagnosis on a monotonic clock [s].
     """
 
     robot: Robot
@@ -48,7 +48,7 @@ class Prepared:
     started: float
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
+# With several threads the order of sums, and so the last digits, would depend on the machine.
 @one_blas_thread()
 def prepared(
     robot: Robot,
@@ -58,17 +58,17 @@ def prepared(
     known: tuple[KnownEffect, ...] = (),
     changes: tuple[Change, ...] = (),
 ) -> Prepared:
-    """What a diagnosis works on; whoever lets the recordings go then frees the memory of hours.
+    """Input of a diagnosis; afterwards the caller may release the recordings, which may be hours long.
 
     Args:
-        robot: The model that is judged.
+        robot: The given model.
         recordings: With torque, or with measured poses alone.
         held_out: How many of them, from the last, no fit sees.
         known: Effects that belong to the given model already.
-        changes: What is known to be different between the recordings; empty: nothing.
+        changes: Known differences between the recordings; empty if there are none.
 
     Raises:
-        LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
+        LogError: If a recording cannot be used, or is certainly wrong and was not to be diagnosed anyway.
     """
     started = time.perf_counter()
     require_right(recordings)
@@ -83,7 +83,7 @@ def prepared(
         tuple(one for one in some if not one.poses_alone) for some in (recordings[:count], recordings[count:])
     )
     notes: tuple[Said, ...] = ()
-    if not changes:  # what changed is known of whole recordings
+    if not changes:  # known differences are of whole recordings
         notes = tuple(note_on_length(one) for one in (*seen, *unseen) if is_long(one))
         seen, unseen = _stretches(seen), _stretches(unseen)
     return Prepared(

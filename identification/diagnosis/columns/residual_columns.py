@@ -37,7 +37,7 @@ from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_PIECE = 4096  # samples at the full rate whose regressor is held at once
+_PIECE = 4096  # samples at the full rate whose regressor is in memory at once
 Place = tuple[str, str | None, Shape]
 
 
@@ -55,10 +55,11 @@ class Columns:
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
         doubt: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
-        standing: For each log, standard deviation of the friction torque that standing joints leave open, ``(n, nv)``.
+        standing: For each log, standard deviation of the friction torque of standing joints, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
-        local: Where the columns of each effect stand.
-        displaced: Effects and joints by which the columns of moves and rigid bodies are of where the links truly are.
+        local: Places of the columns of each effect.
+        displaced: Effects and joints that displace links or turn gravity, for which columns of moves and rigid bodies
+            are computed.
     """
 
     names: tuple[str, ...]
@@ -81,9 +82,9 @@ class FitPoint:
     """The point about which nonlinear laws are linearised.
 
     Attributes:
-        found: What the last fit has found.
-        runners_up: Rivals that did nearly as well.
-        residual: What the last fit left of each log's torque, in the band; None: a fit of the tolerances alone.
+        found: Effects of the last fit.
+        runners_up: Rivals that were nearly as good.
+        residual: Residual of the last fit of each log's torque, in the band; None: of a fit of the tolerances alone.
         resonances: Compliances read off resonances, tried beside the grid of shapes.
     """
 
@@ -96,13 +97,13 @@ class FitPoint:
 def build_columns(session: Session, about: FitPoint | None = None, before: Columns | None = None) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
-    Columns made of accelerations end at the edge of the judged band: above, they are encoder noise, the same noise as
-    in the residual, and a fit would take it for inertia that is too large.
+    Columns made of accelerations are filtered to the judged band: above it they are encoder noise, the same noise as in
+    the residual, and a fit would explain it by an inertia that is too large.
 
     Args:
         session: Robot and logs.
-        about: Where laws that are not linear are taken; None: nothing has been fitted yet.
-        before: Columns of the same session before the last fit: those that it does not change are taken from there.
+        about: Where nonlinear laws are linearised; None before the first fit.
+        before: Columns of the same session before the last fit, which are reused where it does not change them.
     """
     about = FitPoint() if about is None else about
     robot = session.robot
@@ -128,13 +129,13 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
 
 
 def where_read(session: Session, columns: Columns) -> Columns:
-    """The same with moves and rigid bodies where the readings say, in the gravity of the given model.
+    """Columns with moves and rigid bodies at the positions as read, in the gravity of the given model.
 
-    They are those of a fit without what displaces the links.
+    Fits without effects that displace the links need these.
 
     Args:
         session: Robot and logs of the columns.
-        columns: Of links that are displaced by what was found.
+        columns: At the true positions of links that effects displace.
     """
     moves = moves_of(session.robot)
     values = []
@@ -149,8 +150,8 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 
     Args:
         session: The other logs.
-        like: Says which effects, places and shapes.
-        found: What a fit has found, which the torque that is expected of the drives is made of.
+        like: Columns with the same effects, places and shapes.
+        found: Effects of a fit, from which the torque that drives are asked for is computed.
     """
     out, values = columns_by_log(session, like, found)
     return replace(out, values=tuple(map(values, range(len(session.logs)))))
@@ -159,7 +160,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 def columns_by_log(
     session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
 ) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
-    """As `columns_like` without the columns themselves, and what makes those of a log: all together they are large."""
+    """As `columns_like`, with a function that computes the columns of one log: all logs' columns together are large."""
     given, displacing = _given_part(session), _displacing(session.robot, found) if like.displaced else ()
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
     expected = replace(given, operations=operations)
@@ -173,7 +174,7 @@ def columns_by_log(
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """What no fit changes: the given model's torque, the residual, and columns of the moves and the rigid bodies."""
+    """Parts that no fit changes: the given model's torque, the residual, and columns of moves and rigid bodies."""
 
     moves: tuple[Move, ...]
     operations: tuple[Operation, ...]
@@ -206,7 +207,7 @@ def _given_part(session: Session) -> _GivenPart:
 
 
 def _doubt(log: Log, operation: Operation) -> Float[Array, "N nv"]:
-    """Of the torque where friction changes sign, and where a drive switches between two readings."""
+    """Standard deviation of the torque where friction changes sign, or a drive switches between two readings."""
     friction = reversal_doubt(operation)
     return friction if log.switching is None else friction + log.switching
 
@@ -260,9 +261,9 @@ def _assembled(
 
 
 def _displacing(robot: Robot, found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
-    """Those effects by which the links are elsewhere than the readings say, or feel another gravity.
+    """Those effects that displace the links from the positions as read, or turn gravity.
 
-    An encoder that reads the same at several positions puts the links nowhere: speeds between these are infinite.
+    An encoder error that gives the same reading at several positions is left out: it would make infinite speeds.
     """
     return tuple(point for point in found if point.effect.displaces and _reads_one_place(robot, point))
 
@@ -275,9 +276,10 @@ def _reads_one_place(robot: Robot, point: FoundEffect) -> bool:
 
 
 def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
-    """The same with moves and rigid bodies where the links truly are: a wrong mass weighs there, not where it is read.
+    """The parts with moves and rigid bodies at the true positions of the links, where a wrong mass acts.
 
-    The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
+    The effect itself is the change of the given model's torque, from which the residual is computed; so both together
+    are exact.
     """
     there = _displacing(session.robot, found)
     plain = tuple(_plain(session, k, o, given.moves, there) for k, o in enumerate(given.operations))
@@ -285,7 +287,7 @@ def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, .
 
 
 def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
-    """Friction torque of each log that standing joints leave open, with the friction that was found."""
+    """Deviation of the friction torque of standing joints in each log, with the friction of the last fit."""
     return tuple(
         standing_doubt(log, encoder_stands(session.robot, log), friction_with(operation, found))
         for log, operation in zip(session.logs, operations, strict=True)
@@ -318,7 +320,7 @@ def _regressor_in_band(
         robot: The model.
         motion: Of its links.
         band: Filter.
-        per_load: Drive torque per torque on the link; None: one.
+        per_load: Derivative of the drive torque by the torque on the link; None: one.
     """
     inside = band.samples(len(motion.t))
     parts = []
@@ -335,7 +337,7 @@ def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
 
 
 def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
-    """The same, from columns of the same log."""
+    """Columns of moves and rigid bodies, from earlier columns of the same log."""
     others = min((block.first for block in before.local), default=len(before.names))
     return [
         [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
@@ -365,7 +367,7 @@ def _values(
     local: tuple[Local, ...],
     kept: dict[Place, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
-    """In-band columns of one log row by row, those that are kept as they are."""
+    """In-band columns of one log row by row; cached ones are reused."""
     band = session.logs[log].band
     operation = operation.for_a_while()
 

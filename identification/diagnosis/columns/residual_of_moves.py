@@ -1,4 +1,4 @@
-"""What is left of a recording when the stated masses are moved within their tolerances, and nothing else is assumed."""
+"""Residual of a recording after a fit of the moves within the tolerances alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def residual_of_moves(
 ) -> tuple[Float[Array, "n nv"], ...]:
     """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
 
-    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
+    The noise of each row is taken as a tenth of its residual, which is about right where the model is wrong.
     """
     rows = range(residual[0].shape[1])
     touched = [list(mine) for mine in touching(robot, moves)]

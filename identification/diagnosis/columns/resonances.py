@@ -21,9 +21,9 @@ from phantom_dyn.errors import EstimationError, LogError, ParameterError, RobotE
 from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.model.robot import Robot
 
-# A torque "at an instant" is known to a per cent up to this share of the rate.
+# Share of the rate up to which a sampled torque is accurate to a per cent.
 _HIGHEST = 0.2
-# Segments of a recording: as many as this at least, each this long at most [s].
+# Least number of segments of a recording, and their largest length [s].
 _SEGMENTS = 12
 _LONGEST = 8.0
 
@@ -54,7 +54,7 @@ def _stiffness(log: Log, joint: str) -> float | None:
             return None
         from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
 
-        # On its way a fit of what is no two-mass system may overflow; what it comes to is judged by its misfit.
+        # A fit to another system than two masses may overflow in between; its result is tested by the misfit.
         with np.errstate(all="ignore"):
             return fit_two_mass_of_instants(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):

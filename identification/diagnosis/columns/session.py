@@ -34,7 +34,7 @@ Series = tuple[Float[Array, "_ nv"], ...]
 
 @dataclass(frozen=True)
 class Session:
-    """What every stage of a diagnosis works on; it never changes while the diagnosis runs.
+    """Robot, recordings and blocks of a diagnosis; they do not change while it runs.
 
     Attributes:
         robot: The given model.
@@ -43,7 +43,7 @@ class Session:
         blocks: Stretches of samples that are held out together.
         folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
         known: Effects that belong to the given model already.
-        differences: What is known to be different between the recordings.
+        differences: Known differences between the recordings.
         recordings: Raw recordings of the logs; empty where only logs are at hand.
     """
 
@@ -78,15 +78,15 @@ class Session:
         return in_one_sine(self.logs, moving(self.logs))
 
     def in_judged_band(self, series: Series) -> Series:
-        """In-band series of each log without what lies above the judged band, of the same length."""
+        """In-band series of each log, low-passed to the judged band; the length does not change."""
         return tuple(self.log_in_judged_band(part, k) for k, part in enumerate(series))
 
     def log_in_judged_band(self, series: Float[Array, "n ..."], log: int) -> Float[Array, "n ..."]:
-        """Series of one log without what lies above the judged band."""
+        """Series of one log, low-passed to the judged band."""
         return self.log_below(series, log, self.cutoff_hz)
 
     def log_below(self, series: Float[Array, "n ..."], log: int, edge_hz: float) -> Float[Array, "n ..."]:
-        """In-band series of one log without what lies above a frequency, the same series if its band ends there."""
+        """In-band series of one log, low-passed to a frequency; the same object if its band ends there."""
         band = self.logs[log].band
         if edge_hz >= 0.99 * band.cutoff_hz:
             return series
@@ -123,15 +123,15 @@ def session_of(
     """A session of recordings: filtered, in a common band, split into blocks and folds.
 
     Args:
-        robot: The model that is judged.
-        recordings: What fits may see.
+        robot: The given model.
+        recordings: Those that fits may see.
         hold_out: Recordings that no fit sees.
         known: Effects that belong to the given model already.
-        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
+        changes: Known differences between the recordings, those held out at the end; empty if there are none.
 
     Raises:
         LogError: If a recording cannot be used, or all together are too short to hold data back.
-        EffectError: If an effect that the user brought has a name that stands for something nameless here.
+        EffectError: If a user's effect has the name of a structure of unknown cause.
     """
     _require_free_names(robot)
     robot = carrying_known(robot, known)
@@ -187,7 +187,7 @@ def _with_its_friction(session: Session) -> Robot:
 
 
 def _known_coulomb(robot: Robot, known: tuple[KnownEffect, ...]) -> Float[Array, " nv"]:
-    """Coulomb torque of each joint that belongs to the given model beside its modelled friction."""
+    """Coulomb torque of each joint by known effects, beside the modelled friction."""
     out = np.zeros(robot.nv)
     for one in known:
         numbers = effect_named(one.effect, robot).model_numbers(robot, one.joint, np.array(one.theta))

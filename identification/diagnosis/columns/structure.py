@@ -1,9 +1,9 @@
-"""Generic structures of a residual outside the catalogue, which make a gap `unknown`.
+"""Generic structures of a residual outside of the catalogue, which make a gap `unknown`.
 
-Each is a small group of columns that stands for a class of causes: something that changes slowly with time, something
-with a rhythm of its own in time, a force that depends on where the robot is, and a drive that weakens with the load of
-all joints. They compete with the catalogue at the price of their parameters, so that an effect that merely resembles
-one of these is not blamed, and one that is in the catalogue is not lost to them.
+Each is a small group of columns for a class of causes: a slow change with time, a rhythm in time, a force that depends
+on the position, and drives that weaken with the load of all joints. They compete with the catalogue at the price of
+their parameters, so that an effect that only resembles one of these is no finding, and an effect of the catalogue is
+found in spite of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
 
 _SLOW = 3
-# Share of a rhythm that the motion of the joint makes, from which it is no rhythm of its own.
+# Share of a rhythm that position and velocity of the joint can make, above which it is no rhythm of its own.
 _OF_THE_MOTION = 0.9
 
 
@@ -45,11 +45,11 @@ class Drift(Rival):
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """What it is where it does not change."""
+        """The effect without any change over time."""
         return self._steady
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """What changes, as it is and times slow cosines of time."""
+        """Columns of the steady effect, times one and times slow cosines of time."""
         whole = self._whole(operation, row_of(robot, joint))
         phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
         return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
@@ -64,14 +64,14 @@ class Rhythm(Rival):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """The two strongest frequencies [Hz] of the torque residual, but not that of a joint that swings in one sine.
 
-        There sine and cosine are the position and the velocity, and what goes with these is no rhythm of its own.
+        There sine and cosine are the position and the velocity, and a torque that depends on these is no rhythm.
         """
         j = row_of(robot, joint)
         residual = np.array(operation.residual[:, j])
         v = operation.v[:, j]
         plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
         residual = residual - plain @ np.linalg.lstsq(plain, residual, rcond=None)[0]
-        # Four times as long with zeros: the frequency is wanted to a fraction of a line.
+        # Zero-padded to four times the length, to find the frequency to a fraction of a line.
         power = np.abs(np.fft.rfft(residual * np.hanning(len(residual)), 4 * len(residual))) ** 2
         frequency = np.fft.rfftfreq(4 * len(residual), operation.dt)
         seconds = operation.t[-1] - operation.t[0]
@@ -88,7 +88,7 @@ class Rhythm(Rival):
         return tuple(out)
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """The frequency that was found."""
+        """The frequency of the last fit."""
         return (shape,)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -114,11 +114,11 @@ class Field(Rival):
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """A force that is the same everywhere, and one that goes with the joint's own position."""
+        """A constant force, and one that is linear in the joint's own position."""
         return ("torque_offset", "parasitic_spring")
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Hinge functions of each position, which a contact that starts somewhere leaves."""
+        """Hinge functions of each position, as a contact makes them that begins somewhere."""
         columns = [np.ones(len(operation.t))]
         for k in branch_rows(robot, joint):
             q = operation.q[:, k]
@@ -148,13 +148,13 @@ class Contact(Rival):
         return tuple((shape[0] + step, shape[1]) for step in (-0.1, -0.03, 0.0, 0.03, 0.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """How deep the joint is in."""
+        """Depth of the joint beyond the position."""
         q = operation.q[:, row_of(robot, joint)]
         return _on_row(robot, joint, [np.maximum(shape[1] * (q - shape[0]), 0.0)])
 
 
 class Supply(Rival):
-    """Drives that give less when all of them together ask for more, one of them or all alike."""
+    """Drives that give less when all of them together need more torque; one drive, or all alike."""
 
     name = "supply"
     scope = "either"

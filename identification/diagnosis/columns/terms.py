@@ -18,7 +18,7 @@ from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases
 
-# What an operation has one row a sample of.
+# Fields of an operation with one row for each sample.
 SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
 
 
@@ -33,7 +33,7 @@ class KnownEffect:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that the last fit found: the point about which its nonlinear law is linearised next.
+    """An effect of the last fit: the point about which its nonlinear law is linearised next.
 
     Attributes:
         effect: Of the catalogue, or a structure that has no name there.
@@ -55,12 +55,12 @@ class FoundEffect:
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """One effect in one place with one shape, and the columns that it sets free.
+    """One effect on one joint with one shape, and its columns.
 
     Attributes:
         effect: Of the catalogue, or a structure that has no name there.
         joint: Its joint, None for the whole robot.
-        shape: What the torque is not linear in, () if there is nothing.
+        shape: Parameters in which the torque is nonlinear, () if there are none.
         columns: Indices among all columns.
         size: Number of parameters that it adds.
         lower, upper: Bounds of each coefficient.
@@ -75,7 +75,7 @@ class Term:
     upper: tuple[float, ...]
 
     def __hash__(self) -> int:
-        # Of an object's address, the order of a set of terms would be another one in each run.
+        # With a hash by address the order of a set of terms would differ between runs.
         return self.columns[0]
 
     @cached_property

@@ -29,18 +29,18 @@ _POWER = 1.645
 def smallest_seen(
     operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
-    """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
+    """Detection limit of every effect and joint that is not a finding, and effects that cannot be tested at all.
 
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
-    ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim.
-    An effect that would have to be larger
-    than the whole measured torque to be seen, or than on any sound device, is not testable.
+    ``I`` the information on its size where nuisances and findings are fitted, too. The limit is the size at which it
+    passes the gates of a claim. An effect whose limit is larger than the whole measured torque, or than on any sound
+    device, is not testable.
 
     Args:
         operation: Of all recordings.
-        search: Rivals, with fits to white noise, and what a claim needs.
+        search: Rivals, with whitened fits, and the thresholds of a claim.
         plain: The same with plain fits in the judged band.
-        chosen: What was found.
+        chosen: The findings.
     """
     problem, robot = search.problem, search.problem.session.robot
     bounds: dict[tuple[str, str | None], Bound] = {}
@@ -57,7 +57,7 @@ def smallest_seen(
         for term in problem.columns.terms
         if isinstance(term.effect, Effect)
         and term.place not in found
-        # A number that joints have in common is bounded by those of each.
+        # A number that several joints share has no limit of its own: those of the single joints hold.
         and term.joint in term.effect.places(robot)
         and not any(contains(other, term) for other in chosen)
     }
@@ -86,7 +86,7 @@ def smallest_seen(
         deviations = _claimable(search, term, by_block, least)
         size = deviations / np.sqrt(held_out * probe.information) if probe.information > 0 else np.inf
         by_shape = effect.seen_by == "shape"
-        # A real play may leave less than its law says, but no less than the share from which on it is taken for one.
+        # A real play may leave less torque than its law, down to the share at which it still counts as a play.
         if not size < (term.lower[0] if by_shape else _largest(problem, energy, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
@@ -98,7 +98,7 @@ def smallest_seen(
         if why is not None:
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
-        # Of shapes that are sizes the smallest that is seen counts, of other shapes the one that is seen worst.
+        # Where the shape is the size, the smallest detected one is the limit; of other shapes the least visible one.
         below, better = (term.shape[0], min) if by_shape else (float(size), max)
         if term.place in bounds:
             below = better(below, bounds[term.place].below)
@@ -111,7 +111,7 @@ def smallest_seen(
 
 
 def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name: str, size: float) -> str | None:
-    """Why a size cannot be tested for that no sound device has, as far as the effect's file says; None if it can."""
+    """Why an effect cannot be tested whose limit is above its plausible range; None if the limit is inside."""
     limits = [
         abs(limit)
         for one in effect.parameters(robot, joint)
@@ -140,10 +140,10 @@ def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, d
 
 @dataclass(frozen=True)
 class _Probe:
-    """An effect of size one with what nuisances and findings take of it.
+    """An effect of size one, with the nuisances and findings fitted to its torque.
 
     Attributes:
-        parameter: What its size is of.
+        parameter: The parameter that is its size.
         direction: Coefficients of its columns, ``(k,)``.
         information: On its size, when nuisances and findings are fitted beside it.
         theta: Coefficients of all columns, ``(K,)``.
@@ -182,13 +182,13 @@ def _rows(problem: Problem, term: Term) -> list[int]:
 
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
-    """Size in standard deviations at which an effect is claimed with 95 % power, of a least gain without its price."""
+    """Size in standard deviations at which an effect is claimed with 95 % power, for a least gain before its price."""
     needed = least + max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
 
 
 def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
-    """Least gain at which an effect counts as lasting over the blocks, see `claimed`.
+    """Least gain at which an effect passes the gate of blocks, see `gates.over_blocks`.
 
     Args:
         by_block: Information on its size in each block.
@@ -197,9 +197,9 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     whole = float(by_block.sum())
     if whole <= 0:
         return needed
-    # Shares, as the square of the information on a law that the motion all but leaves out is too small for a number.
+    # Computed with shares, as the square of a very small information is below the smallest number.
     shares = by_block / whole
-    # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
+    # The variance of a gain ``u`` over blocks is ``4 u`` by noise, plus a part with ``u^2`` by its uneven distribution.
     room = 1.0 - over_blocks.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
     from_block_to_block = 4.0 * over_blocks.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
     share_without_best = float(np.sort(shares)[: -over_blocks.BEST_BLOCKS].sum())
@@ -214,7 +214,7 @@ def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
 ) -> tuple[float, Float[Array, " n"]]:
-    """Information on a term's size when nuisances and findings are fitted beside it, and what these then take."""
+    """Information on a term's size where nuisances and findings are fitted beside it, and their coefficients then."""
     a = problem.total_a
     own = list(term.columns)
     cross = direction @ a[own][:, base]

@@ -1,4 +1,4 @@
-"""Encoders coarser than stated, as findings: the lattice of their readings proves them; the gap is spurious torque."""
+"""Findings of encoders that are coarser than stated: their readings lie on a lattice; the gap is spurious torque."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Rounded:
-    """Coarse joints that matter, and the squared torque that their rounding feigns.
+    """Coarse joints whose rounding matters, and the squared spurious torque that it makes.
 
     Attributes:
         coarse: The joints.
-        energy: Of each, mean squared torque on every joint, ``(k, nv)``.
+        energy: For each of them the mean squared torque on every joint, ``(k, nv)``.
         asked: All joints that are read more coarsely than stated, and whether that matters.
     """
 
@@ -34,7 +34,7 @@ class Rounded:
 
     @property
     def total(self) -> Float[Array, " nv"]:
-        """Of all together."""
+        """Mean squared torque of all of them on every joint."""
         return self.energy.sum(axis=0)
 
 
@@ -48,7 +48,7 @@ def rounded(
     kept, energy, results = [], [], []
     for one in coarse:
         squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
-        # The judged band ends where the reading drowns the motion: what matters may lie above it.
+        # The judged band ends where rounding hides the motion: it may matter above that band.
         wide = sums(problem, one.torque).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
         result = rounding_matters(float(np.max([squares / floor**2, wide])))
         results.append((one, result))
@@ -66,10 +66,10 @@ def findings_of(robot: Robot, rounding: Rounded, within: Sums, floor: Float[Arra
     for one, energy in zip(rounding.coarse, rounding.energy, strict=True):
         joint = robot.joint_names[one.row]
         closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
-        # The energy of rounding is that of a uniform law: known to about the root of two over the samples' number.
+        # The energy of rounding errors, uniformly distributed, has a relative deviation of about sqrt(2 / samples).
         spread = 2.0 * closed / np.sqrt(max(within.counts.sum() / len(floor), 1.0))
         unit = effect.parameters(robot, joint)[0].unit
-        # Distances of levels are known to rounding of numbers; a hundredth of a step is on the safe side.
+        # Distances of levels are exact up to rounding of numbers; a hundredth of a step is a safe deviation.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
         finding = Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported")

@@ -1,7 +1,7 @@
-"""Numbers of the corrected model that belong together: sizes of effects, and the moves that were fitted beside them.
+"""Consistent sets of numbers for the corrected model: sizes of effects, and all moves that were fitted beside them.
 
-What a diagnosis states are the sizes and those moves that differ from zero for certain. A model of these alone may be
-another one: a size that was found beside a move of a mass is wrong without that move, however uncertain the move is.
+A diagnosis states the sizes and only those moves that certainly differ from zero. A model with these numbers alone may
+fit worse: a size that was fitted beside a move of a mass is wrong without that move, however uncertain the move is.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _Sizes = dict[tuple[str, str | None], dict[str, Value]]
 def model_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
     """Sets of numbers that were fitted together, the stated sizes first.
 
-    A structure that has no name is no part of the corrected model: where there is one, all is fitted again without it.
+    A structure without a name is no part of the corrected model: where there is one, everything is fitted without it.
 
     Args:
         shown: The effects, and the fit that states their sizes.
@@ -61,11 +61,11 @@ def all_moves(problem: Problem, fitted: JointFit) -> tuple[Adjusted, ...]:
 
 
 def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
-    """Recordings and judged samples of a diagnosis; residuals over them are measured as the gap of each joint is.
+    """Recordings and held-out samples of a diagnosis, on which residuals are computed as for the gap of each joint.
 
     Args:
         problem: Robot, recordings and blocks.
-        changes: What is known to be different in each recording; empty if nothing is.
+        changes: Known differences of each recording; empty if there are none.
     """
     session = problem.session
     blocks = [problem.blocks[k] for k in judged_blocks(problem)]

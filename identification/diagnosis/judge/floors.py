@@ -36,12 +36,12 @@ class Floor:
     """Noise floor of each joint.
 
     Attributes:
-        value: What the sensors leave, root mean square, ``(nv,)``.
+        value: Noise, root mean square, ``(nv,)``.
         low, high: Interval at 95 % over all joints together, ``(nv,)``.
-        source: Of each joint: ``repetitions`` where the motion comes again; of what `sensed_floor` makes else
-            ``sensors`` or ``none``. Before it: ``above_band`` where the noise above the judged band agrees with what no
-            model predicts inside it, ``predictors`` else, an upper limit.
-        discrepancy: By which a sound model may be wrong on each joint, ``(nv,)``; None before `sensed_floor`.
+        source: Of each joint: ``repetitions`` where the motion is repeated; after `sensed_floor` else ``sensors`` or
+            ``none``; before it ``above_band`` where the noise above the judged band agrees with the unpredicted
+            residual inside it, and else ``predictors``, an upper limit.
+        discrepancy: Error of a sound model on each joint, ``(nv,)``; None before `sensed_floor`.
     """
 
     value: Float[Array, " nv"]
@@ -56,14 +56,14 @@ class Floor:
         return self.high if self.discrepancy is None else np.hypot(self.high, self.discrepancy)
 
     def without(self, squares: Float[Array, " nv"]) -> Floor:
-        """The floor less a mean square that the encoders' coarseness makes, never below a share of itself."""
+        """The floor less the mean square of coarse encoders' rounding, at least a share of itself."""
         if not np.any(squares):
             return self
         left = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
     def up_to(self, squares: Float[Array, " nv"]) -> Floor:
-        """The floor whose upper end holds a further mean square."""
+        """The floor with a mean square added to its upper end."""
         return replace(self, high=np.sqrt(self.high**2 + squares))
 
 
@@ -76,23 +76,23 @@ def floor_of(
 ) -> Floor:
     """Noise floor of each joint in the judged band.
 
-    The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees
-    lies in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the
-    band that makes as much, the floor is confirmed. Where they show somewhat less, that is the lower end, as a model
-    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where they
-    show nothing and what no predictor foresees is several times louder at some times than at most, as the impacts of
-    play are, the floor is that of most times. Neither is so where torque that is read at instants holds as much above
-    the band while the joint moves: that may come back in it. Where the motion comes again and what differs between its
-    repetitions is less, the floor is what does not repeat.
+    The value is the residual of flexible predictors on held-out blocks, with an interval by block bootstrap. It is an
+    upper limit, as it contains events that nothing predicts. White noise of the torque readings above the band changes
+    it: if that noise is as large, it confirms the floor; if it is somewhat smaller, it is the lower end, as predictors
+    have errors; if it is several times smaller, beyond the errors of the method, it is the floor. Without such noise,
+    and where the residual is several times larger at some times than usual, as with impacts of play, the floor is the
+    usual size. Neither is done where torque that is read at instants is as large above the band while the joint moves,
+    as that may alias into the band. Where the motion is repeated and its repetitions differ by less, that difference is
+    the floor.
 
-    The upper end holds what is left where friction is in doubt, as far as it is in doubt there: flexible predictors
-    know how one robot sticks and creeps, a model does not.
+    The residual where friction is uncertain is added to the upper end, up to that uncertainty: flexible predictors
+    learn how one robot sticks and creeps, a model does not.
 
     Args:
         problem: Recordings, blocks and columns.
-        noise: What no model predicts of each log's torque.
-        residual: What the explanation leaves of each log's torque, in the judged band.
-        doubt: Variance of the friction torque that joints leave open which stand, creep or turn about.
+        noise: Residual of flexible predictors of each log's torque.
+        residual: Residual of the explanation of each log's torque, in the judged band.
+        doubt: Variance of the friction torque of joints that stand, creep or reverse.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     from scipy.special import ndtri
@@ -116,12 +116,12 @@ def floor_of(
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
         heard = np.hypot(most, folded[j])
         if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(heard, np.sqrt(fair_part.ACCURACY) * torque[j]):
-            # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
+            # Sensor noise in the band is not several times that above it: the rest is an unpredicted gap.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
-    # No sensor is several times louder at some times than at most: that too is a gap that nothing foresees.
+    # Sensor noise is not several times louder at some times than usual: the rest is an unpredicted gap, too.
     most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + fair_part.ACCURACY * torque**2)
     heard = np.hypot(most, folded)
     comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * heard)
@@ -138,21 +138,21 @@ def floor_of(
         if min(low[j], left[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
             value[j], low[j], high[j] = seen.value, least, most
         if least <= high[j]:
-            # Else something drifts, and the predictors, which are an upper limit, foresee it.
+            # Otherwise something drifts between the repetitions, which predictors, an upper limit, can predict.
             low[j], source[j] = min(low[j], least), REPETITIONS
-    # Derivatives and filters are no better than this, however quiet the sensors are.
+    # Accuracy of derivatives and filters, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
     more = left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
-    # Where friction holds a joint and may be anything, what nothing foresees need not be noise.
+    # Where friction holds a joint and may have any value, an unpredicted residual need not be noise.
     low = np.minimum(low, judged_noise(problem, noise))
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
 
 
 def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
-    """Size of each joint's noise in the judged band without what comes and goes: by the median of its squares.
+    """Size of each joint's noise in the judged band at most times, by the median of its squares.
 
-    Of normal noise of one size that is its root mean square.
+    For stationary normal noise it is the root mean square.
     """
     from scipy.special import chdtri
 
@@ -165,11 +165,11 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
 
 
 def answers_above(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
-    """Mean square of what each joint's torque holds above the filter's band in motion, beyond the noise of its sensors.
+    """Mean square of each joint's torque above the filter's band in motion, beyond the noise of its sensors.
 
-    A controller answers the steps of its encoder at its own rate, and only in motion. A log that reads its torque at
-    instants, and more rarely, takes that down to any frequency, and no motion shows it. A torque that is held from one
-    reading to the next is read as often as it changes: all of it acts, and nothing comes down.
+    A controller answers the steps of its encoder at its own rate, and only in motion. In a log with a lower rate that
+    reads torque at instants, this torque is aliased to any frequency, and does not show in the motion. A torque that is
+    held between readings is read as often as it changes: all of it acts, and nothing is aliased.
 
     Args:
         problem: Recordings and which samples are usable.
@@ -189,7 +189,7 @@ def answers_above(problem: Problem, sensors: list[Density | None]) -> Float[Arra
 
 
 def _folded(problem: Problem, sensors: list[Density | None]) -> Float[Array, " nv"]:
-    """Size of that in the judged band, if it comes down evenly to all frequencies."""
+    """Size of the torque of `answers_above` in the judged band, if aliasing spreads it evenly over all frequencies."""
     width = float(np.mean([_width(log.band) for log in problem.session.logs]))
     return np.sqrt(answers_above(problem, sensors) * problem.session.cutoff_hz / width)
 
@@ -207,9 +207,9 @@ def left_in_doubt(
     floor: Float[Array, " nv"],
     wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Mean square of what is left where friction is in doubt by more than the floor, up to two deviations of it.
+    """Mean square of the residual where friction is uncertain by more than the floor, up to two deviations of it.
 
-    None on a joint that has more left elsewhere too, ``wide`` times its noise there: that is no matter of friction.
+    Zero on a joint whose residual elsewhere is above ``wide``, too: then friction is not the reason.
     """
     out = np.zeros(len(floor))
     for j in range(len(floor)):
@@ -227,9 +227,9 @@ def left_in_doubt(
 
 
 def sensors_of(session: Session) -> list[Density | None]:
-    """White noise of the torque readings above the band, of each joint; of none where less than half show it.
+    """White noise of each joint's torque readings above the band; None for all joints where less than half show it.
 
-    A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by accident.
+    A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by chance.
     """
     robot = session.robot
     shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]
@@ -239,11 +239,11 @@ def sensors_of(session: Session) -> list[Density | None]:
 
 @dataclass(frozen=True)
 class Sensed:
-    """What does not depend on any effect: the noise of the sensors, and how wrong a sound model may be.
+    """Noise of the sensors and error of a sound model, which do not depend on any effect.
 
     Attributes:
-        floor: What the sensors leave of each joint's torque in the judged band.
-        discrepancy: By which a sound model may be wrong on each joint, root mean square, ``(nv,)``.
+        floor: Noise of the sensors on each joint in the judged band.
+        discrepancy: Error of a sound model on each joint, root mean square, ``(nv,)``.
         torque: Measured torque of each joint in the judged band, root mean square, ``(nv,)``.
     """
 
@@ -271,23 +271,22 @@ def sensed_floor(
 ) -> Floor:
     """The floor of each joint by its sensors, with the discrepancy that a sound model is allowed.
 
-    Repetitions stay what they are. Where predictors leave less than the sensors make, the noise is known and no more
-    than that. The upper end holds what is left where friction is in doubt, and what derivatives and filters are wrong
-    by.
+    Floors by repetitions are kept. Where the residual of predictors is smaller than the noise of the sensors, it is the
+    noise. The residual where friction is uncertain, and errors of derivatives and filters, are added to the upper end.
 
     Args:
         floor: By repetitions and predictors.
-        sensed: What the sensors make.
+        sensed: Noise of the sensors.
         problem: Recordings, blocks and columns.
-        noise: What no predictor foresees of each log's torque.
-        residual: What the explanation leaves of each log's torque, in the judged band.
-        doubt: Variance of the friction torque that joints leave open which stand, creep or turn about.
+        noise: Residual of flexible predictors of each log's torque.
+        residual: Residual of the explanation of each log's torque, in the judged band.
+        doubt: Variance of the friction torque of joints that stand, creep or reverse.
     """
     own_floor = sensed.floor
     repeated = np.array([source == REPETITIONS for source in floor.source])
     known = own_floor.known & ~repeated
     taken = known & (own_floor.value < floor.value)
-    # Where both agree, predictors say more closely what it is: encoders may hide all that the torque holds.
+    # Where both agree, that of predictors is more accurate: noise of encoders may hide that of the torque.
     agree = (floor.value >= own_floor.low) & (floor.value <= own_floor.high)
     value, low, high = (
         np.where(use, own, given)
@@ -308,7 +307,7 @@ def sensed_floor(
 
 
 def counted(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """What each sample of each log counts in the figures of a gap: nothing outside the cores of the judged blocks."""
+    """Weight of each sample of each log in the figures of a gap; zero outside the cores of the held-out blocks."""
     out = tuple(np.zeros(use.shape) for use in problem.columns.usable)
     for k in judged_blocks(problem):
         block = problem.blocks[k]

@@ -34,21 +34,21 @@ class Judge:
 
 
 def narrow_search(search: Search, noise: Series) -> Search:
-    """The same search with fits by plain least squares in the judged band.
+    """The search with fits by plain least squares in the judged band.
 
-    Whitened fits tell effects apart best. Once the effects are chosen, the plain fit is the one that closes the gap,
-    and its parameters suffer less where a real effect is not quite its law.
+    Whitened fits separate effects best. Once the effects are chosen, the plain fit closes most of the gap, and its
+    parameters are less biased where a real effect differs from its law.
     """
     columns = search.problem.columns
     return search_below(search, columns, noise, np.full(len(columns.rows), search.problem.session.cutoff_hz))
 
 
 def search_below(search: Search, columns: Columns, noise: Series, edges: Float[Array, " nv"]) -> Search:
-    """The same search with plain fits by what lies below a frequency of each joint.
+    """The search with plain fits to the frequencies below a limit on each joint.
 
     Args:
         search: Rivals.
-        columns: Its columns, or the fewer of those rivals that are asked for: their products take most memory.
+        columns: Its columns, or only those of the rivals that are needed: their products take most memory.
         noise: Of each log's torque.
         edges: Frequencies [Hz].
     """

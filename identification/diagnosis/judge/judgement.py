@@ -1,7 +1,7 @@
 """Gap, findings, detection limits and verdict of an explanation, all measured in the judged band.
 
-Moves within tolerance may take up a payload. A load that all links of a linkage share is taken up by many moves at
-once, by more than the tolerance of any one mass, so that a fit beside the moves says how heavy it may be.
+Moves within tolerance may hide a payload. A load on a linkage is shared by many moves, and may exceed the tolerance of
+any one mass, so that its largest possible mass comes from a fit beside the moves.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
 
-# Share of the samples below which a regime says nothing of a joint.
+# Share of a joint's samples that a regime needs to be reported.
 _FEW = 0.01
 _DEVIATIONS = 2.0
-"""Above the estimate: what 95 % of payloads that look like this one stay below."""
+"""Standard deviations from the estimate of a hidden payload to its upper limit at 95 %."""
 
 
 def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
-    """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
+    """Gap, findings, detection limits and verdict of an explanation, and the fits behind them."""
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
     shown, left = _shown_above_noise(explanation, narrow_search(search, noise), noise)
@@ -66,7 +66,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     within = left_by(judge, shown.plain, frozenset())
     claims = [
         *findings_without(shown, judge, within),
-        # Without a coarse reading the model is the same: what it feigns is no torque.
+        # A coarse reading adds spurious torque and does not change the model.
         *(FindingWithout(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
@@ -100,7 +100,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         minor=minor,
         numbers=model_numbers(shown),
         bursts=bursts,
-        # Last of all: its fits are not to move the last digits of what is said above.
+        # Last of all, so that its fits cannot change the last digits of the other results.
         ledger=(*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding)),
     )
     return judgement, shown
@@ -108,16 +108,16 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
 
 @dataclass(frozen=True)
 class _Left:
-    """What effects leave of each log's torque, and the noise floor that it is judged by.
+    """Residual of each log's torque after a set of effects, and the noise floor that it is compared with.
 
     Attributes:
         torque: Of the corrected model for each log.
-        residual: What the named effects leave, in the judged band.
-        whole: What all of them leave, structures without a name too.
-        doubt: Variance of the friction that joints leave open, see `_open_friction`.
-        rounding: What coarse readings feign.
+        residual: After the named effects, in the judged band.
+        whole: After all effects, structures without a name included.
+        doubt: Variance of uncertain friction, see `_open_friction`.
+        rounding: Spurious torque of coarse readings.
         floor: Noise floor of each joint.
-        judge: Of the gap.
+        judge: Problem and floor of the gap.
     """
 
     torque: Series
@@ -130,7 +130,7 @@ class _Left:
 
 
 def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
-    """The effects of an explanation that pass all gates of the judge, and what they leave."""
+    """The effects of an explanation that pass all gates of the judge, and their residual."""
     sensed = sensed_of(plain.problem)
 
     @cache
@@ -142,32 +142,32 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     left = left_by_all(state.shown)
     torque = torque_is_there(_torque_over_noise(left))
     if not torque.passed:
-        # No torque at all fits as well as any model can: what is in the model says nothing of the robot.
+        # The measured torque is noise, so that no model can be tested with it.
         bench.record.lost(explanation.chosen, torque)
         shown = shown_effects(bench, State.of(frozenset()))
         return shown, replace(left_by_all(shown.chosen), floor=left.floor, judge=left.judge)
     bench.record.kept(state.shown, torque)
     if not state.shown and _above_noise(left):
-        # What lies above the judged band may hide from the search what there is inside it.
+        # Disturbances above the judged band may hide effects inside it from the search.
         state = State.of(explain(plain, lambda _: None))
     shown = shown_effects(bench, state)
     return shown, left_by_all(shown.chosen)
 
 
 def _torque_over_noise(left: _Left) -> float:
-    """The largest measured torque of a joint that is judged, over the most that its noise may be."""
+    """The largest measured torque of a tested joint, over the upper end of its noise floor."""
     torque = sums(left.judge.problem, measured_torque(left.judge.problem))
     judged = torque.counts.any(axis=0)
     return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
 
 
 def _above_noise(left: _Left) -> bool:
-    """True if some joint is left with more than its noise."""
+    """True if the residual of some joint is above its noise floor."""
     return bool(np.any(sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
 def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed) -> _Left:
-    """What a set of effects leaves, and its noise floor."""
+    """Residual of a set of effects, and its noise floor."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.evaluate(named))
     residual = session.in_judged_band(residual_after(problem, torque))
@@ -186,7 +186,7 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
 
 
 def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
-    """Variance of the friction torque that joints leave open which stand, creep or turn about, in the band."""
+    """Variance of the friction torque of joints that stand, creep or reverse, in the band: there it is uncertain."""
     columns, session = plain.problem.columns, plain.problem.session
     found = found_effects(plain.evaluate(chosen), chosen)
     return tuple(
@@ -196,12 +196,12 @@ def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
 
 
 def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:
-    """Squared residuals without a mean square that coarse readings feign."""
+    """Squared residuals less the mean square of the spurious torque of coarse readings."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
 
 
 def _located(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
-    """What is left, with the joint that is furthest above its noise floor where no structure says another."""
+    """The residual, with the joint that is furthest above its noise floor, unless its structure names another."""
     above = [joint.rms_after / joint.allowed for joint in joints]
     if left.joint is not None or max(above) <= 1.0:
         return left
@@ -210,7 +210,7 @@ def _located(left: Unexplained, problem: Problem, residual: Series, joints: tupl
 
 
 def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
-    """What is left, with the times of events, and the joint of the largest one where no structure says another."""
+    """The residual, with the times of events, and the joint of the largest one, unless its structure names another."""
     if not bursts:
         return left
     joint = max(bursts, key=lambda burst: burst.ratio).joint if left.joint is None else left.joint
@@ -218,7 +218,7 @@ def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
 
 
 def _by_regime(problem: Problem, left: _Left) -> tuple[tuple[float, float], ...]:
-    """Of each joint what is left beyond noise where it creeps or turns about, and elsewhere, root mean square."""
+    """Residual of each joint beyond noise where it creeps or reverses, and elsewhere, root mean square."""
     session = problem.session
     slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
     here = tuple(np.where(mask, part, 0.0) for part, mask in zip(left.residual, slow, strict=True))
@@ -227,7 +227,7 @@ def _by_regime(problem: Problem, left: _Left) -> tuple[tuple[float, float], ...]
     counted_slow = sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
     shares = np.stack([counted_slow, 1.0 - counted_slow])
     squares = np.stack([part.rms() ** 2 for part in both]) / np.maximum(shares, 1e-12) - left.floor.high**2
-    # Of a joint that was not judged nothing is known.
+    # Nothing is known of joints without held-out samples.
     known = (shares > _FEW) & (squares > 0.0)
     return tuple((slow_part, moving) for slow_part, moving in np.sqrt(np.where(known, squares, 0.0)).T.tolist())
 
@@ -245,10 +245,10 @@ def joint_gaps(
     Args:
         problem: Robot and recordings.
         floor: Noise floor of each joint.
-        before: What the given model leaves.
-        within: What the best moves within its tolerances leave.
-        after: What moves and findings leave.
-        by_regime: Of each joint `JointGap.left`; None: not known.
+        before: Residual of the given model.
+        within: Residual of the best moves within its tolerances.
+        after: Residual of moves and findings.
+        by_regime: `JointGap.left` of each joint; None: not known.
     """
     robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
     out = []
@@ -326,9 +326,9 @@ def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: fro
     """The moves with the heaviest payload that could hide behind those of masses that end at their limits.
 
     Args:
-        moves: Moves found so far, with the mass that each of them alone takes up.
+        moves: Moves found so far, each with the mass that it alone may hide.
         search: Fits a payload beside the moves.
-        chosen: What is shown; a payload among it does not hide.
+        chosen: The findings; if there is a payload among them, none is hidden.
     """
     loads = [term for term in search.terms if term.effect.inertial == "point mass"]
     masses = [move for move in moves if move.at_limit and _mass(move) is not None]

@@ -1,7 +1,8 @@
 """The ledger of a diagnosis: every effect that was claimed at any time, and the ten best that never were.
 
-What search and judge have decided was recorded as it was decided. Here the effects that are not named are put beside
-the final set once more: what they gain there, what they would close alone, and what explains it in their place.
+Decisions of search and judge were recorded as they were made. Here the effects that are no findings are compared with
+the final set once more: their gain beside it, the gap that they would close alone, and the findings that explain it in
+their place.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from identification.gates.exchange import explains_more_than_others
 from identification.gates.in_band import torque_is_there
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 
-# Findings without which it is looked what an effect would gain: those of a robot with many joints say little of others.
+# Most findings in whose place the gain of another effect is computed; in robots with many joints most are unrelated.
 _MOST_FINDINGS = 12
 # Effects whose figures are computed in the judged band.
 _MOST_MEASURED = 40
@@ -42,9 +43,9 @@ _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_clai
 
 @dataclass(frozen=True)
 class _Nearness:
-    """How near an effect comes to being claimed: its best shape, its gain beside all, and its gain instead of one.
+    """How near an effect comes to being claimed: its best shape, its gain beside the set, and its gain instead of one.
 
-    ``of_other`` is what that one gains in its place.
+    ``of_other`` is the gain of the replaced effect itself.
     """
 
     term: Term
@@ -60,13 +61,13 @@ class _Nearness:
 
 
 def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place]) -> tuple[Claim[EffectAt], ...]:
-    """The entries of the ledger, what is claimed first, then the nearest.
+    """The entries of the ledger: claims first, then the effects that came nearest.
 
     Args:
-        search: What the search has found, with its record.
+        search: The search, with its record of decisions.
         shown: Effects that passed all gates of the judge.
-        judge: Of the gap.
-        minor: Of these, what is too small to matter.
+        judge: Problem and floor of the gap.
+        minor: Those of them that are too small to matter.
     """
     record, named = search.record, {term.place for term in shown.named}
     near = _nearness(search, shown.beside)
@@ -81,7 +82,7 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         if place in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
             continue
         if place in near:
-            # What the search has decided beside other effects is asked once more beside the final ones.
+            # The search decided beside other effects: its gates are asked once more beside the final ones.
             again, others = _asked_again(search, shown.beside, near[place])
             if not again[-1].passed or failed is None:
                 gates[place], instead[place] = again, others
@@ -109,7 +110,7 @@ def _outcome(place: Place, named: set[Place], minor: frozenset[Place], instead: 
 
 
 def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
-    """What each effect of the catalogue that is not in a set gains in sample beside it, and in the place of one of it.
+    """In-sample gain of each effect outside of a set, beside it and in the place of one of its effects.
 
     To second order, without a fit.
     """
@@ -133,10 +134,10 @@ def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
 def _asked_again(
     search: Search, found: frozenset[Term], near: _Nearness
 ) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
-    """What the gates of the search say of an effect beside a set; and what of the set it could stand for, if it fails.
+    """Results of the search's gates for an effect beside a set; if it fails, also the effect that explains it instead.
 
-    It could stand for an effect without which it would gain what a claim needs, twice what it gains beside it, and a
-    fair part of what that one gains.
+    That is an effect without which it would gain enough for a claim, twice its gain beside it, and a fair part of the
+    other's gain.
     """
     term, other = near.term, near.other
     if possible(found, term):
@@ -145,7 +146,7 @@ def _asked_again(
         if results[-1].passed:
             results = (*results, explains_more_than_others(search.score(found) - search.score(together)))
     else:
-        # A special case of a law that is there: what takes its place is that law.
+        # A special case of a law in the set is replaced by that law.
         rich = next(one for one in ordered(found) if not possible(frozenset([one]), term))
         margin = search.score(found) - search.score(replaced(found, rich, frozenset([term])))
         return (explains_more_than_others(margin),), (rich.place,)
@@ -158,9 +159,9 @@ def _asked_again(
 def _figures(
     shown: Shown, judge: Judge, terms: dict[Place, Term], instead: dict[Place, tuple[Place, ...]]
 ) -> dict[Place, dict[str, float]]:
-    """Of each effect ``closes``, the share of the gap that it closes alone; and ``floors_more``.
+    """For each effect ``closes``, the share of the gap that it closes alone, and ``floors_more``.
 
-    The latter is by how many noise floors more some joint is left with, with the effect in the place of what is named
+    The latter is the growth of some joint's residual, in noise floors, with the effect in place of the one named
     instead.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
@@ -181,7 +182,7 @@ def _figures(
 
 
 def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
-    """What subsets of the named effects and others leave; a law that is not linear makes no other fit slower."""
+    """Squared residuals of subsets of the named effects and others; nonlinear laws do not slow down linear ones."""
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
     of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
     return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)

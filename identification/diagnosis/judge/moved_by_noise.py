@@ -1,9 +1,9 @@
-"""Effects that go with the motion, judged where the torque is far above the noise.
+"""Effects that depend on the motion, tested at frequencies where the torque is far above the noise.
 
-A disturbance that nobody records moves the joint, and the controller answers. The disturbance is what the model leaves.
-The acceleration that it makes goes with it as too small an inertia would; the answer is in the recorded torque, and as
-damping makes it, its rate goes with the disturbance as a delay of some ten milliseconds would on a soft joint. Where
-the torque of the motion is many times what is left, there is no room for that.
+An unrecorded disturbance moves a joint, and the controller answers. The residual of the model is that disturbance. It
+is correlated with the acceleration that it makes, as it would be with too small an inertia. And the damping of the
+controller answers it in the recorded torque, whose rate is then correlated with it, as by a delay of some ten
+milliseconds on a soft joint. Where the torque of the motion is many times the residual, such correlations are small.
 """
 
 from __future__ import annotations
@@ -34,36 +34,36 @@ _SEGMENT = 256
 
 
 def motion_results(loud: Search, there: Mapping[Term, Term], chosen: frozenset[Term]) -> dict[Term, GateResult]:
-    """What the gate of motion says of those of some effects that go with the motion, see `loud_search`.
+    """Results of the gate of motion for those effects that depend on the motion, see `loud_search`.
 
     Args:
-        loud: A search where the torque of the motion is far above the noise.
-        there: Each effect with its place there.
-        chosen: Effects that are shown together.
+        loud: A search at frequencies where the torque of the motion is far above the noise.
+        there: The term of each effect in that search.
+        chosen: The set of effects.
     """
     motion = [term for term in ordered(chosen) if accelerates(term)]
     return {term: _in_motion(loud, _of(there, chosen), _of(there, chosen - {term})) for term in motion}
 
 
 def accelerates(term: Term) -> bool:
-    """True if an effect goes with the acceleration of the motion, as noise that moves a joint does."""
+    """True if an effect depends on the acceleration, with which noise that moves a joint is correlated."""
     return term.effect.goes_with_motion == "acceleration"
 
 
 def foreseen_noise(
     judge: Judge, search: Search, kept: frozenset[Term], noise: Series, left: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Mean square of the noise of each joint that predictors foresee because it moves the joint.
+    """Mean square of the noise of each joint that predictors can predict because it moves the joint.
 
-    Only of joints that have more left than their floor allows: there all effects that go with the motion of the joint
-    are tried. If they do not show where the torque is far above the noise, what they take off is noise.
+    Only of joints whose residual is above their floor. There all effects that depend on the motion of the joint are
+    tried; if they do not show where the torque is far above the noise, the part that they explain is noise.
 
     Args:
-        judge: Noise floor of each joint, without that.
+        judge: Noise floor of each joint, without this noise.
         search: Plain fits in the judged band.
         kept: Effects that are shown.
         noise: Of each log's torque.
-        left: What the effects leave of each joint, root mean square.
+        left: Residual of each joint after the effects, root mean square.
     """
     out, joints = np.zeros(len(left)), search.problem.session.robot.joint_names
     above = [row for row in range(len(left)) if left[row] > judge.highest[row]]
@@ -75,12 +75,12 @@ def foreseen_noise(
         if not _in_motion(loud, _of(there, every), _of(there, kept)).passed:
             squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
-    # What foresees most of it leaves a floor that is far too low; several times the floor is a gap all the same.
+    # Predictors of such noise make the floor too low; but a residual of several times the floor is a gap.
     return np.minimum(out, ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0))
 
 
 def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
-    """One effect of each kind that goes with the motion of a joint."""
+    """One effect of each kind that depends on the motion of a joint."""
     alike: dict[tuple[str, str | None], Term] = {}
     for term in search.terms:
         if term.named and term.effect.goes_with_motion and term.joint == joint:
@@ -89,23 +89,23 @@ def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
 
 
 def _of(there: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """The same effects among fewer columns."""
+    """Terms of the same effects in the search with fewer columns."""
     return frozenset(there[term] for term in chosen)
 
 
 def noise_results(
     judge: Judge, search: Search, chosen: frozenset[Term], asked: Iterable[Term]
 ) -> dict[Term, GateResult]:
-    """What the gate of noise says of effects that noise may make.
+    """Results of the gate of noise for effects that noise may imitate.
 
-    The noise of the floor's upper end moves joints, which looks like an effect that goes with the motion, and leaves
-    friction open where a joint turns about.
+    Noise up to the floor's upper end moves joints, which looks like an effect that depends on the motion, and makes
+    friction uncertain at reversals.
 
     Args:
         judge: Upper end of each joint's floor.
         search: Plain fits in the judged band.
         chosen: Effects that are shown.
-        asked: Those of them that noise may make.
+        asked: Those of them that noise may imitate.
     """
     left, out = np.maximum(left_by(judge, search, chosen).rms(), 1e-300), {}
     for term in asked:
@@ -115,14 +115,14 @@ def noise_results(
 
 
 def noise_may_make(term: Term) -> bool:
-    """True of effects that go with the motion, and of friction where a joint is slow."""
+    """True for effects that depend on the acceleration, and for friction of slow joints."""
     return term.named and bool(term.effect.goes_with_motion or term.effect.acts_when_slow)
 
 
 def _in_motion(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> GateResult:
-    """What the gate of motion says of effects: by their price, and by the scatter from block to block.
+    """Result of the gate of motion, by the price of effects and by their scatter over blocks.
 
-    What acts in few blocks scatters; it is there if the rules of the search would claim it.
+    An effect that acts in few blocks scatters; it passes if the gates of the search accept it.
     """
     rich, plain = loud.evaluate(chosen), loud.evaluate(without)
     gains = plain.loss - rich.loss
@@ -135,18 +135,18 @@ def _in_motion(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) 
 def loud_search(
     search: Search, chosen: frozenset[Term], asked: frozenset[Term], noise: Series
 ) -> tuple[Search, dict[Term, Term]]:
-    """A search by what lies below the frequency up to which the torque of each joint is far above the noise.
+    """A search over the frequencies at which the torque of each joint is far above the noise.
 
-    It holds the columns of few effects: with those of all rivals it would take as much memory as the search itself.
+    It has the columns of few effects only: with those of all rivals it would need as much memory as the search itself.
 
     Args:
         search: Plain fits in the judged band.
-        chosen: What explains the recordings; what it leaves is noise here.
-        asked: Effects that are to be judged by it.
+        chosen: The effects that explain the recordings; their residual is the noise here.
+        asked: Effects that are to be tested.
         noise: Of each log's torque.
 
     Returns:
-        The search, and each of these effects with its place there.
+        The search, and the term of each of these effects in it.
     """
     problem, session = search.problem, search.problem.session
     columns = problem.columns
@@ -163,19 +163,19 @@ def loud_search(
     )
     few, there = columns_for(columns, asked)
     loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
-    # Squares count by other weights here, and in a narrower band.
+    # Weights and band differ from those of the other search.
     return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), there
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
-    """Frequency up to which the torque has many times the power of what is left [Hz].
+    """Frequency up to which the torque has many times the power of the residual [Hz].
 
-    One sine has nothing below its line: what is quiet there is no end.
+    Frequencies below a single sine are quiet, too; they do not count as the end.
     """
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
     f, noise = power_density(rest, rate_hz, length)
     _, power = power_density(torque, rate_hz, length)
-    # The first bin is a constant, which a spectrum takes off.
+    # The first bin is the constant, which the spectrum removes.
     quiet = np.flatnonzero((power < moved_joints.MOVED_BY_NOISE * noise) & (f > 0.0))
     if is_one_sine(torque):
         quiet = quiet[quiet >= np.argmax(power)]

@@ -1,4 +1,4 @@
-"""Regimes of motion that hold more of the residual of a joint than their share of time."""
+"""Regimes of motion in which the residual of a joint is larger than at other times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phantom_dyn.array_types import Array, Bool
 
 
 def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[Array, " n"]]:
-    """Which in-band samples of one joint belong to each regime that needs no model to see."""
+    """In-band samples of one joint in each regime, as far as the motion alone defines it."""
     at = log.samples
     v, a = log.motion.v[:, row], log.motion.a[at, row]
     load = np.abs(columns.model_torque[index][:, row])
@@ -36,7 +36,7 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
 
 @dataclass(frozen=True)
 class RegimeSplit:
-    """How one joint's residual energy is spread over regimes.
+    """Distribution of one joint's residual energy over regimes.
 
     Attributes:
         shares: Of the energy, by regime.
@@ -50,7 +50,7 @@ class RegimeSplit:
 
 
 def regime_shares(problem: Problem, residual: Series, row: int) -> tuple[dict[str, float], str]:
-    """Shares of one joint's residual energy, and the regime that stands out; see `regime_split`."""
+    """Shares of one joint's residual energy, and the regime with most; see `regime_split`."""
     split = regime_split(problem, residual, row)
     return split.shares, split.best
 
@@ -58,8 +58,8 @@ def regime_shares(problem: Problem, residual: Series, row: int) -> tuple[dict[st
 def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
     """Share of one joint's residual energy in each regime, and the regime that holds most beyond its share of time.
 
-    The direction and the half of the record that hold more are the ones that are counted. A regime is named if it
-    holds at least 1.5 times its share of the samples; otherwise the gap is ``everywhere``.
+    Of the two directions, and of the two halves of the record, only the one with more energy is listed. A regime is
+    named if its share of the energy is at least 1.5 times its share of the samples; else the gap is ``everywhere``.
     """
     columns = problem.columns
     energy, samples, total, count = {}, {}, 0.0, 0

@@ -1,4 +1,4 @@
-"""How much of the gap the findings close, together and one by one (Shapley value)."""
+"""Share of the gap that the findings close, together and each of them (Shapley value)."""
 
 from __future__ import annotations
 
@@ -35,31 +35,30 @@ def beyond_the_floor(judge: Judge, within: Sums) -> bool:
 
 
 def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-    """What shares are shares of: the loss within the tolerances beyond one, when each block counts ``weights`` times.
+    """The gap of which shares are stated: loss after moves within the tolerances above the noise, for weighted blocks.
 
-    The mean over joints may be within the floor while a joint is not: then it is what the findings take off.
+    The mean loss may be below the noise while one joint is above it: then the gap is the loss that the findings close.
     """
     base = within.loss(judge.floor, weights)
     beyond = base - 1.0 if beyond_the_floor(judge, within) else base - after.loss(judge.floor, weights)
-    # In a replicate that happens to have next to no gap, a share is as good as no number.
+    # In a replicate with next to no gap a share would have no meaning.
     return np.maximum(beyond, _LEAST_GAP * base)
 
 
 def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
-    """How often each block is drawn in bootstrap replicates of the gap closed, the same for all that is closed."""
+    """How often each block is drawn in each bootstrap replicate of the gap; the same draws for all findings."""
     return block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
 
 
 def least_closed(
     left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term], floor: Float[Array, " nv"]
 ) -> dict[Term, float]:
-    """Lower end of the interval of what each of some effects closes, by a bootstrap of blocks, over what it closes.
+    """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Minus one of what closes nothing. Of near twins the one that is left takes up what the other closes, so that they
-    are not asked.
+    Minus one for an effect that closes nothing. Near twins are left out, as each closes the gap of the other.
 
     Args:
-        left: What a set of them leaves in the judged band.
+        left: Squared residuals of a set of them in the judged band.
         chosen: The effects.
         floor: Noise floor of each joint.
     """
@@ -79,8 +78,8 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
 
     Args:
         judge: Gives the noise floor.
-        within: What the best moves within the tolerances leave.
-        after: What moves and findings leave.
+        within: Residual of the best moves within the tolerances.
+        after: Residual of moves and findings.
     """
     once = np.ones((1, len(within.counts)))
     if not beyond_the_floor(judge, within):

@@ -1,4 +1,4 @@
-"""Residual without a cause, and the verdict that follows from it."""
+"""The unexplained residual, and the verdict that follows from it."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from phantom_dyn.model.robot import Robot
 def verdict(
     joints: tuple[JointGap, ...], findings: tuple[Finding, ...], left: Unexplained, *, moved: bool, hides: bool
 ) -> str:
-    """The contract's verdict, which the figures of every joint have to bear out.
+    """The contract's verdict; it has to agree with the figures of every joint.
 
     Args:
         joints: Gap of each joint.
         findings: Named causes.
-        left: What they leave.
+        left: The residual after them.
         moved: True if some joint moves in the recording.
         hides: True if ordinary friction, inertia or drive effects could hide in the noise.
     """
@@ -51,14 +51,14 @@ def verdict(
 
 
 def not_explained(said: str) -> str:
-    """The verdict where a finding has a size that no sound robot has: its cause may be another one."""
+    """The verdict where a finding has an implausible size: its cause may be another one."""
     return "partly_explained" if said == "explained" else said
 
 
 def nearly_closed(joint: JointGap) -> bool:
-    """True if a joint has at most 1.5 noise floors left, or a tenth of its gap within the tolerances."""
+    """True if the residual of a joint is at most 1.5 noise floors, or a tenth of its gap within the tolerances."""
     after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
-    # What may be noise and discrepancy is no gap, however uncertain the noise is.
+    # A residual that may be noise and discrepancy is no gap, however uncertain the noise is.
     within_noise = joint.rms_after <= joint.allowed
     return (
         within_noise
@@ -70,7 +70,7 @@ def nearly_closed(joint: JointGap) -> bool:
 def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
     """True if effects of friction, inertia or drives that are ordinary in size could all hide in this recording.
 
-    An ordinary effect makes a tenth of the torque on this motion. A bound that is not known in torque counts for none.
+    An ordinary effect makes a tenth of the torque in this motion. Limits that are not known as a torque do not count.
     """
     known = [bound.of_torque for bound in bounds if bound.of_torque is not None]
     return bool(known) and min(known) > rules.ORDINARY_SHARE
@@ -83,14 +83,14 @@ def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
 def unexplained(
     shown: Shown, judge: Judge, residual: Series, whole: Series, discrepancy: Float[Array, " nv"] | None = None
 ) -> Unexplained:
-    """How much of the explainable gap is left, and where it sits if it has structure.
+    """Share of the explainable gap that is not explained, and where it is if it has structure.
 
     Args:
         shown: The effects that are shown.
-        judge: Of the gap.
-        residual: What the named effects leave, in the judged band.
-        whole: What all of them leave, structures without a name too.
-        discrepancy: By which a sound model may be wrong on each joint, ``(nv,)``; None: by nothing.
+        judge: Problem and floor of the gap.
+        residual: Residual after the named effects, in the judged band.
+        whole: Residual after all effects, structures without a name included.
+        discrepancy: Error of a sound model on each joint, ``(nv,)``; None: zero.
     """
     floor, problem, nameless = judge.floor, shown.problem, shown.chosen - shown.named
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
@@ -105,11 +105,11 @@ def unexplained(
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
     lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
-    # A sound model is wrong in a way that comes again, too.
+    # The error of a sound model is predictable, too.
     foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
     beyond = discrepancy is None or bool(np.any(foreseen > discrepancy))
     structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
-    # What moves within the tolerances explain is no gap.
+    # The part that moves within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
@@ -138,7 +138,7 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
 
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
-    """Moves of the model inside its tolerance that the data ask for: beyond two deviations, or at their limit."""
+    """Moves of the model within its tolerance that differ from zero by two deviations, or are at their limit."""
     std = np.sqrt(np.diag(found.cov))[: len(problem.moves)]
     out = []
     for k, deviation in zip(problem.moves, std, strict=True):
@@ -151,7 +151,7 @@ def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
 
 
 def hidden_by(robot: Robot, move: Nuisance) -> Hidden:
-    """What could hide behind a move that ends at its limit."""
+    """The larger departure that may hide behind a move at its limit."""
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
     body, _, quantity = move.name.rpartition(" ")
     if quantity == "mass" and body in masses:

@@ -1,4 +1,4 @@
-"""What the gates of a claim say of effects in a set, and backward elimination of those that fail them."""
+"""Gates of the search, applied to effects in a set, and backward elimination of effects that fail them."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from identification.gates.over_blocks import in_enough_blocks
 from identification.gates.possible import possible_size
 from phantom_dyn.array_types import Array, Float
 
-# Effects of a set without which it is fitted, those that it would miss least.
+# Most effects of a set that are removed on trial: those whose removal raises the loss least.
 _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
-    """Held-out gain that a claim of these effects needs: more than chance, on joints where it closes a fair part.
+    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap on its joints.
 
     An effect may touch a joint with a large gap and act on another one: its gain counts only where it is a fair part of
-    the gap. Of that gap, laws beside it that rigid bodies obey exactly have taken their part, and leave no more for
-    what resembles them.
+    the gap. Errors of bodies in the set explain part of that gap exactly, so that less of it is left for effects with
+    similar columns.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
-        terms: What is claimed.
-        beside: Effects that are there without the claim.
-        by_row: How the gain is spread over the joints, in any unit, ``(nv,)``.
+        terms: The claimed effects.
+        beside: Effects of the set without the claim.
+        by_row: Distribution of the gain over the joints, in any unit, ``(nv,)``.
     """
     parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
     fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
@@ -61,10 +61,10 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
 
 
 def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
-    """What the gates of a claim say of ``chosen`` beside ``without``, in their order, up to the first that fails.
+    """Results of the gates for ``chosen`` over ``without``, in their order, up to the first that fails.
 
-    Its sizes and bodies have to exist; the gain has to be more than chance gives, on held-out data and in sample; it
-    has to be a fair part of the gap; and it has to hold in enough blocks.
+    Its sizes and bodies have to be possible; its gain has to be above chance, on held-out data and in sample; it has to
+    be a fair part of the gap; and it has to hold in enough blocks.
     """
     return until_failed(_questions(search, chosen, without))
 
@@ -75,7 +75,7 @@ def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]
     if any(term.effect.inertial == "free" for term in new):
         possible = plain.objective - rich.objective
         yield bodies_can_exist(possible, possible + rich.denied)
-    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+    # A gain in sample is larger than a held-out one, unless the few held-out blocks agree by chance.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)
     yield more_than_chance(gain, search.threshold.of(*new))
@@ -96,10 +96,10 @@ def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]
 
 
 def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
-    """Squared torque of what is new beside near twins that are there already, zero beside none.
+    """Squared torque of new effects that have a near twin in the set; zero without twins.
 
-    What one of near twins gains beside the other is small, however large the torque is that belongs to it: the twin
-    has taken nearly all of it, and has a size that is wrong by as much.
+    The gain of one near twin beside the other is small even if its own torque is large: the other has explained nearly
+    all of it, with a wrong size.
     """
     if not any(are_near_twins(one, other) for one in new for other in without):
         return 0.0
@@ -108,9 +108,9 @@ def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fit
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
-    """Energy of the columns of effects in each block over that in the block with most of it; one where there is none.
+    """Energy of the columns of effects in each block, relative to the largest; one where all are zero.
 
-    Zero, up to rounding, where an effect does not act at all.
+    Zero, up to rounding, in blocks where an effect does not act at all.
     """
     columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
     energy = problem.grams.core_a.diagonal(columns)
@@ -121,8 +121,8 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Backward elimination: remove, one by one, effects that are no longer needed.
 
-    Of many effects only those are tried that the fit would miss least. On a robot of many joints several of these may
-    go in one step, as long as no two of them touch the same joint.
+    Of many effects only those are tried whose removal raises the loss least. On a robot of many joints several may be
+    removed in one step, if no two of them touch the same joint.
     """
     while chosen:
         whole, touched = chosen, frozenset[int]()
@@ -141,7 +141,7 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
-    """The effects without which the loss in sample grows least, to second order; of a few effects all."""
+    """The effects whose removal raises the in-sample loss least, to second order; all effects of a small set."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:
         return terms

@@ -1,4 +1,4 @@
-"""Which effect is a special case of which other one, and which sets may hold both."""
+"""Relations between effects: special cases of each other, and effects that exclude each other from a set."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BODY = 10
 
 
 def joints_of(term: Term) -> tuple[str, ...]:
-    """The joints that a term sits on; none of an effect of the whole robot."""
+    """The joints that a term is on; none for an effect of the whole robot."""
     return () if term.joint is None else tuple(term.joint.split("+"))
 
 
@@ -35,10 +35,10 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 
 
 def _exclude(one: Term, other: Term) -> bool:
-    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better.
+    """True for two shapes of one effect, two friction laws with many parameters on one joint, and the like.
 
-    A joint has one torque constant, its own or one that several joints have in common. Beside bodies that are all free
-    one for all joints says nothing but that the friction of the model is wrong, as friction says by itself.
+    A joint has one torque constant, its own or one that several joints share. Beside free parameters of all bodies, a
+    common torque constant of all joints can only express wrong friction, which friction expresses by itself.
     """
     if scales_all_bodies(one, other) or scales_all_bodies(other, one):
         return True
@@ -50,22 +50,22 @@ def _exclude(one: Term, other: Term) -> bool:
 
 
 def scales_all_bodies(scale: Term, bodies: Term) -> bool:
-    """True if a torque scale that all joints have in common is beside parameters of all their bodies."""
+    """True for a common torque scale of all joints together with the parameters of all their bodies."""
     if not scale.effect.shared or bodies.effect.inertial != "free" or bodies.joint is not None:
         return False
     return len(bodies.columns) <= BODY * len(joints_of(scale))
 
 
 def possible(chosen: frozenset[Term], term: Term) -> bool:
-    """False if ``term`` is there already, or a special case of what is."""
+    """False if ``term`` is in the set already, or is a special case of one of its effects."""
     return term not in chosen and not any(contains(other, term) for other in chosen)
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
-    """For one of these terms, those to which it gives way, itself among them, and those that contain it."""
+    """Two functions: for a term those that remove it when they are added (itself too), and those that contain it."""
     near: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
-        # Only terms on one joint or with common columns have anything to do with each other.
+        # Only terms on a common joint or with common columns are related.
         for key in _keys(term):
             near[key].append(term)
 
@@ -84,7 +84,7 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
 
 
 def _keys(term: Term) -> tuple[object, ...]:
-    """What two terms have in common if they have anything to do with each other: a joint, or a column."""
+    """Joints and columns of a term: related terms have one of these in common."""
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
     whole = ("whole",) if term.effect.shared or (term.effect.inertial == "free" and term.joint is None) else ()
     return ("joint", term.joint), *shared, *whole, *term.columns

@@ -1,4 +1,4 @@
-"""Costs of rival sets of effects, counted in the ways that are fair, and odds of richer laws against simpler ones."""
+"""Costs of rival sets of effects (prices and penalties), and odds of laws with more parameters against simpler ones."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from phantom_dyn.array_types import Array, Float
 def costs_of(
     search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
+    """Cost of each set, price plus penalty on the moves of the model, in two versions that have the same weight.
 
-    Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
-    four less: how wrong a model is within its tolerance is not known that well.
+    In the first all of the penalty counts. In the second only the part by which it differs from that of the first set
+    by more than four (two tolerances of one quantity) counts, as stated tolerances are not known that well.
 
     Args:
         search: Rivals.
-        sets: What is compared, the finding's set first.
-        twins: Those that cost what the first set costs.
-        free: Those whose price does not count either, nor what more numbers save in moves: inertias that are free take
-            over what the model is wrong by within its tolerances. Empty: none.
+        sets: The compared sets, the finding's first.
+        twins: True for sets with the cost of the first one.
+        free: True for sets with the price of the first one, and with its penalty, too, where that would pay for the
+            price: free inertias also take over errors of the model within its tolerances. Empty: none.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
     dearer = prices - prices[0]
@@ -49,9 +49,9 @@ def losses_in(
     same: dict[Chosen, Chosen],
     free: tuple[set[Chosen], set[Chosen]],
 ) -> tuple[Float[Array, "B m"], tuple[Float[Array, " m"], ...]]:
-    """Held-out losses and costs in another search over the same rivals, with the same allowance for richer laws.
+    """Held-out losses and costs in another search over the same rivals, with the same allowance for each.
 
-    ``free`` are twins of the finding and laws that neither contain it nor are contained in it.
+    ``free`` has the twins of the finding, and laws that neither contain it nor are contained in it.
     """
     sets = [same.get(key, key) for key in keys]
     allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
@@ -61,10 +61,10 @@ def losses_in(
 
 
 def adds_up(search: Search, chosen: Chosen) -> bool:
-    """False for effects that hardly show but for what they take off each other.
+    """False for effects that nearly cancel each other.
 
-    On one sine a large lag and much friction make what little friction makes alone: of causes that the data cannot
-    separate, those are less likely that have to cancel.
+    On one sine a large lag and much friction together make the torque of little friction alone: of causes that the data
+    do not separate, those that have to cancel are less likely.
     """
     a, theta = search.problem.total_a, search.evaluate(chosen).theta
     each = [np.array(one.columns) for one in ordered(chosen)]
@@ -75,10 +75,10 @@ def adds_up(search: Search, chosen: Chosen) -> bool:
 
 
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
-    """Odds of a richer law of the same kind against what it contains, its further parameters not known beforehand.
+    """Odds of a law with more parameters against its special case (Laplace's approximation).
 
-    By Laplace's approximation: each further direction is expected to carry some half of the torque that was found. If
-    the data hardly show such a direction beside the tolerances, they cannot say that it is not there.
+    By the prior, each further direction makes about half of the torque of the finding. If the data do not determine
+    such a direction beside the tolerances, the odds stay near one.
     """
     problem, found = search.problem.of(chosen), search.evaluate(chosen)
     more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)

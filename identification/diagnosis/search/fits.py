@@ -1,4 +1,4 @@
-"""Fits of sets of effects to one problem, each made once and kept."""
+"""Fits of sets of effects to one problem, each computed once and cached."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from phantom_dyn.array_types import Array, Float
 
 Chosen = frozenset[Term]
 
-# Moves of the model from which on fits are computed from the nearest one: of few, each is made as quickly by itself.
+# Number of moves above which fits are computed as changes of the nearest one; with fewer, a new fit is as fast.
 _MANY_MOVES = 120
-# Of fewer moves: the last sets that were fitted, among which is one that differs little from the next.
+# With fewer moves: number of recent sets among which a similar one is searched for as a start.
 _RECENT = 40
 
 
 class Fits:
-    """The explicit cache of a search: what a set of effects leaves of one problem.
+    """The cache of a search: fits of sets of effects to one problem.
 
     A fit depends on its set alone and, but for rounding, not on the order of the calls.
 
@@ -47,7 +47,7 @@ class Fits:
         self._where_read = None if problem.where_read is None else Fits(problem.where_read)
 
     def of(self, chosen: Chosen) -> Fits:
-        """Fits of the problem whose columns a set needs, see `Problem.of`."""
+        """Fits of the problem with the columns of a set, see `Problem.of`."""
         return self if self._where_read is None or self.problem.of(chosen) is self.problem else self._where_read
 
     def held_out(self, chosen: Chosen) -> Fitted:
@@ -66,7 +66,7 @@ class Fits:
         return own._row_losses[chosen]
 
     def in_sample(self, chosen: Chosen) -> float:
-        """Loss of a set in sample: a tenth of the work, by which it is ranked what is worth holding out."""
+        """In-sample loss of a set, for a tenth of the work: ranks the sets before held-out losses are computed."""
         own = self.of(chosen)
         if chosen not in own._in_sample:
             known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
@@ -74,7 +74,7 @@ class Fits:
         return own._in_sample[chosen]
 
     def gains(self, chosen: Chosen, terms: tuple[Term, ...]) -> dict[Term, float]:
-        """How much each of some effects lowers the loss in sample beside a set, to second order."""
+        """By how much each of some effects lowers the in-sample loss beside a set, to second order."""
         if self.of(chosen) is not self:
             return self.of(chosen).gains(chosen, terms)
         if self._near is not None and _linear(chosen):
@@ -90,7 +90,7 @@ class Fits:
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
         """Coefficients of any subset of some effects, of the fit without each fold and, last, of that to all blocks.
 
-        No losses are computed and nothing is kept, as many subsets are asked for, each once.
+        No losses are computed and nothing is cached, as there are many subsets and each is needed once.
         """
         problem, count = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
@@ -143,7 +143,7 @@ class Fits:
         return found
 
     def _beginning(self, chosen: Chosen) -> Near:
-        """Where a fit begins: at gains and bounds of a similar one, most of which are the same in both."""
+        """Start of a fit: gains and bounds of a similar one, most of which are the same in both."""
         if self._near is not None and (_linear(chosen) or not self._recent):
             others = ordered(term for term in chosen if _linear(frozenset([term])))
             found = self._near.fit(active_columns(self.problem, others), held_out=False)

@@ -1,8 +1,8 @@
-"""What else makes the torque of a finding where joints move along one line, or in one sine: several effects together.
+"""Sums of a few effects that imitate a finding, where joints move along one line or in one sine.
 
-There the torque of every joint is a function of one variable, and sums of laws imitate others. A comparison of single
-effects does not see that. So those few effects are looked for that make what a finding makes, beside the other findings
-whose sizes may change with them. In one sine the same goes for what has columns of every motion; friction shows there.
+There the torque of every joint is a function of one variable, and sums of laws imitate others, which a comparison with
+single effects does not show. So a few effects are searched for that make the torque of a finding, while the sizes of
+the other findings may change. In one sine this concerns loads, links and torque scales; friction shows there.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.motion import Motion
 
-# Effects that imitate one together, at most.
+# Most effects in a sum.
 _MOST = 3
-# Probability of a load, of links and of torque scales, at most: sums of more laws than are tried imitate these.
+# Largest probability of a load, of links and of torque scales: sums of more laws than are tried may imitate them.
 _UNCERTAIN = 0.85
-# The same where somebody computed the torque: the recording does not say whether from this robot or from another.
+# The same where the torque was computed and not measured: perhaps with the model of another robot.
 _OF_A_MODEL = 0.5
 
 
@@ -40,14 +40,14 @@ def along_lines(session: Session) -> frozenset[int]:
 
 
 def of_every_motion(term: Term) -> bool:
-    """True of an effect whose columns are made of all that a motion asks for: loads, links and torque scales."""
+    """True for loads, links and torque scales, whose columns contain all parts of the modelled torque."""
     return term.effect.inertial is not None or term.effect.scales_joint
 
 
 def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
-    """Effects that make the torque of one to a tenth of its amplitude, with the others of a set in any size.
+    """A few effects that imitate one to a tenth of its amplitude, while the others of a set may have any size.
 
-    None if no few effects do; none of them where the others of the set do so by themselves.
+    None if there are no such effects; an empty tuple where the others of the set do so by themselves.
 
     Args:
         search: Rivals, and their products.
@@ -70,7 +70,7 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
         and possible(chosen - {term}, other)
         and other.place != term.place
         and not contains(other, term)
-        # A load and other causes together may be what free bodies take up; of a law of friction that is no news.
+        # Sums with parts of a law are no rivals of that law; but free bodies may stand for a load and other causes.
         and (term.effect.inertial == "free" or not contains(term, other))
         and not rows.isdisjoint(rows_of(search.problem, other))
     ]
@@ -88,11 +88,11 @@ def imitated_by(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Te
 
 
 def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> Standing:
-    """The standing of a finding beside effects that make the same: each is as likely as the other.
+    """The standing of a finding with a sum of effects as a rival, both equally probable.
 
     Args:
-        standing: Compared with single rivals.
-        imitation: Effects that make the same torque together; None: there are none.
+        standing: From the comparison with single rivals.
+        imitation: Effects that make the same torque together; None if there are none.
     """
     if imitation is None:
         return standing
@@ -107,12 +107,12 @@ def beside_imitation(standing: Standing, imitation: tuple[Term, ...] | None) -> 
 
 
 def on_a_line(standing: Standing, term: Term) -> Standing:
-    """The standing of a finding where joints move along one line: what has columns of every motion is not certain."""
+    """The standing of a finding where joints move along one line: loads, links and torque scales are never certain."""
     return _at_most(standing, term, _UNCERTAIN)
 
 
 def of_a_model(standing: Standing, term: Term) -> Standing:
-    """The standing of a finding where the torque was computed from a weight, by somebody's own model."""
+    """The standing of a finding where the torque was computed from a weight by an unknown model."""
     return _at_most(standing, term, _OF_A_MODEL)
 
 
@@ -130,7 +130,7 @@ def of_weights(session: Session) -> frozenset[int]:
 
 
 def _at_most(standing: Standing, term: Term, most: float) -> Standing:
-    """A standing that is no more probable than ``most`` if it is one of a load, of links or of a torque scale."""
+    """A standing with a probability of at most ``most`` if the finding is a load, links or a torque scale."""
     if not of_every_motion(term):
         return standing
     return replace(standing, probability=min(standing.probability, most))
@@ -143,7 +143,7 @@ def _left(
     theta: Float[Array, " k"],
     by: Int[Array, " m"],
 ) -> tuple[float, Float[Array, " K"]]:
-    """Squared torque that some columns leave of others, and the products of all columns with what they leave."""
+    """Squared torque of some columns that others leave, and the products of all columns with that residual."""
     target = a[:, columns] @ theta
     x = solve(a[np.ix_(by, by)] + np.diag(precision[by]), target[by])
     energy = float(theta @ target[columns])
@@ -157,7 +157,7 @@ def _gain(
     by: Int[Array, " m"],
     across: Float[Array, " K"],
 ) -> float:
-    """Squared torque that further columns would take off what is left."""
+    """Squared torque that further columns would explain of that residual."""
     inner = a[np.ix_(by, by)] + np.diag(precision[by])
     cross = a[np.ix_(by, columns)]
     own = a[np.ix_(columns, columns)] + np.diag(precision[columns]) - cross.T @ solve(inner, cross)

@@ -1,4 +1,4 @@
-"""What search and judge have decided of each effect, and by which gates; the ledger of a diagnosis is made of it."""
+"""Record of the gates that each effect passed or failed in search and judge, from which the ledger is made."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Place = tuple[str, str | None]
 
 
 class Record:
-    """Decisions on the effects of a catalogue, by effect and joint whatever the shape; of a gate the last one counts.
+    """Decisions on effects, by effect and joint for all shapes together; of each gate the last result counts.
 
-    Structures without a name are not recorded as claims, as nobody can ask for them; they may be what took a place.
+    Structures without a name have no entries of their own; they may be what replaced an effect.
     """
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class Record:
         self._instead: dict[Place, tuple[Place, ...]] = {}
 
     def kept(self, terms: Iterable[Term], *results: GateResult) -> None:
-        """Write down that effects have passed gates; what they failed before counts no more."""
+        """Record that effects have passed gates; earlier failures are cancelled."""
         for term in terms:
             if term.named:
                 before = self._met.get(term.place, {})
@@ -31,7 +31,7 @@ class Record:
                 self._instead.pop(term.place, None)
 
     def lost(self, terms: Iterable[Term], *results: GateResult, instead: Iterable[Term] = ()) -> None:
-        """Write down that effects have failed a gate, the last of some results, and what took their place."""
+        """Record that effects have failed a gate, the last of some results, and what replaced them."""
         others = tuple(dict.fromkeys(term.place for term in instead))
         for term in terms:
             if term.named:
@@ -40,19 +40,19 @@ class Record:
                 self._instead[term.place] = others
 
     def forked(self) -> Record:
-        """A copy for a trial, which may be thrown away."""
+        """A copy for a trial whose decisions may be discarded."""
         out = Record()
         out._met = {place: dict(results) for place, results in self._met.items()}
         out._instead = dict(self._instead)
         return out
 
     def take(self, other: Record) -> None:
-        """Go on from what a trial has decided."""
+        """Take over the decisions of a trial."""
         self._met, self._instead = other._met, other._instead
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """All effects and joints that were claimed at any time, in the order in which they came."""
+        """All effects and joints that were claimed at any time, in the order of their first claim."""
         return tuple(self._met)
 
     def met(self, place: Place) -> tuple[GateResult, ...]:
@@ -60,5 +60,5 @@ class Record:
         return tuple(self._met.get(place, {}).values())
 
     def instead(self, place: Place) -> tuple[Place, ...]:
-        """What took the place of an effect; empty if nothing did."""
+        """Effects that replaced an effect; empty if none did."""
         return self._instead.get(place, ())

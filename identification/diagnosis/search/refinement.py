@@ -8,11 +8,11 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.search.containment import with_term
 from identification.diagnosis.search.search import Search
 
-# How many of them are taken in the place of one finding.
+# Most runners-up of one finding.
 _MOST_CLOSE = 3
-# Share of what a finding gains below which twice the gain of a rival with the bounds held makes it no runner-up.
+# Share of a finding's gain that a rival has to reach to be a runner-up, by twice its gain with the bounds held.
 _FAR_BELOW = 0.2
-# Shapes that differ by less are the same point to take a law about.
+# Relative difference of shapes below which laws are linearised about the same point.
 _SAME_SHAPE = 0.03
 
 
@@ -24,8 +24,8 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
     """Rivals with a shape that do nearly as well as a finding, or nearly well enough to be one.
 
-    A grid of shapes is coarse, and a first-order law is wrong where an effect is large: the truth may come second to
-    something richer for no other reason.
+    A grid of shapes is coarse, and a linearised law is wrong where an effect is large: for these reasons alone the true
+    effect may be second to one with more parameters.
     """
     taken = {term.place for term in chosen}
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.place not in taken)
@@ -66,7 +66,7 @@ def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -
 
 
 def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
-    """The terms of a new search that stand where an earlier one has found effects, with the shape nearest to it."""
+    """Terms of a new search for the effects that an earlier one has found, each with the nearest shape."""
     out = []
     for point in found:
         here = [term for term in search.terms if term.place == (point.effect.name, point.joint)]

@@ -1,4 +1,4 @@
-"""Rivals of a finding: other sets of effects that explain the held-out data, with their shares of bootstrap wins."""
+"""Rivals of a finding: other sets of effects that explain the held-out data, with their probabilities."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from phantom_dyn.array_types import Array, Float
 
 NONE_BARRED: frozenset[Place] = frozenset()
 
-# Held-out loss of a size that no robot has, and the part of what it explains that a plausible cause may leave.
+# Held-out loss of an implausible size; largest share of what it explains that a plausible cause may leave.
 _NO_CAUSE, _MOSTLY = 1e12, 0.5
-# Looks at all findings in turn.
+# Most passes over all findings.
 _LOOKS = 3
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Share of bootstrap wins of a finding and of its rivals.
+    """Probabilities of a finding and of its rivals.
 
     Attributes:
-        probability: Its own share of wins.
-        rivals: Theirs, the likeliest first.
-        instead: The whole set with the rival in the finding's place that has to lead, None if the finding does: the
-            likeliest of those whose sizes are plausible, or of all if none is.
-        gates: What the gates of rivals say of it.
-        elsewhere: Whole sets with a rival in the finding's place, each with its share of wins; none whose effects show
-            only by what they take off each other.
+        probability: Of the finding.
+        rivals: Of the rivals, the most probable first.
+        instead: The whole set with a rival that leads in the finding's place (the most probable of those with plausible
+            sizes, or of all if none is plausible); None if the finding leads.
+        gates: Results of the gates of rivals for the finding.
+        elsewhere: Whole sets with a rival in the finding's place, each with its probability; without sets whose effects
+            nearly cancel each other.
     """
 
     probability: float
@@ -61,34 +61,34 @@ def stand(
     barred: frozenset[Place] = NONE_BARRED,
     again: tuple[Search, ...] = (),
 ) -> Standing:
-    """Compare a finding with everything that could stand in its place.
+    """Compare a finding with all effects and sets of effects that could replace it.
 
-    Of a robot that was diagnosed before, a new finding of a size that no robot has wins nothing where a cause explains
-    most of it in a set that is plausible as a whole: the robot is known to be a sound one.
+    In a robot that was diagnosed before, a new finding of an implausible size has the probability zero where other
+    causes of plausible sizes explain most of it: the robot is known to be sound.
 
-    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
-    a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
-    share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
-    of one kind on one joint. A rival that makes what the finding makes, and the other way round, is
-    compared without a price: how many numbers a law has says nothing then. Of two laws of which neither contains the
-    other the shares are means with and without prices: held-out blocks make a law pay for numbers that fit noise
-    already, and what a law costs beyond that is a matter of taste. One that ends on a special case of itself stands for
-    that.
+    An effect with more parameters that contains the finding is a rival only if these lower the held-out loss. It leads
+    in a replicate only if they gain more there than their price and the errors of the method; equal predictions share a
+    replicate. It need not pass the threshold of chance over the whole catalogue, as laws of one kind on one joint are
+    few. Rivals that make the torque of the finding, and the other way round, are compared without prices: the number of
+    parameters is no argument then. Of two laws of which neither contains the other, probabilities are means with and
+    without prices: on held-out blocks a law already loses by parameters that fit noise. A law that has come to a
+    special case of itself counts as that case.
 
     Args:
         search: Rivals.
         chosen: A set of effects.
         term: One of them.
-        barred: Laws, with their joints, that have turned out to be no more than a simpler one.
-        again: The same rivals under what should not matter, such as another band; if there are any, the comparison is
-            repeated under each of them and on each half of the blocks, and the shares are means over all of these.
+        barred: Laws, with their joints, that do not differ from a simpler one.
+        again: Searches over the same rivals under conditions that should not matter, such as another band. If there are
+            any, the comparison is repeated with each of them and on each half of the blocks, and probabilities are
+            means over all of these.
     """
     base, diagnosed = search.evaluate(chosen), bool(search.problem.session.known)
     sound = _sound(search, chosen, frozenset([term]))
     options, names, richer_laws = _options(search, chosen, term, barred, again, sound=sound or not diagnosed)
     possible = {key for key in names if _sound(search, key, key - chosen)}
     if possible or sound:
-        # What no robot has is no cause where another one may be.
+        # An implausible size is left out where a plausible cause explains most of it.
         names = {key: others for key, others in names.items() if key in possible}
         options = {key: loss for key, loss in options.items() if key == chosen or key in names}
     if diagnosed and not sound and any(_sound(search, key, key) for key in possible):
@@ -118,7 +118,7 @@ def stand(
     own = shares[()]
     listed = min(contract_levels.LISTED, max(shares.values()))
     kept = {effects: share for effects, share in shares.items() if share >= listed and effects}
-    # Odds of richer laws come on top of the shares, so that all may be more than one.
+    # Odds of laws with more parameters are added to the shares, so that the sum may be above one.
     while kept and min(kept.values()) < contract_levels.LISTED * (own + sum(kept.values())):
         del kept[min(kept, key=lambda effects: kept[effects])]
     total = own + sum(kept.values())
@@ -142,14 +142,14 @@ def _options(
     *,
     sound: bool,
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
-    """Held-out losses of the set and of those with another finding in place of one, by block.
+    """Held-out losses, by block, of the set and of all sets with another cause in place of a finding.
 
-    Left out is what is hopeless in the judged band too: where noise is white, what lies above that band weighs as much
-    as what lies in it, and a small error of the model there may bar the truth. Wider tolerances are not asked: where
-    they take up the whole gap, nothing is hopeless.
+    Sets that are far worse are left out, if they are so in the judged band, too: frequencies above that band have the
+    same weight where noise is white, and a small error of the model there could exclude the true cause. The search with
+    wider tolerances is not used for this: where these explain the whole gap, no set is far worse.
 
     Returns:
-        The losses by set; what stands in the finding's place in each set; and richer laws with their sets.
+        Losses by set; for each set the effects in the finding's place; and laws with more parameters with their sets.
     """
     base, accuracy = search.evaluate(chosen), fair_part.ACCURACY * explained(search, chosen, term)
     options: dict[Chosen, Array] = {chosen: base.loss}
@@ -188,9 +188,9 @@ def _options(
 def _places(
     search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, same: dict[Chosen, Chosen]
 ) -> tuple[Place, ...]:
-    """Effects and joints that stand in a finding's place, those of special cases where a law ends on one.
+    """Effects and joints in a finding's place; for a law that has come to a special case those of that case.
 
-    None where that makes the very effects of the set that has the finding.
+    None where these are the effects of the set with the finding.
     """
     if swapped in same:
         return tuple(other.place for other in ordered(others))
@@ -210,7 +210,7 @@ def _likeliest(
     """The best whole set of each rival in a finding's place."""
     there: dict[tuple[Place, ...], Chosen] = {}
     for key in sorted(places, key=search.score):
-        # A law that ends on a special case would lead under the name of another, so that case itself leads.
+        # In place of a law that has come to a special case, the set with the case itself leads.
         known = {one.place for one in key - chosen} <= set(places[key])
         if places[key] in kept and places[key] not in there:
             leading = key if known else _with_places(search, chosen, term, places[key])
@@ -226,7 +226,7 @@ def _leader(
     kept: dict[tuple[Place, ...], float],
     there: dict[tuple[Place, ...], Chosen],
 ) -> tuple[Chosen | None, tuple[GateResult, ...]]:
-    """The set with a rival in a finding's place that has to lead, None if the finding leads; and what decided it."""
+    """The set with the rival that leads in the finding's place, None if the finding leads; and the gates' results."""
     if not there:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
     is_sound = {(): _sound(search, chosen, frozenset([term])) and not _new_in_old(search, [term])}
@@ -240,7 +240,7 @@ def _leader(
         plain = set()
 
     def rank(at: tuple[Place, ...]) -> tuple[bool, bool, float, int, bool]:
-        # Of twins the one leads that needs fewer causes: with all bodies goes a load.
+        # Of twins the one with fewer causes leads: free bodies come with a load.
         return is_sound[at], at in plain, shares[at], -len(there.get(at, chosen)), at == ()
 
     first = max(shares, key=rank)
@@ -256,7 +256,7 @@ def _leader(
 
 
 def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
-    """How far a size of an effect is out of what is plausible, and its unit; zero if all are plausible."""
+    """Distance of an effect's size from its plausible range, and the unit; zero if all sizes are plausible."""
     theta = search.evaluate(chosen).theta[list(term.columns)]
     fault = implausible(search.problem.session, term, theta)
     if fault is None:
@@ -267,22 +267,22 @@ def _outside(search: Search, chosen: Chosen, term: Term) -> tuple[float, str]:
 
 
 def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
-    """True if some effects of a set have sizes that a robot may have."""
+    """True if the sizes of some effects of a set are plausible."""
     session, theta = search.problem.session, search.evaluate(chosen).theta
     return all(implausible(session, one, theta[list(one.columns)]) is None for one in theirs)
 
 
 def _new_in_old(search: Search, theirs: Iterable[Term]) -> bool:
-    """True if an effect is built into a robot of which an earlier diagnosis has not found it.
+    """True if an effect is part of the robot's build and an earlier diagnosis of this robot has not found it.
 
-    Loads, friction and controllers differ between recordings: what is new is one of these, where one of them explains
-    it. The other one stays a rival.
+    Loads, friction and controllers differ between recordings. So where one of these explains a new finding, it leads,
+    and the effect that cannot be new remains a rival.
     """
     return bool(search.problem.session.known) and any(one.effect.built_in for one in theirs)
 
 
 def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place, ...]) -> Chosen | None:
-    """The set with effects of given places instead of a finding, each in its best shape; None if one is no rival."""
+    """The set with given effects in place of a finding, each in its best shape; None if one of them is no rival."""
     others: Chosen = frozenset()
     for place in places:
         shapes = [one for one in search.terms if one.place == place]
@@ -293,7 +293,7 @@ def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place
 
 
 def _nested(term: Term, others: Chosen) -> bool:
-    """True if one of a finding and what stands in its place contains the other, or if several effects stand there."""
+    """True if a finding and its replacement contain one another, or if several effects replace it."""
 
     def more(rich: Term, simple: Term) -> bool:
         return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
@@ -302,10 +302,10 @@ def _nested(term: Term, others: Chosen) -> bool:
 
 
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
-    """True if what either of two causes makes in these recordings the other one makes as well.
+    """True if each of two causes can make the torque of the other in these recordings.
 
-    Laws of which one contains the other by definition are no matter of the recordings, see `stand`. Inertial
-    parameters that are free each by itself contain whatever moves with a link.
+    Laws of which one contains the other by definition are excluded, see `stand`. Free inertial parameters of a link
+    contain every effect that moves with it.
     """
     if any(contains(one, two) or contains(two, one) for one in others for two in [term]):
         return False
@@ -313,7 +313,7 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
         return False
     one, two = list(term.columns), sorted({column for other in others for column in other.columns})
     theta, swapped_theta = search.evaluate(chosen).theta[one], search.evaluate(swapped).theta[two]
-    # What stands in the place of what displaces the links has columns where the readings say.
+    # A replacement of an effect that displaces the links has its columns at the positions as read.
     search = search.of(swapped)
     return spanned(search, one, theta, two, rules.SAME_CAUSE) and spanned(
         search, two, swapped_theta, one, rules.SAME_CAUSE
@@ -321,10 +321,10 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
 
 
 def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """``chosen`` with findings replaced by the rivals that have to lead, see `Standing`.
+    """``chosen`` with findings replaced by rivals that lead, see `Standing`.
 
-    The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name. Where
-    one takes a place, the others are looked at again beside it; no set is taken twice.
+    The search compares sums over all blocks; a rival that leads in most bootstrap replicates is the more probable
+    cause. After each replacement the other findings are compared again; no set is used twice.
     """
     seen = [chosen]
     for _ in range(_LOOKS):
@@ -346,7 +346,7 @@ def with_leading_rivals(search: Search, chosen: frozenset[Term]) -> frozenset[Te
 def _by_place(
     keys: list[Chosen], places: dict[Chosen, tuple[Place, ...]], shares: Float[Array, " m"]
 ) -> dict[tuple[Place, ...], float]:
-    """Shares by set of effects and joints, shapes of one effect added up; the finding itself under ``()``."""
+    """Shares by set of effects and joints, summed over shapes; the finding itself under ``()``."""
     out: dict[tuple[Place, ...], float] = {}
     for key, share in zip(keys, shares, strict=True):
         place = places.get(key, ())
@@ -355,9 +355,9 @@ def _by_place(
 
 
 def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term], *, priced: bool) -> bool:
-    """True if the swap loses by so much, block by block, that it would win no bootstrap replicate.
+    """True if the swap is so much worse over the blocks that it would lead in no bootstrap replicate.
 
-    Without prices what the finding costs more or less does not count.
+    Without prices only losses and penalties are compared.
     """
     if search.quick(swapped) > search.quick(chosen) + rules.HOPELESS_LOSS:
         return True
@@ -369,10 +369,10 @@ def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term],
 
 
 def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[frozenset[Term], frozenset[Term]]]:
-    """What leaves the same, exactly: the sum of some effects that are here, and all bodies for a scale of all torques.
+    """Exact twins: an effect that is the sum of others in the set, and free bodies in place of a common torque scale.
 
-    A scale that all joints have in common changes what inertias, loads and friction amount to. Where friction is found
-    beside it, wrong bodies of all links leave the same.
+    A torque scale of all joints is the same as a change of all inertias, loads and friction. Beside friction in the
+    set, wrong bodies of all links make the same torque.
     """
     here = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:

@@ -1,6 +1,6 @@
 """Rivals and the score of a set of them: held-out loss plus a BIC-like price, with thresholds from chance.
 
-A claim has to gain more on held-out data than chance gives over the whole catalogue, or on one joint.
+A claim has to gain more on held-out data than the best of the whole catalogue, or of one joint, gains by chance.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
 
-# Joints beyond which effects on different ones are added, swapped and dropped in one step: one by one takes too long.
+# Number of joints above which effects on different ones are added, swapped and dropped in one step, to save time.
 _MANY_JOINTS = 10
-# Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
+# Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
 # Score of an impossible set, more than any recording's loss.
@@ -34,12 +34,12 @@ IMPOSSIBLE = 1e15
 
 @dataclass(frozen=True)
 class Threshold:
-    """Held-out gain below which no effect is claimed: what chance gives over the whole catalogue, or on one joint.
+    """Held-out gain that a claim needs: that of the best effect of the catalogue, or of one joint, by chance.
 
     Attributes:
-        overall: What no effect reaches by chance.
-        joints: The same for the effects of one joint, None for those of no single joint. Noise of a joint that nothing
-            explains raises what chance seems to give there, which is no reason to doubt effects on others.
+        overall: Gain that no effect reaches by chance.
+        joints: The same for the effects of one joint, under None for those of no single joint. An unexplained residual
+            of one joint raises its threshold, and should not raise that of effects on others.
     """
 
     overall: float
@@ -72,12 +72,12 @@ class Search:
         terms: All rivals.
         sizes: Number of parameters that each rival really adds (its rank), by rival.
         fits: Fits of sets of rivals, each made once.
-        displacing: Rivals to which one gives way if they are added, itself among them, remembered.
-        covering: Rivals that one is a special case of, remembered.
-        threshold: What chance gives.
-        rows: Gap of each row: what acts on a row with a large gap has to close a fair part of it.
-        spurious: What encoder noise alone lets each effect gain.
-        record: What was decided of each effect.
+        displacing: For each rival those that remove it when they are added, itself among them; cached.
+        covering: For each rival those of which it is a special case; cached.
+        threshold: Gains by chance.
+        rows: Gap of each row: an effect on a row with a large gap has to close a fair part of it.
+        spurious: Gain of each effect by encoder noise alone.
+        record: Decisions on each effect.
     """
 
     problem: Problem
@@ -130,7 +130,7 @@ class Search:
 
     @cached_property
     def near(self) -> dict[Term, tuple[frozenset[Term], ...]]:
-        """Alternatives of an effect that touch a joint that it touches, remembered; see `swaps.relevant`."""
+        """Cached alternatives of an effect that touch a joint that it touches, see `swaps.relevant`."""
         return {}
 
     def _score(self, chosen: frozenset[Term]) -> float:
@@ -140,15 +140,15 @@ class Search:
         return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
     def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...], above: float = -np.inf) -> dict[Term, float]:
-        """What each term gains in sample beside a set, less the price of its parameters.
+        """In-sample gain of each term beside a set, less the price of its parameters.
 
-        All are ranked with the bounds that bind the set held; the best of them are then fitted, and those that take the
-        place of others, which gain no more without these than beside them, as far as they may gain what is asked for.
+        All are ranked with the binding bounds of the set held. The best are then fitted, and so are those that would
+        remove others of the set, where their gain may be above the wanted one.
 
         Args:
             chosen: A set.
             terms: Rivals.
-            above: A gain that is below this may be larger than stated, yet not above it.
+            above: The wanted gain: one that is below it need not be exact.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
@@ -162,7 +162,7 @@ class Search:
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            # Bounds that are held change a gain: there is room for as much again.
+            # With released bounds a gain may be up to twice as large.
             worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
             promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
             if worth and (promising or term in gone):
@@ -170,7 +170,7 @@ class Search:
         return out
 
     def possible(self, chosen: frozenset[Term], term: Term) -> bool:
-        """As `possible`, of rivals of this search: what contains them is known."""
+        """As `containment.possible`, with the cached relations of this search."""
         return term not in chosen and chosen.isdisjoint(self.covering(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:
@@ -201,7 +201,7 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
         index = np.array([term.columns for term in alike])
         scale = np.sqrt(np.einsum("tkk->tk", a[index[:, :, None], index[:, None, :]]))
         alive = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
-        # A column that is not there leaves a direction of no size.
+        # A column of zeros makes a direction of size zero.
         inverse = np.where(alive, 1.0 / np.where(alive, scale, 1.0), 0.0)
         normal = a[index[:, :, None], index[:, None, :]] * inverse[:, :, None] * inverse[:, None, :]
         values = np.linalg.eigvalsh(normal)
@@ -219,7 +219,7 @@ def set_up_search(
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
 ) -> Search:
-    """A search over all terms that leave any trace in the recordings; it goes on with a record, or begins one."""
+    """A search over all terms whose columns are not zero in the recordings, with a given record or a new one."""
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displacing, covering = relations(problem.columns.terms)
@@ -228,7 +228,7 @@ def set_up_search(
 
 
 def with_wide_tolerances(search: Search) -> Search:
-    """The same search for a model that may be off by three times what it states; rivals and prices stay."""
+    """The search with three times the stated tolerances of the model, and the same rivals and prices."""
 
     def widened(problem: Problem) -> Problem:
         moves = np.arange(len(problem.precision)) < problem.nuisances

@@ -1,4 +1,4 @@
-"""Where a fitted law is hardly more than something simpler, and whether its size is one that a robot may have."""
+"""Special cases of fitted laws: whether a law differs from a simpler one, and whether its size is possible."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
 
-# Directions of a covariance that are this much better known than others are more than rounding.
+# Smallest over largest eigenvalue of a covariance above which a direction is more than rounding.
 _RANK = 1e-9
-# Bounds of coefficients are met to this.
+# Accuracy with which coefficients meet their bounds.
 _END = 1e-12
 
 
 def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
-    """Probability that chance keeps numbers that are zero nearer to zero than these are (Wald's test)."""
+    """Probability that estimates of zeros would be nearer to zero than these numbers are (Wald's test)."""
     from scipy.special import chdtr
 
     if not np.any(numbers):
@@ -33,9 +33,9 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
 
 
 def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """How certainly an effect differs in a joint fit from the special case that it is nearest to, and that case.
+    """Certainty that an effect differs from its nearest special case in a joint fit, and that case.
 
-    None of an effect that has no special cases. Of several the first that it hardly differs from is the nearest.
+    None for an effect without special cases. The nearest is the first that it does not differ from, if there is one.
 
     Args:
         robot: The given model.
@@ -56,15 +56,15 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
 
 
 def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """The special case that an effect hardly differs from in a joint fit, and how certainly it does; None if none."""
+    """The special case from which an effect does not differ in a joint fit, with the certainty; None if none."""
     return _if_hardly_more(nearest_case(robot, term, fitted))
 
 
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
-    """Effects and joints that a fitted term stands for: its own, or those of the special case that it ends on.
+    """Effect and joint of a fitted term, or those of the special case that the fit has come to.
 
-    None if it ends on nothing at all, or on a size that nothing has. Numbers that the fit has held (a shape) say
-    nothing there.
+    None if that is no effect at all, or a size that is impossible. Numbers that the fit has held (a shape) do not
+    count.
     """
     found = _if_hardly_more(nearest_case_of(robot, term, fitted))
     if found is None:
@@ -73,7 +73,7 @@ def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str 
 
 
 def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tuple[str, ...]] | None:
-    """As `nearest_case`, of a fit that has held shapes."""
+    """As `nearest_case`, for a fit with held shapes."""
     if term.effect.inertial == "free":
         return None
     columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
@@ -86,7 +86,7 @@ def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tu
 
 
 def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
-    """True if a fit has come to the very end of what an effect may be, beyond which nothing is possible.
+    """True if a fit has come to the end of an effect's possible range.
 
     Args:
         robot: The given model.
@@ -98,14 +98,14 @@ def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool
 
 
 def _if_hardly_more(case: tuple[float, tuple[str, ...]] | None) -> tuple[float, tuple[str, ...]] | None:
-    """A special case if numbers hardly differ from it, else None."""
+    """The special case if its certainty is below the gate's, else None."""
     return None if case is None or differs_from_simpler(case[0]).passed else case
 
 
 def _nearest(
     cases: Callable[[Array], tuple[SpecialCase, ...]], x: Float[Array, " k"], cov: Float[Array, "k k"]
 ) -> tuple[float, tuple[str, ...]] | None:
-    """The first of some special cases that numbers do not differ from, else the one that they differ least from."""
+    """The first special case from which the numbers do not differ, else the one from which they differ least."""
     nearest: tuple[float, tuple[str, ...]] | None = None
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
     moved = [cases(x + row) for row in np.diag(step)]

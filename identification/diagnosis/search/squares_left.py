@@ -1,4 +1,4 @@
-"""What any subset of some effects leaves of the gap, from products of their columns that are summed once."""
+"""Squared residuals after any subset of some effects, from products of their columns that are summed once."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class _Row:
 def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
     """Squared residuals in the judged band after moves and some of the effects, on blocks held out of their fit.
 
-    The columns are in the judged band already, so that each block is predicted by one fit from end to end. A fit then
-    costs no pass over the samples. Blocks that the same fit predicts count as one.
+    The columns are in the judged band already, so that each block is predicted by one fit from end to end, and no fit
+    needs the samples. Blocks that the same fit predicts count as one.
 
     Args:
         plain: Fits in the judged band.
-        terms: All effects of which some may be asked for.
+        terms: The effects of which subsets are fitted.
     """
     problem = plain.problem
     fold = problem.grams.fold[judged_blocks(problem)]
-    # The fit to all blocks stands last, and predicts what no fit has seen.
+    # The fit to all blocks comes last, and predicts recordings that are held out entirely.
     fits = np.unique(fold)
     coefficients = plain.fits.of_subsets(terms)
 

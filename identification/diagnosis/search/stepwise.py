@@ -20,15 +20,15 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
-# Effects of one set at most, far more than any robot has: in all, and for each joint.
+# Most effects of one set, far more than any robot has: in all, and for each joint.
 _MOST_TERMS, _MOST_TERMS_EACH = 40, 6
-# Rivals that are judged on held-out data in one step, the best in sample.
+# Most rivals that are tested on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
 # The same for the best effect below the threshold of chance.
 _SHORT_JUDGED = 8
-# Effects that a search begins with anew where a joint moves in one sine, and joints of a robot for which that is done.
+# Where a joint moves in one sine: most effects with which a search begins again, and most joints for which it does.
 _MOST_BEGUN, _MOST_JOINTS_BEGUN = 8, 3
-# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
+# Most structures without a name in a set, and most of them that are tested on held-out data in one step.
 _MOST_NAMELESS = 4
 _MOST_NAMELESS_JUDGED = 8
 
@@ -36,13 +36,13 @@ _MOST_NAMELESS_JUDGED = 8
 def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
-    Free inertial parameters of all links take up a little of whatever is missing. So they are asked last, beside what
-    the other effects explain; where they alone explain more than these do, the search begins with them.
+    Free inertial parameters of all links explain a little of any missing effect. So they are tested last, beside the
+    other effects; where they alone explain more than all others, the search begins with them.
 
     Args:
         search: Problem, rivals, threshold.
         progress: Takes the stages.
-        start: What an earlier search has found.
+        start: Result of an earlier search.
     """
     chosen = dropped(search, frozenset(term for term in start if term.named))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
@@ -73,10 +73,10 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
 
 
 def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The same set, or a better one that begins with another effect, where a joint moves in one sine.
+    """The set, or a better one from a search that begins with another effect, where a joint moves in one sine.
 
-    There torque is two numbers. One effect that makes a little of both gains most alone, and beside it the two that
-    make one each gain nothing more.
+    There torque is two numbers, in phase and out of phase. An effect that makes part of both gains most alone, and
+    beside it the two true effects, which make one each, gain nothing more.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
@@ -112,9 +112,9 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
 def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
-    In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
-    until none that is left can do better than the best so far. What is added can make earlier effects needless, and
-    without them it can be needless itself: where that leads in a circle, the best set of the circle is it.
+    A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
+    in sample, until no further one can be better than the best so far. An added effect can make earlier ones
+    unnecessary, and without them it can be unnecessary itself: where sets repeat, the best of the cycle is the result.
     """
     seen, rows = [chosen], len(search.problem.columns.rows)
     while len(chosen) < max(_MOST_TERMS, _MOST_TERMS_EACH * rows):
@@ -146,13 +146,13 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
-    """The set with the most promising effects of joints that have not got one in this step, as far as they are needed.
+    """The set with the most promising effect of each other joint, too, without those that prove unnecessary.
 
-    Free inertial parameters take up a little of whatever is missing, so they are added alone, where they gain most.
+    Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most.
 
     Args:
         search: Rivals.
-        chosen: What is there, the best effect of this step among them.
+        chosen: The set with the best effect of this step.
         best: That effect.
         ranked: Rivals, the most promising first.
     """
@@ -167,7 +167,7 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
 
 
 def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with an effect that is claimed, and without those that give way to it; both are recorded."""
+    """The set with a claimed effect, without those that it replaces; both are recorded."""
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
     search.record.lost(chosen - together, explains_more_than_others(-margin), instead=[term])
@@ -176,11 +176,11 @@ def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Ter
 
 
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The same set with effects of single joints in place of a law with more parameters than the robot has joints.
+    """The set with effects of single joints in place of a law with more parameters than the robot has joints.
 
-    Such a law gains most as long as nothing else is found, because it takes up a little of everything: free inertial
-    parameters take up what the inertia of every rotor leaves. No swap of one effect for another leads away from there,
-    so the search is done again without that law.
+    Such a law gains most at first, because it explains a little of every effect: free inertial parameters also explain
+    wrong rotor inertias on all joints. No swap of one effect for another leads away from it, so the search is repeated
+    without that law.
     """
     for term in ordered(chosen):
         if search.sizes[term] <= len(search.problem.columns.rows):
@@ -189,14 +189,14 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
         without = replace(search, terms=others, record=search.record.forked())
         tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
         margin = search.score(tried) - search.score(chosen)
-        # Many sets were tried, so a hair is chance.
+        # Many sets were tried, so that a small margin is chance.
         stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
         if not stays.passed:
             search.record.take(without.record)
             search.record.lost([term], stays, instead=tried - chosen)
             chosen = tried
         else:
-            # What was claimed in the trial is not, as it explains no more than the law in whose place it was tried.
+            # Effects of the trial fail the gate of exchanges: they explain no more than the law.
             explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
             search.record.lost(tried - chosen, explains, instead=[term])
     return chosen
@@ -205,9 +205,9 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Add structures outside the catalogue to the set, or put them in the place of named effects.
 
-    A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
-    is then dropped. One that stands for several effects at a lower price takes their place, but not where a joint moves
-    in one sine: there every torque is two numbers, and a structure with as many makes any of them.
+    A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
+    are then removed. One that replaces several effects at a lower price does so, but not where a joint moves in one
+    sine: there every torque is two numbers, and a structure with two numbers makes any.
     """
     sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
@@ -221,7 +221,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                 if not more_than_chance(promised[term], search.threshold.overall).passed or not possible(base, term):
                     continue
                 tried = _only_needed(search, term, base, chosen)
-                # What is there stays if it explains more than a set with the structure, as far as that is asked for.
+                # The set stays if it explains more than the one with the structure, by the margin of that gate.
                 gone = len(chosen - tried)
                 if not sines.isdisjoint(rows_of(search.problem, term)):
                     gone = min(gone, 1)
@@ -243,10 +243,10 @@ def _asked_of_nameless(search: Search, gone: int, accuracy: float) -> float:
 
 
 def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """A set with a structure, and of the named effects those that it still needs.
+    """A set with a structure and those named effects that are still needed.
 
-    What touches no joint that the structure touches was needed without it, and still is. Of many others only those are
-    doubted that the fit would miss least.
+    Effects on other joints than the structure's are still needed. Of many others only those are tested whose removal
+    raises the loss least.
     """
     rows = rows_of(search.problem, structure)
     whole = with_term(chosen, structure)

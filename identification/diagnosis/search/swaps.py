@@ -1,4 +1,4 @@
-"""Swaps of the stepwise search: alternatives of a chosen effect, taken where they score better or are simpler."""
+"""Swaps of the stepwise search: a chosen effect is replaced by alternatives that score better or are simpler."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from identification.gates import above_chance, exchange, fair_part
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from phantom_dyn.array_types import Array, Float
 
-# Swaps that are evaluated on held-out data, the best in sample.
+# Most swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8
-# The same of swaps that touch the same joints, where there are many joints.
+# The same for swaps on the same joints, where there are many joints.
 _TRIED_EACH = 3
 
 
@@ -51,9 +51,9 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) -> bool:
-    """True if another set has the lower score; a richer one has to earn its place as any new claim has.
+    """True if another set has the lower score; one with more parameters has to pass the gates of a claim as well.
 
-    Dropping what it has more would undo the swap otherwise.
+    Otherwise the next elimination would undo the swap.
     """
     if not _exchange(search, chosen, other).passed:
         return False
@@ -61,12 +61,12 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
 
 
 def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
-    """What the gate of exchanges says of a set in the place of another one."""
+    """Result of the gate of exchanges for one set in place of another."""
     return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
 def _record_swap(search: Search, before: frozenset[Term], after: frozenset[Term]) -> None:
-    """Record what a swap has put in the place of what."""
+    """Record the effects that a swap has removed and those that replaced them."""
     search.record.lost(before - after, _exchange(search, after, before), instead=after - before)
     search.record.kept(after - before, _exchange(search, before, after))
 
@@ -76,7 +76,7 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
 
     Args:
         search: Rivals.
-        chosen: What is there.
+        chosen: The current set.
         ranked: Sets that differ from it by a swap, the most promising first.
     """
     now, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
@@ -91,10 +91,10 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
 
 
 def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by special cases of them that explain as much, as far as the method is accurate.
+    """Replace single effects by special cases that explain as much, within the accuracy of the method.
 
-    Where noise is small against what an effect explains, the further parameters of a richer law take up what the
-    tolerance, taken as linear, and filters leave.
+    Where noise is small beside the torque of an effect, further parameters of its law explain errors of filters and of
+    the linearised tolerances.
     """
     for term in ordered(chosen):
         accuracy = fair_part.ACCURACY * explained(search, chosen, term)
@@ -114,7 +114,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The same set with one number for several joints in place of one each, where it explains as much."""
+    """The set with one number for several joints in place of one for each, where it explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
@@ -136,10 +136,10 @@ def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that could stand for ``term``: single ones, its special cases, friction of both its joints.
+    """Sets of effects that may replace ``term``: single ones, its special cases, friction of both its joints.
 
-    One effect between two joints costs less than friction of both, and may take their place where they move alike: it
-    is compared with all sets of these.
+    One effect between two joints has a lower price than friction of both, and makes the same torque where these move
+    alike: it is compared with all sets of such friction.
     """
     single = [search.alone[other] for other in search.terms if other.named and other.place != term.place]
     parts = [
@@ -154,22 +154,22 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
 
 
 def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets of effects of single joints that may leave what one between two joints leaves."""
+    """Sets of effects of single joints that may make the same torque as one between two joints."""
     joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
     own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
     return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
 
 
 def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
-    """Sets of a near twin, with ``term`` or with what a richer law has beside it.
+    """Sets with a near twin of ``term``, alone or with a further effect that a law with more parameters contains.
 
-    With these alone the twin would be at a loss; and where both are there, what one gains beside the other is small.
+    Without that further effect the twin would seem worse; and beside each other near twins gain little.
     """
     own = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
     if not twins:
         return []
-    # Of either twin there may be a richer law; what that has besides may stand beside the other twin.
+    # Either twin may be part of a law with more parameters; the other parts are added to the other twin.
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
     richer = [other.effect for other in own if names & set(other.effect.contains)]
     beside = {name for effect in richer for name in effect.contains} - names
@@ -178,7 +178,7 @@ def _of_near_twins(search: Search, term: Term) -> list[tuple[Term, ...]]:
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
-    """True if a coupling can make what friction of a passive joint makes: both turn with the same two joints."""
+    """True if a coupling can make the torque of a passive joint's friction: both move with the same two joints."""
     passive = search.problem.session.robot.passive_names
     if term.effect.scope != "pair" or other.joint not in passive or other.shape:
         return False
@@ -188,14 +188,14 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
 def spanned(
     search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
 ) -> bool:
-    """True if the torque of some columns is one that other columns could make, as far as the method is accurate.
+    """True if other columns can make the torque of some columns, within the accuracy of the method.
 
     Args:
         search: Holds their products.
-        columns: The ones.
+        columns: Columns that make the torque.
         theta: Their coefficients.
-        by: The others.
-        left: Share of the squared torque that they may leave.
+        by: The other columns.
+        left: Largest share of the squared torque that these may leave.
     """
     a = search.problem.total_a
     energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
@@ -209,8 +209,8 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     Args:
         search: Rivals.
         chosen: A set with ``term`` in it.
-        term: What is to be replaced.
-        slack: Allowed deficit of an alternative's gain, prices counted.
+        term: The effect to be replaced.
+        slack: Allowed deficit of an alternative's gain, after prices.
     """
     remaining = chosen - {term}
     if term not in search.near:
@@ -225,7 +225,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained(search, chosen, term)
-    # Promises are to second order, and may be off by a few per cent where a law is not linear.
+    # Estimated gains are to second order, and may be off by a few per cent where a law is nonlinear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
     promised = search.gains(remaining, singles, above=least)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)

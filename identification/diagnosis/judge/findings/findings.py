@@ -49,13 +49,13 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200
-# Width of an interval of bodies that can exist, over that of all, above which it is not called one-sided.
+# Ratio of interval widths, bodies that can exist over all bodies, above which no note calls the interval one-sided.
 _NARROWER = 0.8
 _INTERVAL = (2.5, 97.5)  # per cent
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
-    """Notes on what the sizes of findings say of the robot, and on each size that no sound robot has."""
+    """Notes on the sizes of findings: sums of a drive, one-sided intervals, missing parts, implausible sizes."""
     robot, out = shown.problem.session.robot, list[Said]((*drive_sums(shown), *one_sided(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.joint_fit.coefficients(term)
@@ -70,7 +70,7 @@ def remarks(shown: Shown) -> tuple[Said, ...]:
 
 
 def _law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
-    """The simulator whose own law dry friction follows that a joint of a MuJoCo file was found to have."""
+    """The simulator whose own law of dry friction a finding follows; None for the law of the catalogue."""
     assert isinstance(term.effect, Effect)
     if term.joint not in soft_joints(robot):
         return None
@@ -89,12 +89,12 @@ class FindingWithout:
 
 
 def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingWithout, ...]:
-    """Each named effect with its share, its gap closed and rivals, and the torque of the other named ones without it.
+    """Each named effect as a finding, with the torque of the model that has all other findings and not this one.
 
     Args:
         shown: The effects that are shown.
-        judge: Of the gap.
-        within: What the best moves within the tolerances leave.
+        judge: Problem and floor of the gap.
+        within: Residual of the best moves within the tolerances.
     """
     plain, chosen = shown.plain, shown.chosen
     fitted = with_other_causes(with_other_tolerances(shown.joint_fit, plain, chosen), shown)
@@ -150,7 +150,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[FindingW
 
 
 def drive_sums(shown: Shown) -> tuple[Note, ...]:
-    """A note on each joint with a voltage on which viscous friction or a late reference was found.
+    """A note on each joint that a voltage drives, with a finding of viscous friction or of a late reference.
 
     Args:
         shown: The findings, with the fit of all their numbers.
@@ -163,7 +163,7 @@ def drive_sums(shown: Shown) -> tuple[Note, ...]:
             continue
         gains = [0.0 if one.follows is None else float(one.follows[j]) for one in recordings]
         if np.ptp(gains) > 1e-3 * max(gains):
-            # Another gain makes another sum of each recording.
+            # With several gains of the controller the parts of the sum are determined.
             continue
         per_volt_loop = gains[0]
         found, row = 0.0, np.zeros(0)
@@ -199,7 +199,7 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
 
 
 def one_sided(shown: Shown) -> tuple[Note, ...]:
-    """A note on each finding of inertial parameters whose intervals end where bodies cease to exist.
+    """A note on each finding of inertial parameters whose intervals end at the edge of what bodies can be.
 
     Args:
         shown: The findings, with the fit of all their numbers.
@@ -209,15 +209,15 @@ def one_sided(shown: Shown) -> tuple[Note, ...]:
 
 
 def _of(shown: Shown, term: Term) -> Note | None:
-    """The note on one finding; None if no interval ends early.
+    """The note on one finding; None if its intervals reach to both sides.
 
-    Its interval is that of the same fit to other draws of the data, each among bodies that can exist.
+    The interval is from fits to other draws of the data, each restricted to bodies that can exist.
     """
     robot, fitted = shown.problem.session.robot, shown.joint_fit
     at = fitted.place(term).coefficients
     own, cov = fitted.x[at], fitted.cov[at, at]
     squares, axes = np.linalg.eigh(cov)
-    # The symmetric root, which does not turn with the rounding of the matrix as others do.
+    # The symmetric root: other roots rotate with the rounding of the matrix.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
     bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
@@ -240,7 +240,7 @@ def _nearest(
     anywhere: Float[Array, " k"],
     bodies: list[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """What a fit among bodies that can exist makes of draws of the data whose fit without that limit is given."""
+    """The fit restricted to bodies that can exist, from the unrestricted fit to the same draw of the data."""
     if all(body.exists(drawn[at]) for body, at in bodies):
         return drawn
     return possible_minimum(precision, precision @ drawn, (-anywhere, anywhere), drawn, bodies)

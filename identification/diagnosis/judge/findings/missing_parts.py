@@ -21,12 +21,15 @@ from phantom_dyn.model.inertia import body_parameters, payload_body
 
 
 def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
-    """The part whose absence makes most of the torque that inertial parameters make: a share of its square; body; part.
+    """The part whose absence makes most of the torque of wrong inertial parameters, with its share and its body.
 
     Args:
         problem: Holds the products of their columns.
-        term: Inertial parameters that are free each by itself.
+        term: Free inertial parameters.
         own: Their changes.
+
+    Returns:
+        Share of the squared torque, number of the body, and the part; None if no part makes any.
     """
     robot = problem.session.robot
     first = problem.nuisances
@@ -45,15 +48,15 @@ def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tupl
 
 
 def payload_of(search: Search) -> Term | None:
-    """The payload among some rivals, None if it is none of them."""
+    """The payload among the rivals of a search, None if there is none."""
     return next((term for term in search.terms if term.effect.inertial == "point mass"), None)
 
 
 def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dict[Term, float]:
-    """Of inertial parameters the share of their squared torque that the absence of a part of the payload's link makes.
+    """For wrong inertial parameters the share of their squared torque that the absence of a mounted part makes.
 
-    Ten numbers a link explain a little more than a part that is known beforehand, for links are never quite as
-    modelled; but a part that is left off is the likelier cause, and a body without it can be.
+    Ten free numbers of a link explain a little more than a known part, as links are never exactly as modelled; but a
+    part that is not mounted is the more probable cause.
     """
     if payload_of(plain) is None:
         return {}
@@ -62,7 +65,7 @@ def missing_shares(plain: Search, kept: Iterable[Term], fitted: JointFit) -> dic
 
 
 def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[Place]:
-    """Inertial parameters that would be the absence of a part as well, in the place of a payload that is that."""
+    """Inertial parameters that express the absence of a part, as a negative payload of the set does already."""
     out = set()
     for term in search.terms:
         if term.effect.inertial == "free":
@@ -73,7 +76,7 @@ def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> fro
 
 
 def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
-    """As `share_without`, of a part of the payload's link; zero where that of another link explains more."""
+    """As `share_without`, for a part of the payload's link; zero where a part of another link explains more."""
     found = share_without(problem, term, own)
     return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 

@@ -17,14 +17,14 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-_SAMPLES = 200  # many more rows than a robot has base parameters of one effect
+_SAMPLES = 200  # random postures; their rows are far more than the base parameters of one effect
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Deviations are those of the joint fit carried through the law to first order. Of inertial parameters only a set
-    that any motion can tell apart is given, with what the others add to it.
+    Deviations are those of the joint fit, propagated through the law to first order. Of inertial parameters only base
+    parameters are given, which motion can determine, with the sums that they stand for.
 
     Args:
         robot: The given model.
@@ -42,10 +42,10 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
-    """Deviations of one finding's parameters as sums of independent standard numbers that all findings share.
+    """Rows of a square root of the covariance of all findings, for the parameters of one finding.
 
-    One row a parameter, in the order of `finding_parameters`, lists unfolded: the covariance of any two parameters, of
-    whatever findings, is the product of their rows.
+    One row for each parameter (for each number of a list), in the order of `finding_parameters`: the covariance of any
+    two parameters, also of different findings, is the product of their rows.
 
     Args:
         robot: The given model.
@@ -53,7 +53,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
         fitted: Fit of the whole model.
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
-    # The symmetric root, which does not turn with the rounding of the matrix as others do.
+    # The symmetric root: other roots rotate with the rounding of the matrix.
     shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[_numbers(term, fitted)]
     slope = base_parameters(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
@@ -68,7 +68,7 @@ def _numbers(term: Term, fitted: JointFit) -> list[int]:
 def _law(
     robot: Robot, term: Term, fitted: JointFit
 ) -> tuple[tuple[Parameter, ...], Float[Array, " p"], Float[Array, "p k"]]:
-    """What is stated, its values, and their slopes in the numbers of the fit."""
+    """Stated parameters, their values, and their derivatives by the numbers of the fit."""
     effect, place, at = term.effect, fitted.place(term), _numbers(term, fitted)
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
@@ -78,7 +78,7 @@ def _law(
     values = law(x)
     slope = np.empty((len(values), len(x)))
     for k in range(len(x)):
-        # A step of a hundredth of a deviation keeps the difference inside the linear range of every law.
+        # Over a hundredth of a deviation every law is linear.
         step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
         moved = x.copy()
         moved[k] += step
@@ -89,7 +89,7 @@ def _law(
 def _named(
     parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"], *, lists: bool
 ) -> dict[str, Value]:
-    """Values by name; of an effect that takes ``lists`` each is one, all of the same length, one after the other."""
+    """Values by name; for an effect whose parameters are ``lists``, each value is a list, all of the same length."""
     each = len(values) // len(parameters)
     if not lists:
         return {p.name: Value(float(v), float(s), p.unit) for p, v, s in zip(parameters, values, std, strict=True)}
@@ -107,7 +107,7 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
 
 
 def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Float[Array, "r k"]]:
-    """Base parameters among those of free bodies, and the sums of all of them that they stand for.
+    """Base parameters of free bodies, and the matrix of the sums of parameters that they stand for.
 
     They come from the regressor over random motions.
 
@@ -128,13 +128,13 @@ def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Fl
 
 
 def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
-    """Regressor of independent samples: all postures, or of a linkage those that it reaches."""
+    """Regressor at independent random samples; of a linkage in postures that it can reach."""
     rng = random_stream("draws of parameters")
     q, v, a = (rng.uniform(-3, 3, (_SAMPLES, robot.nv)) for _ in range(3))
     if not solved_numerically(robot):
         base = any_base_motion(rng, _SAMPLES) if robot.floating else None
         return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a, base=base))
-    # Each is reached from where the chain starts, so that they are one trajectory.
+    # The start of the chain is put between the postures, so that each can be reached.
     q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
     v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))
     return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]

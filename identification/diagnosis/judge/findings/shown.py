@@ -1,9 +1,8 @@
-"""The one loop of the judge: every gate is asked of all effects that are left, and what fails worst is taken away.
+"""The loop of the judge: every gate is applied to all remaining effects, and the effect that fails worst is removed.
 
-The search holds all but the coefficients, and weighs noise otherwise than the fit that states sizes. So what it has
-found is judged again in the band in which gaps are measured, gate by gate in the order of
-`identification.gates.GATES`, those of rivals last, which cost most. After each change the first is asked
-again. Each answer is recorded.
+The search keeps shapes fixed and uses other weights than the fit that states sizes. So its result is tested again in
+the band in which gaps are measured, gate by gate in the order of `identification.gates.GATES`, those of rivals last, as
+they cost most. After each change the loop begins with the first gate again. All results are recorded.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from identification.gates.in_band import closes_for_sure
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
-# Sets that are looked at where each says that another effect should lead; then the one with the least doubt is shown.
+# Most sets that are compared where in each of them a rival should lead; the one that is outdone least is then shown.
 _MOST_LEADERS = 8
 
 
@@ -43,16 +42,16 @@ Without = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
 def in_band(bench: Bench, state: State) -> State:
-    """What shows in the judged band: each effect is shown by motion."""
+    """The state after the gates of the judged band, those of rivals apart."""
     return _until_all_pass(bench, state, (_motion,))
 
 
 def shown_effects(bench: Bench, state: State) -> Shown:
-    """Effects that pass every gate of the judge, or that nothing likelier could lead in the place of.
+    """Effects that pass every gate of the judge.
 
-    What was outdone once does not come back while what outdid it is there: where each of several sets says that another
-    one should lead, that one is shown whose findings are outdone least, and a finding and the rival that outdoes it
-    share what both have.
+    An effect that a rival has replaced does not come back while that rival is there. Where in each of several sets a
+    rival should lead, the set is shown in which the excess of the rivals' probabilities is least, and a finding and its
+    rival then get equal probabilities.
     """
     steps = (_motion, _sure, _noise, _simpler, _part, _searched_again, _rivals)
     return _until_all_pass(bench, state, steps).looked_at[-1]
@@ -66,10 +65,10 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 
 
 def _without_exchanges(bench: Bench, before: State, after: State) -> State:
-    """The state in which what gave way to a set of rivals is back, where one of these has turned out not to be there.
+    """The state with replaced effects back in the set, where one of several rivals in their place has failed a gate.
 
-    The set explained more as a whole: what is left of it need not. A single rival that falls was likelier by itself
-    than what gave way to it, which does not come back.
+    Several rivals explained more together; the remaining ones need not. A single rival that fails was more probable by
+    itself than the effects that it replaced, so these do not come back.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
@@ -92,7 +91,7 @@ def _without_exchanges(bench: Bench, before: State, after: State) -> State:
 
 
 def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
-    """The state without the effect that fails a gate worst; the same state if all pass. Both are recorded."""
+    """The state without the effect that fails a gate worst; the same state if all pass. Results are recorded."""
     for term, result in results.items():
         if result.passed:
             bench.record.kept([term], result)
@@ -125,7 +124,7 @@ def _sure(bench: Bench, state: State) -> State:
 
 
 def _noise(bench: Bench, state: State) -> State:
-    # A simpler case of another law may come to a place that is barred: it was asked before.
+    # The special case of another law may be an effect that is barred: that has failed before.
     made = [term for term in ordered(state.shown) if noise_may_make(term) and term.place not in state.barred]
     if not made:
         return state
@@ -133,13 +132,13 @@ def _noise(bench: Bench, state: State) -> State:
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """Without an effect that noise may make, which is no rival either."""
+    """The state without an effect that noise may imitate; it may not be a rival either."""
     found = frozenset(other for other in state.found if other.place != term.place)
     return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.place}), ()
 
 
 def _simpler(bench: Bench, state: State) -> State:
-    """An effect that differs from a special case of itself in neither fit gives way to that, or to nothing."""
+    """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
     white = bench.search.evaluate(state.found)
     cases = {term: nearest_case(robot, term, fitted) for term in ordered(state.shown) if term.named}
@@ -169,7 +168,7 @@ def _simpler(bench: Bench, state: State) -> State:
 
 
 def _part(bench: Bench, state: State) -> State:
-    """Inertial parameters that are the absence of a part give way to the payload that says so."""
+    """The state with inertial parameters replaced by a payload, where they express the absence of a part."""
     shares = missing_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -184,7 +183,7 @@ def _part(bench: Bench, state: State) -> State:
 
 
 def _searched_again(bench: Bench, state: State) -> State:
-    """Once, with effects that explain what is left where others have turned out to be no more than nothing."""
+    """The state after one more search for effects in the place of those whose size does not differ from zero."""
     uncertain = state.nothing & state.found
     if state.searched_again or not uncertain:
         return state
@@ -198,7 +197,7 @@ def _searched_again(bench: Bench, state: State) -> State:
 def instead_of(
     plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[Place]
 ) -> frozenset[Term]:
-    """Effects that explain what is left where others turn out to be no more than nothing; none if nothing does."""
+    """Effects found by a search without those whose size does not differ from zero; an empty set if there are none."""
     if not uncertain:
         return frozenset()
     gone = barred | {term.place for term in uncertain}
@@ -207,7 +206,7 @@ def instead_of(
 
 
 def _rivals(bench: Bench, state: State) -> State:
-    """Findings that a likelier rival could stand for give way to it, as long as there is a set that was not seen."""
+    """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
     named = [term for term in ordered(state.shown) if term.named]
     standings = {term: stand(bench.search, state.found, term, state.barred, bench.again) for term in named}
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), standings, state.found)
@@ -238,9 +237,9 @@ def _rivals(bench: Bench, state: State) -> State:
 
 
 def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:
-    """A set with all changes that lead to others of which each concerns other joints, and brings back nothing outdone.
+    """The set with all replacements at once that are on different joints and bring back no replaced effect.
 
-    Two changes on one joint are not made at once: the second one is looked at again beside the first.
+    Of two replacements on one joint only the first is made; the second is compared again beside it.
     """
     out, moved = chosen, set[str | None]()
     for way in ways:
@@ -252,12 +251,12 @@ def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[
 
 
 def _outdone(standing: Standing) -> float:
-    """How much more probable than a finding the rival is that has to lead in its place."""
+    """Excess of the probability of the rival that should lead over that of the finding."""
     return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
 
 
 def evened(standing: Standing) -> Standing:
-    """The same with equal shares of a finding and of the rivals that outdo it."""
+    """The standing with equal probabilities of a finding and of the rivals that are more probable."""
     if _outdone(standing) <= 0.0:
         return standing
     shares = [standing.probability]

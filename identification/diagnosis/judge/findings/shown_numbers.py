@@ -26,15 +26,15 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
-# Share of what a robot may have, and of the number itself, beyond which a deviation says that it is not known.
+# Deviation above which a number counts as unknown: as a share of its plausible size and of the number itself.
 _UNKNOWN = 0.5
-# Share of a mass that its interval of 95 % may be wide, both sides together; beyond it the first moments are what is
-# known.
+# Largest width of a mass's 95 % interval, as a share of the mass, for which a centre of mass is stated; else the first
+# moments are.
 _NARROW, _SIDES = 0.5, 2 * 1.96
 
 
 def only_shown(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
-    """The same numbers, those that the recordings do not show without a deviation (infinity).
+    """The numbers, with an infinite deviation for those that the recordings do not determine.
 
     Args:
         values: Parameters of a finding.
@@ -50,7 +50,7 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
 
 
 def moments_instead(mass: float, std: float) -> bool:
-    """True if a mass is so uncertain that first moments are stated in the place of its centre."""
+    """True if a mass is so uncertain that first moments are stated in place of its centre."""
     return _SIDES * std >= _NARROW * abs(mass)
 
 
@@ -63,13 +63,13 @@ def _known(value: Value, limit: float | None) -> Value:
     if limit is None:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
-    # A light lever may carry a load of several times its own weight, which is known all the same.
+    # Also relative to the number: a light lever may carry a load of several times its own weight.
     shown = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
     return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
 
 
 def _plausible(session: Session, joint: str | None) -> dict[str, float]:
-    """Largest deviation of a number that is known, by its unit."""
+    """Largest deviation of a known number, by unit."""
     robot = session.robot
     reach, mass = reach_of(robot), float(sum(inertia.mass for inertia in robot.model.inertias[1:]))
     out = {"m": reach, "kg m": mass * reach, "kg": mass, "kg m^2": mass * reach**2, "rad": np.pi, "1": 2.0}
@@ -88,7 +88,7 @@ def _largest(series: list[Float[Array, " n"]]) -> float:
 
 
 def reach_of(robot: Robot) -> float:
-    """How far a robot reaches [m]: the links to the joint that carries a load, and as much again as its longest one."""
+    """Reach of a robot [m]: the lengths of all links to the joint that carries a load, plus the longest once more."""
     model, joint = robot.model, payload_body(robot)
     lengths = [float(np.linalg.norm(model.jointPlacements[one].translation)) for one in range(1, model.njoints)]
     reach = sum(lengths[one - 1] for one in model.supports[joint] if one > 0)
@@ -97,10 +97,10 @@ def reach_of(robot: Robot) -> float:
 
 
 def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Term]) -> JointFit:
-    """The same fit with the deviations of sizes that a model with three times the tolerances leaves elsewhere.
+    """The fit with deviations of sizes enlarged by their change under three times the tolerances.
 
-    Where no move ends at its limit, the tolerances hold as they are stated. Where one does, the model is likely to be
-    further off than that, and what a size takes over from it is not in its deviation.
+    Where no move ends at its limit, the stated tolerances hold. Where one does, the model is probably wrong by more,
+    and the deviation of a size does not include its share of that error.
 
     Args:
         fitted: Fit of all numbers.
@@ -116,10 +116,10 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
 
 
 def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
-    """The same fit with deviations of sizes that hold what they are beside the rivals of other findings.
+    """The fit with deviations of sizes enlarged by their change where a rival replaces another finding.
 
-    Each set that rivals make counts once, by its largest probability: one law in the place of two is a rival of both.
-    Rivals that keep an effect and add another one to it count for its own size too.
+    Each set with rivals counts once, with its largest probability: one law in place of two findings is a rival of both.
+    Rivals that keep an effect and add another one count for its own size, too.
 
     Args:
         fitted: Fit of all numbers.
@@ -138,7 +138,7 @@ def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
 
 
 def _wider(fitted: JointFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> JointFit:
-    """The fit with the shift of all coefficients added to the deviations of those effects that another set keeps."""
+    """The fit with the shift of coefficients in another set added to the deviations of the effects that it keeps."""
     cov = fitted.cov.copy()
     for place in fitted.places:
         if place.term in kept:

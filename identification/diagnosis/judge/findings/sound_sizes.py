@@ -1,6 +1,6 @@
-"""Findings of sizes that no sound robot has: a size outside its range, or friction that drives the motion.
+"""Findings of implausible sizes: a size outside of its range, or friction that drives the motion.
 
-They are named where nothing else explains as much, with a note, and do not carry the verdict "explained".
+They are findings where nothing else explains as much, with a note, and do not count for the verdict "explained".
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.notes import Code, Note, Said
 from phantom_dyn.effects.effect import Effect
 
-# Share of the largest speed from which on a joint moves: elastic friction gives back what it took after a reversal.
+# Share of the largest speed above which friction must not drive; after a reversal elastic friction returns energy.
 _MOVES = 0.2
-# Friction that drives, over that of the model and of each finding by itself: fits are right to a few per cent.
+# Driving friction over the friction of model and findings each by itself, above which it is no error of the fit.
 _DRIVES = 0.1
 
 
 def size_notes(shown: Shown) -> list[Note]:
-    """A note for each size of a finding that no sound robot has, and for each joint whose friction drives it."""
+    """A note for each implausible size of a finding, and for each joint whose friction drives it."""
     session, out = shown.problem.session, list[Note]()
     for term in ordered(shown.named):
         fault = implausible(session, term, shown.joint_fit.coefficients(term))
@@ -40,11 +40,11 @@ def size_notes(shown: Shown) -> list[Note]:
 
 
 def all_sound(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
-    """True if no finding has a size that no sound robot has, alone or together with others and the model.
+    """True if all sizes are plausible, those of single findings and those of findings and model together.
 
     Args:
         findings: Those that are not too small to matter.
-        notes: Of the sizes of all.
+        notes: Notes on the sizes of all.
     """
     faults = [note for note in notes if isinstance(note, Note)]
     places = {(note.numbers["effect"], note.joint) for note in faults if note.code is Code.IMPLAUSIBLE_SIZE}
