@@ -12,6 +12,7 @@ from identification.data.log import Log
 from identification.data.signals import smoothed_where
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import BaseMotion, joined_bases
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,11 @@ class Replay:
     cutoff_hz: float
     parts: tuple[tuple[int, int, int], ...]
     weights: tuple[Float[Array, "_ nv"], ...]
+
+    @property
+    def base(self) -> BaseMotion | None:
+        """How a base moves that is not bolted down, at the samples in the band of all logs, one after the other."""
+        return joined_bases([log.motion.at(log.samples).base for log in self.logs])
 
     def robot_in(self, robot: Robot, log: int) -> Robot:
         """A model with the known load of one recording."""

@@ -53,7 +53,7 @@ from identification.export.file_names import (
     URDF,
     YAML,
 )
-from identification.export.proof.judged_files import Proof, proved
+from identification.export.proof.judged_files import Measured, Proof, proved
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
@@ -154,11 +154,11 @@ def _written(
     found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
     stated = robot_config(robot, config)
 
+    fitted = diagnosis.numbers[0] if diagnosis.numbers else FittedNumbers((), {})
+    measured = None if diagnosis.replay is None else Measured(diagnosis.replay, robot, known_torques, fitted)
+
     def proof_of(corrected: CorrectedModel) -> Proof | None:
-        if diagnosis.replay is None:
-            return None
-        fitted = diagnosis.numbers[0] if diagnosis.numbers else FittedNumbers((), {})
-        return Proof(diagnosis, diagnosis.replay, corrected, known_torques, found, stated, fitted)
+        return None if measured is None else Proof(diagnosis, measured, corrected, found, stated)
 
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
@@ -197,7 +197,12 @@ def _written(
     moved = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
     if moved and FEEDFORWARD in texts:
         notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
-    return _Written(texts, files, tuple(notes), tuple(name for name in NAMES if name not in texts))
+    wanted = NAMES
+    if robot.floating:
+        problem = "the torque of another motion depends on how the base moves, which nobody knows before."
+        notes.append(Note(Code.NOT_WRITTEN, None, {"files": (FEEDFORWARD, TABLE), "problem": problem}))
+        wanted = tuple(name for name in NAMES if name not in (FEEDFORWARD, TABLE))
+    return _Written(texts, files, tuple(notes), tuple(name for name in wanted if name not in texts))
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
@@ -283,12 +288,13 @@ def _models(
         PhantomDynError: If there is no corrected model at all.
     """
     motion = _recorded_motion(diagnosis)
+    along = motion if diagnosis.replay is None else replace(motion, base=diagnosis.replay.base)
 
     def models_on(base: Robot, *, possible: bool) -> _Models:
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
         body_notes: tuple[Note, ...] = ()
         if possible:
-            bodies, body_notes = _possible(corrected.robot, robot, motion)
+            bodies, body_notes = _possible(corrected.robot, robot, along)
             corrected = replace(corrected, robot=bodies)
         try:
             files = model_files(corrected, motion, folder=folder, config=config)
@@ -360,6 +366,8 @@ def _others(
             RESIDUAL: lambda: residual_code(residual),
             RESIDUAL_TABLE: lambda: residual_table(residual, diagnosis),
         }
+    if not corrected.given.floating:
+        offered |= {FEEDFORWARD: code, TABLE: lambda: feedforward_table(corrected, diagnosis, code())}
     return offered | {
         RANDOMISATION: lambda: randomisation_text(
             randomisation_of(diagnosis, corrected.base),
@@ -367,8 +375,6 @@ def _others(
             moves=diagnosis.adjusted,
             with_mjcf=MJCF in models,
         ),
-        FEEDFORWARD: code,
-        TABLE: lambda: feedforward_table(corrected, diagnosis, code()),
         ISAAC: lambda: with_links(isaac_lab_text),
         SIMULATORS: lambda: with_links(simulators_text),
     }

@@ -125,9 +125,9 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
         tau: Logged torque at the same times.
 
     Returns:
-        The note; nothing without MuJoCo, or where the motion is too short.
+        The note; nothing without MuJoCo, where the motion is too short, or where nothing holds the base.
     """
-    if not text:
+    if not text or corrected.given.floating:
         return ()
     try:
         # The file that is written may hold servos: here the logged torque drives the joints.

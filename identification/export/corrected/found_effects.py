@@ -138,7 +138,9 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     wanted, stated = standard_parameters(robot), standard_parameters(given)
     bodies = reference_bodies(stated)
     scale = np.concatenate([body.scale for body in bodies])
-    _, sizes, rows = np.linalg.svd(rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale)
+    _, sizes, rows = np.linalg.svd(
+        rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale, full_matrices=False
+    )
     seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
     none = np.zeros(0)
     found = solve_program(Program(seen, seen @ wanted, bodies, none, none, exact=True))

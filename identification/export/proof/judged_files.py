@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -59,37 +59,93 @@ _MORE = 1.2
 
 
 @dataclass(frozen=True)
+class Measured:
+    """The recordings that files are run over, and what the given model leaves of them.
+
+    Attributes:
+        replay: The recordings.
+        robot: The given model.
+        known: Effects that belong to it already.
+        fitted: How late the recorded torque and references are, how softly joints rub there and what is wrong with the
+            base's sensors, among what was fitted.
+    """
+
+    replay: Replay
+    robot: Robot
+    known: tuple[KnownEffect, ...]
+    fitted: FittedNumbers
+
+    @cached_property
+    def given(self) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
+        """What the given model leaves: squares and their counts, and residuals on the recording as it is."""
+        return self.left_by(torque_of_model(self.replay, self.robot, self.known))
+
+    def left_by(self, asked: Asked) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
+        """What a torque leaves: squares and their counts, and residuals of each joint on the recording as it is."""
+        once = cache(asked)
+        squares, fitted = self.squares(once), self.fitted
+        as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
+        left = rms(self.replay.squares(once) if as_recorded else squares)
+        return squares, dict(zip(self.robot.joint_names, left.tolist(), strict=True))
+
+    @cached_property
+    def _feigned(self) -> tuple[Float[Array, "_ nv"], ...]:
+        """Torque of each log that errors of the base's sensors feign; none of a robot that is bolted down."""
+        base = self.fitted.base
+        return tuple(feigned_by(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
+
+    def squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
+        """Squares that a torque leaves as late and with friction as soft as recorded, and their counts.
+
+        These belong to the recording: files are judged by what is left besides.
+        """
+        fitted = self.fitted
+
+        def recorded(log: int) -> Array:
+            torque, one = asked(log), self.replay.logs[log]
+            for joint, share in fitted.softness:
+                torque = torque + share * softness(self.replay.robot, one.motion, joint)
+            if fitted.arrivals:
+                torque = torque - one.later_references(fitted.arrivals)
+            if fitted.base:
+                torque = torque + self._feigned[log]
+            return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
+
+        return self.replay.squares(recorded)
+
+
+@dataclass(frozen=True)
 class Proof:
     """What written files are compared with, for one diagnosis and one corrected model.
 
     Attributes:
         diagnosis: What is claimed.
-        replay: The recordings.
+        measured: The recordings.
         corrected: The model that the files are made of.
-        known: Effects that belong to the given model already.
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
-        fitted: How late the recorded torque and references are, how softly joints rub there and what is wrong with the
-            base's sensors, among what was fitted.
     """
 
     diagnosis: Diagnosis
-    replay: Replay
+    measured: Measured
     corrected: CorrectedModel
-    known: tuple[KnownEffect, ...]
     found: tuple[KnownEffect, ...]
     config: Path | None
-    fitted: FittedNumbers
+
+    @property
+    def replay(self) -> Replay:
+        """The recordings themselves."""
+        return self.measured.replay
+
+    @property
+    def known(self) -> tuple[KnownEffect, ...]:
+        """Effects that belong to the given model already."""
+        return self.measured.known
 
     @property
     def effects(self) -> tuple[KnownEffect, ...]:
         """All effects beside the given model."""
         return (*self.known, *self.found)
-
-    @cached_property
-    def given(self) -> Float[Array, "2 B nv"]:
-        """Squares that the given model leaves, and their counts."""
-        return self._squares(torque_of_model(self.replay, self.corrected.given, self.known))
 
     @cached_property
     def estimate(self) -> Robot:
@@ -134,32 +190,6 @@ class Proof:
         asked = torque_of_residual(self.replay, code, model, self.estimate)
         return self._record(RESIDUAL, asked, LAWS)
 
-    def _squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Squares that a torque leaves as late and with friction as soft as recorded, and their counts.
-
-        These belong to the recording: files are judged by what is left besides.
-        """
-        fitted = self.fitted
-
-        def recorded(log: int) -> Array:
-            torque, one = asked(log), self.replay.logs[log]
-            for joint, share in fitted.softness:
-                torque = torque + share * softness(self.replay.robot, one.motion, joint)
-            if fitted.arrivals:
-                torque = torque - one.later_references(fitted.arrivals)
-            if fitted.base:
-                torque = torque + feigned_by(self.replay.robot, one, fitted.base)
-            return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
-
-        return self.replay.squares(recorded)
-
-    def _as_recorded(self, asked: Asked, squares: Float[Array, "2 B nv"]) -> dict[str, float]:
-        """Residual of each joint on the recording as it is, by name."""
-        fitted = self.fitted
-        as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
-        left = rms(self.replay.squares(asked) if as_recorded else squares)
-        return dict(zip(self.corrected.given.joint_names, left.tolist(), strict=True))
-
     def _held(self, kind: Format) -> tuple[KnownEffect, ...]:
         return tuple(one for one in self.effects if holds(kind, self.corrected, one))
 
@@ -176,16 +206,15 @@ class Proof:
         return torque_of_model(self.replay, robot, held, beside)
 
     def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
-        squares = self._squares(asked)
-        given = torque_of_model(self.replay, self.corrected.given, self.known) if given is None else given
-        before = self._squares(given) if self.known else self.given
+        squares, left = self.measured.left_by(asked)
+        before, had = self.measured.left_by(given) if given and self.known else self.measured.given
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
         # What adds noise to the readings alone takes nothing from a residual.
         lacks = any(one in lacking or effect_named(one.effect, self.corrected.given).only_noise for one in self.found)
         return WrittenFile(
             file,
-            self._as_recorded(asked, squares),
-            self._as_recorded(given, before),
+            left,
+            had,
             tuple(_named(one) for one in self.found if one not in lacking),
             tuple(_named(one) for one in lacking),
             self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
@@ -202,7 +231,7 @@ class Proof:
         if not lacks:
             return whole
         try:
-            part = rms(self._squares(self._as(kind, self.estimate, self.effects)))
+            part = rms(self.measured.squares(self._as(kind, self.estimate, self.effects)))
         except PhantomDynError:
             return whole
         return np.maximum(whole, part)
@@ -302,7 +331,7 @@ def proved(
             del kept[name]
             refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
-            kept[name] = with_header(texts[name], record, proof.diagnosis, proof.fitted)
+            kept[name] = with_header(texts[name], record, proof.diagnosis, proof.measured.fitted)
     for name, other in GOES_WITH.items():
         if name in kept and other not in kept:
             del kept[name]
