@@ -7,7 +7,7 @@
 
 Processor seconds, as other programs may run beside it, and peak memory. Before the first row one recording is
 diagnosed, so that no row pays for compiling. Recordings are made by `diagnosis_cost`: sums of sines with friction and
-rotor inertia that the model lacks, and noise.
+rotor inertia that the model lacks, and noise; the quadruped of twelve joints trots in MuJoCo.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ if __name__ == "__main__":
 
 from benchmarks.diagnosis_cost import IMPORTS, POSITION_NOISE, Case, Cost, arm_of, drive_torque, fresh_process, sines
 from benchmarks.first_run import AXIS, axis_recording
+from benchmarks.legged.cases import write_trot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -36,6 +37,7 @@ from phantom_dyn.motion import Motion
 HUMANOID = Case(
     "example:talos_data/talos_reduced", "lock: [gripper_left_joint, gripper_right_joint]\n", 30.0, rate_hz=500.0
 )
+TROT = "quadruped"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ GOALS = (
     Goal("six-joints-60s", arm_of(6, 60.0), 8.0, 800.0),
     Goal("panda", arm_of(7, 21.0), 8.0),
     Goal("humanoid", HUMANOID, 60.0),
+    Goal(TROT, Case(TROT, "", 60.0, rate_hz=500.0), 20.0),
     *(replace(goal, command="diagnose --quick", name=f"answer-{goal.name}") for goal in ANSWERS),
     Goal("check", arm_of(6, 60.0), 1.5, command="check"),
     Goal("two-hours", arm_of(6, 7200.0), 60.0, 1500.0),
@@ -97,6 +100,18 @@ def words_for(goal: Goal, folder: Path) -> list[str]:
     place = folder / ("six-joints-60s" if goal.command == "check" else goal.name.removeprefix("answer-"))
     place.mkdir(exist_ok=True)
     log, config = place / ("log.npz" if goal.case else "log.csv"), place / "robot.yaml"
+    if goal.name == TROT and goal.case is not None:
+        if not log.exists():
+            write_trot(place, goal.case.seconds, goal.case.rate_hz)
+        return [
+            "-m",
+            "identification.cli",
+            "diagnose",
+            str(place / "robot.urdf"),
+            str(log),
+            "--out",
+            str(place / "out"),
+        ]
     if goal.case is None:
         (place / "axis.urdf").write_text(AXIS)
         if not log.exists():

@@ -187,14 +187,7 @@ def write_case(folder: Path, kind: str, seed: int) -> None:
                 sensor = replace(sensor, mount=float(rng.uniform(6.0, 15.0)))
         run = simulate(robot, healthy.numbers, healthy.drive, sensor, ground, task, rng)
         gap = gap_over_floor(robot, healthy.numbers, healthy.numbers, run, task.rate)
-    case.mkdir(parents=True, exist_ok=True)
-    (case / "robot.urdf").write_text(urdf(robot))
-    rotors = "\n".join(
-        f"  {joint}: {{rotor_inertia: {value:.6g}}}"
-        for joint, value in zip(robot.joints, robot.numbers.armature, strict=True)
-    )
-    (case / "robot.yaml").write_text(f"base: floating\ntorque_hold: zoh\njoints:\n{rotors}\n")
-    np.savez(case / "log.npz", **run.log)  # pyright: ignore[reportArgumentType]
+    _write_run(case, robot, run)
     answer = {
         "effects": effects,
         "gap_over_floor": gap,
@@ -203,6 +196,27 @@ def write_case(folder: Path, kind: str, seed: int) -> None:
         "rate": task.rate,
     }
     (case / "answer.json").write_text(json.dumps(answer, indent=1) + "\n")
+
+
+def _write_run(folder: Path, robot: Robot, run: Run) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.urdf").write_text(urdf(robot))
+    rotors = "\n".join(
+        f"  {joint}: {{rotor_inertia: {value:.6g}}}"
+        for joint, value in zip(robot.joints, robot.numbers.armature, strict=True)
+    )
+    (folder / "robot.yaml").write_text(f"base: floating\ntorque_hold: zoh\njoints:\n{rotors}\n")
+    np.savez(folder / "log.npz", **run.log)  # pyright: ignore[reportArgumentType]
+
+
+def write_trot(folder: Path, seconds: float, rate: float) -> None:
+    """Writes a quadruped that trots, with friction that its model lacks, for what a diagnosis of so much costs."""
+    rng, robot = np.random.default_rng(7), quadruped()
+    count = len(robot.parts)
+    near = Plant(robot, _near_model(robot.numbers, rng), Drive(np.ones(count), np.zeros(count)))
+    dry = CAUSES["coulomb_friction"](near, robot.joints.index("FR_thigh_joint"), 1.5)
+    task = Task(False, seconds, rate, 1.6, 0.5, 0.06, 0.08, 1.0)
+    _write_run(folder, robot, simulate(robot, dry.numbers, dry.drive, _sensor(rng), Ground(rubs=0.7), task, rng))
 
 
 def main(arguments: list[str] | None = None) -> int:

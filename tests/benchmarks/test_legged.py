@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.legged.cases import CAUSES, Plant, write_case
+from benchmarks.legged.cases import CAUSES, Plant, write_case, write_trot
 from benchmarks.legged.files import plant, urdf
 from benchmarks.legged.motions import Task
 from benchmarks.legged.robots import arm, biped, quadruped
@@ -79,6 +79,14 @@ def test_a_case_that_is_there_is_kept(tmp_path):
     (folder / "answer.json").write_text("{}")
     write_case(tmp_path, "null", 0)
     assert [path.name for path in folder.iterdir()] == ["answer.json"]
+
+
+def test_the_log_whose_cost_is_measured_has_the_robots_joints(tmp_path):
+    write_trot(tmp_path, 0.5, 500.0)
+    robot, log = load_robot(tmp_path / "robot.urdf"), np.load(tmp_path / "log.npz")
+    assert robot.floating
+    assert len(log["t"]) == 250
+    assert all(f"tau.{joint}" in log for joint in robot.joint_names)
 
 
 @pytest.mark.parametrize("name", sorted(CAUSES))

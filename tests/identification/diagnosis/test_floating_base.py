@@ -7,8 +7,10 @@ from floating_leg import log_of_leg, with_sensor_errors, written_leg
 from identification.data.floating.base_errors import SENSOR_ERRORS
 from identification.data.reading import recording
 from identification.data.recording import Table
+from identification.export.all_files import export_texts
 from identification.identify.identify import identify
 from identification.pipeline import diagnose
+from identification.words.note_words import sentences
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.loading import load_robot
 
@@ -59,6 +61,25 @@ def test_friction_of_the_knee_is_found_in_the_air(tmp_path, rng, steps):
     torque = found.findings[0].parameters["torque"]
     assert torque.value == pytest.approx(0.3, abs=0.03)
     assert found.rollout["rms_after"]["knee"] < 0.1 * found.rollout["rms_before"]["knee"]
+
+
+@pytest.mark.whole
+def test_no_feedforward_is_written_as_nobody_knows_how_the_base_will_move(tmp_path, rng):
+    found = diagnosed(tmp_path, rng, dry=0.3)
+    texts, said = export_texts(found, load_robot(tmp_path / "robot.urdf"), folder=tmp_path)
+    assert {"corrected.urdf", "corrected.xml", "corrected.yaml", "isaac_lab.py"} <= set(texts)
+    assert not {"feedforward.py", "feedforward.csv"} & set(texts)
+    assert any(
+        one.startswith("feedforward.py and feedforward.csv were not written: the torque of another motion depends")
+        for one in sentences(said.notes)
+    )
+
+
+@pytest.mark.whole
+def test_the_base_moves_in_the_files_proof_as_in_the_recording(tmp_path, rng):
+    replay = diagnosed(tmp_path, rng, dry=0.3).replay
+    (log,) = replay.logs
+    np.testing.assert_array_equal(replay.base.columns, log.motion.base.columns[log.samples])
 
 
 @pytest.mark.whole
