@@ -1,4 +1,4 @@
-"""The best bodies that can exist, of a quadratic loss over their parameters: a compiled interior-point method.
+"""Minimum of a quadratic loss over inertial parameters of bodies that can exist: a compiled interior-point method.
 
 The unknowns are the ten entries of each pseudo-inertia, where the cone is simplest: with ``V`` the inverse, the barrier
 ``-log det`` has the gradient ``-V`` and the Hessian ``tr(V B_k V B_l)``, with ``B_k`` the symmetric unit matrices
@@ -22,15 +22,16 @@ from phantom_dyn.array_types import Array, Float
 
 # Rows and columns of the entries of a pseudo-inertia: its upper triangle.
 _PLACES = np.array([(i, j) for i in range(4) for j in range(i, 4)])
-# Between loss and bound at the end, as a share of what the cone costs, and in squared deviations where that is small.
+# Gap between loss and lower bound at which the iteration ends: as a share of what the cone costs, and in squared
+# deviations where that is small.
 _GAP = 1e-6
-# By which the weight of the loss grows from one point of the central path to the next.
+# Factor by which the weight of the loss grows from one point of the central path to the next.
 _FASTER = 20.0
-# Newton steps and shorter ones at most; forty are usual.
+# Largest number of steps, shortened ones included; forty are usual.
 _STEPS = 600
 # A point is on the path where the square of Newton's decrement is below this.
 _ON_PATH = 0.1
-# Part of the expected decrease that a step has to reach, and by what it is shorter if it does not.
+# Part of the expected decrease that a step has to reach, and the factor that shortens it if it does not.
 _DECREASE, _SHORTER = 0.1, 0.6
 
 
@@ -47,7 +48,7 @@ ENTRIES = np.linalg.inv(STANDARD)
 
 
 class Cone(NamedTuple):
-    """What bodies can exist.
+    """The cone of bodies that can exist.
 
     Attributes:
         start: Entries of the given bodies, ``(B, 10)``.
@@ -89,13 +90,13 @@ def _follow_path(a: Array, b: Array, cone: Cone, x: Array, room: Array, inverse:
         b: Linear part.
         cone: The bodies.
         x: Changes of the entries: zero at first, then the minimum.
-        room: Rows for a matrix, one for a gradient, one for a step, which is zero at first.
-        inverse: Room for the inverse of each pseudo-inertia, ``(B, 4, 4)``.
+        room: Work array: rows for a matrix, one for a gradient, one for a step, which is zero at first.
+        inverse: Work array for the inverse of each pseudo-inertia, ``(B, 4, 4)``.
     """
     n = len(x)
     hessian, gradient, step = room[:n], room[n], room[n + 1]
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
-    # Loss of the given bodies beyond that of the best ones, were there no cone: its size gives the first weight.
+    # How much lower the loss could be than that of the given bodies without the cone: this gives the first weight.
     most = 0.0
     for i in range(n):
         gradient[i] = b[i]
@@ -107,7 +108,7 @@ def _follow_path(a: Array, b: Array, cone: Cone, x: Array, room: Array, inverse:
         most += 0.5 * b[i] * gradient[i]
     weight = numbers / max(most, _GAP)
     length, least, decrement = 0.0, np.inf, 0.0
-    # Of the loss along a step: the change is small beside the loss, and would be lost in it.
+    # Slope and curvature of the loss along a step: in a difference of two losses the small change would be rounding.
     slope, bend = 0.0, 0.0
     for _ in range(_STEPS):
         barrier = _barrier(length, cone, x, step, inverse)
@@ -142,7 +143,7 @@ def _follow_path(a: Array, b: Array, cone: Cone, x: Array, room: Array, inverse:
 
 @inlined
 def _barrier(length: float, cone: Cone, x: Array, step: Array, factors: Array) -> float:
-    """Barrier where a step leads, infinite outside of the cone; the Cholesky factors are kept."""
+    """Barrier at the end of a step, infinite outside of the cone; the Cholesky factors are kept."""
     start, reach, places = cone
     barrier, n = 0.0, len(places)
     for body in range(len(start)):
@@ -222,7 +223,7 @@ def _set_up(
 
 @inlined
 def _invert(inverse: Array) -> None:
-    """Put the inverse of a matrix in the place of its Cholesky factor."""
+    """Overwrite the Cholesky factor of a matrix with its inverse."""
     m = len(inverse)
     for j in range(m):
         inverse[j, j] = 1.0 / inverse[j, j]
@@ -231,7 +232,7 @@ def _invert(inverse: Array) -> None:
             for k in range(j, i):
                 left -= inverse[i, k] * inverse[k, j]
             inverse[i, j] = left / inverse[i, i]
-    # Row by row into the upper triangle: rows of the lower one that are done are not needed any more.
+    # Row by row into the upper triangle: finished rows of the lower one are not needed any more.
     for i in range(m):
         for j in range(i + 1):
             total = 0.0
@@ -245,7 +246,7 @@ def _invert(inverse: Array) -> None:
 
 @inlined
 def _factorise(a: Array) -> None:
-    """Put the Cholesky factor in the place of the lower triangle."""
+    """Overwrite the lower triangle of a matrix with its Cholesky factor."""
     for j in range(len(a)):
         pivot = a[j, j]
         for k in range(j):
@@ -260,7 +261,7 @@ def _factorise(a: Array) -> None:
 
 @inlined
 def _solve(factor: Array, x: Array) -> None:
-    """Put the solution in the place of the right side."""
+    """Overwrite the right side with the solution."""
     for i in range(len(x)):
         for k in range(i):
             x[i] -= factor[i, k] * x[k]

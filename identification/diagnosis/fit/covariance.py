@@ -1,4 +1,4 @@
-"""Covariance of all numbers of a diagnosis: the noise model's, or the scatter from block to block if that is larger."""
+"""Covariance of all fitted parameters: the noise model's, or the scatter from block to block if that is larger."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def free_numbers(
     x: Float[Array, " p"],
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
 ) -> Int[Array, " f"]:
-    """Which numbers no bound holds against the data."""
+    """Indices of the parameters that no bound holds against the data."""
     gradient = b.sum(axis=0) - precision * x
     lower, upper = bounds
     return np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
@@ -30,17 +30,17 @@ def covariance(
 ) -> Float[Array, "p p"]:
     """The larger of the noise model's covariance and the scatter from block to block, priors included.
 
-    The scatter is that of the block jackknife and what all blocks have in common at the same state. It leaves numbers
-    alone that a bound holds: they do not move when a block is left out, and the pull on them, which is not zero there
-    as it is on the others, is no scatter.
+    The scatter is the variance of the block jackknife plus that of errors which all blocks have in common at the same
+    state. Parameters held by a bound are left out: they do not change when a block is left out, and their gradient,
+    which is not zero at a bound, is no scatter.
 
     Args:
         a: Products of slopes of each block.
         b: Products of slopes and residual of each block.
-        precision: Of what is known of the numbers beforehand.
-        x: The numbers.
-        free: Those that no bound holds.
-        repeated: Variance of each number by what the residual repeats from block to block.
+        precision: Prior precision of each parameter.
+        x: The parameters.
+        free: Indices of those that no bound holds.
+        repeated: Variance of each parameter by what the residual repeats from block to block.
     """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))

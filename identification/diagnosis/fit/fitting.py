@@ -34,10 +34,10 @@ class Fitted:
         theta: All coefficients, zero where a column is not in the model, ``(K,)``.
         active: Columns in the model.
         penalty: Cost of the nuisances by their priors: their squares in sigmas, summed.
-        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
+        objective: In-sample loss over all training blocks with penalty and priors, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
-        denied: How much lower the loss would be if bodies that cannot exist were allowed, in sample.
+        denied: How much lower the in-sample loss would be if bodies that cannot exist were allowed.
     """
 
     problem: Problem
@@ -57,7 +57,7 @@ class Fitted:
 
     @cached_property
     def row_losses(self) -> Float[Array, " nv"]:
-        """Weighted squared residual of each row over the cores, of the one fit to all blocks that train."""
+        """Weighted squared residual of each row over the cores, by the fit to all training blocks."""
         out, scales = [], {scaling.row: scaling.column for scaling in self.point.scalings}
         for j, row in enumerate(self.problem.grams.rows):
             theta, (a, b, c) = self.theta[row.index], row.core_total
@@ -98,11 +98,11 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Load:
-    """A payload at one estimate.
+    """A payload and the estimate about which it is linearised.
 
     Attributes:
-        term: Which effect.
-        start: Mass and first moments about which its inertia is linear, ``(4,)``.
+        term: The effect.
+        start: Mass and first moments about which its inertia is linearised, ``(4,)``.
     """
 
     term: Term
@@ -123,7 +123,7 @@ class Point:
 
     @property
     def moved(self) -> bool:
-        """True if some law is nonlinear, so that the point was found by iteration."""
+        """True if some law is nonlinear, so that the point comes from an iteration."""
         return bool(self.scalings) or self.payload is not None
 
 
@@ -132,8 +132,8 @@ class Near:
     """Coefficients of a similar fit, from which the next one starts.
 
     Attributes:
-        theta: All coefficients, NaN where a column is not in it, ``(K,)``.
-        payload: Mass and first moments of a payload, ``(4,)``; None if there was none.
+        theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
+        payload: Mass and first moments of a payload, ``(4,)``; None without one.
     """
 
     theta: Float[Array, " K"]
@@ -145,7 +145,7 @@ class Near:
         return Near(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> Near:
-        """The start of the next fit after this one of these terms; its payload is that of the last fit with one."""
+        """The start of the next fit after a fit of these terms; its payload is that of the last fit with one."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -155,7 +155,7 @@ class Near:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Sorted indices of the moves that fits contain and of the columns of the terms."""
+    """Sorted indices of the columns of a fit: the moves that all fits contain, and those of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
     return np.array([*problem.moves, *chosen], dtype=int)
 
@@ -173,9 +173,9 @@ def fit(
     Args:
         problem: Columns, products, priors.
         terms: The effects in the model.
-        held_out: False leaves the fits without folds out; the loss is then that of the one fit, in sample.
+        held_out: False skips the fits without each fold; the loss is then that of the one fit, in sample.
         near: A similar fit, to start from.
-        point: That of the same fit, where it is known.
+        point: The point of linearisation, where it is known.
     """
     near = Near.nothing(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
@@ -197,12 +197,12 @@ def fit(
     known = {scaling.column: scaling.gain for scaling in scalings}
     gains = np.array([known.get(column, 1.0) for column in columns])
     if not scalings and np.isfinite(near.theta[columns]).any():
-        # A similar fit has found gains already.
+        # The similar fit gives the first gains.
         gains = np.maximum(1.0 + np.nan_to_num(near.theta[columns]), _LEAST_GAIN)
         scalings = about(gains, near.theta)
     for _ in range(0 if known else 4):
         found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
-        # About the next gain hardly any bound binds that did not.
+        # At the next gain hardly any bound binds that did not bind at this one.
         near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
@@ -240,7 +240,7 @@ def predict(
         beside = values @ others[list(index)]
         out[:, j] = model[:, j] + beside
         for column in set(own) & set(index):
-            # The gain scales what its column shows of the modelled torque, and all that is fitted beside it.
+            # The gain scales the modelled torque in its column, and the torque of all other fitted terms.
             out[:, j] += theta[column] * (values[:, index.index(column)] + beside)
     return out
 
@@ -253,7 +253,7 @@ def _fit_at_point(
     near: Near,
     load: Load | None,
 ) -> Fitted:
-    """Fit with the torque constants linear; a payload is linearised about its own last estimate, or a known one."""
+    """Fit with the torque constants linearised; a payload is linearised about its last estimate, or a known one."""
     payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
@@ -293,7 +293,7 @@ def _point_mass(
         starts = [near.payload, starts[0]]
     else:
         starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
-        # What the model carries and the robot does not, at such distances too.
+        # A mass that the model has and the robot lacks, at such distances too.
         missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
         starts += [np.array([-far / distance, *moments]) for distance in missing]
     reduced = reduced_load(problem, active, products, payload, whole.theta)
@@ -315,7 +315,7 @@ def _fit_linear(
     near: Near,
     bodies: tuple[Body, ...] = (),
 ) -> Fitted:
-    """Fit with every coefficient linear; a payload through `load_map` about its estimate, free bodies possible ones."""
+    """Linear fit of all coefficients: a payload by `load_map` about its estimate, free bodies as possible ones."""
     load, folded, kept, held_out = point.payload, None, active, products.held_out
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
@@ -345,6 +345,6 @@ def _fit_linear(
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:
-    """The active columns with those of a payload folded into four about its estimate."""
+    """The active columns, with the ten of a payload reduced to four about its estimate."""
     jacobian = load_map(problem.session.robot, load.term, load.start)
     return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)

@@ -1,7 +1,7 @@
 """Flexible predictor of residuals: ridge regression on random Fourier features of the joint's state.
 
 Features are of position, velocity, direction, acceleration, modelled torque, displacement since the last reversal and
-time. What it predicts on held-out blocks is structure, whatever its cause; what it cannot predict counts as noise.
+time. Residuals that it predicts on held-out blocks have structure, whatever its cause; the rest counts as noise.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     # The same features on every call: a fixed seed makes a diagnosis repeatable.
     rng = random_stream("random features")
     widths = np.where(np.arange(_FEATURES) % 2 == 0, 0.4, 1.2)
-    # Each feature looks at two or three inputs, which is what friction, springs and load effects depend on.
+    # Each feature depends on two or three inputs, as friction, springs and load effects do.
     direction = rng.normal(size=(inputs.shape[1], _FEATURES)) * widths
     direction *= rng.random(direction.shape) < 2.5 / inputs.shape[1]
     waves = np.cos(inputs @ direction + rng.uniform(0, 2 * np.pi, _FEATURES))
@@ -67,15 +67,15 @@ def ridge_predictions(
 ) -> Iterator[tuple[list[Float[Array, " n"]], float]]:
     """Predictions of ``y`` from ``x``, each block by a ridge fit that has not seen it, and their mean squared error.
 
-    One of each of three relative strengths of the ridge; columns are scaled to unit size first.
+    There is one for each of three relative strengths of the ridge; columns are scaled to unit size first.
 
     Args:
         x: Features of each log.
         y: What to predict, of each log.
-        use: Samples that count, of each log.
-        blocks: Of the logs.
-        folds: Of each block; -1 is predicted by the fit on all folds.
-        first: Try so many of the first features alone as well.
+        use: Which samples of each log are used.
+        blocks: Blocks of the logs.
+        folds: Fold of each block; a block of fold -1 is predicted by the fit on all folds.
+        first: Numbers of leading features to be tried alone as well.
     """
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
     total = max(sum(int(m.sum()) for m in use), 1)
@@ -83,12 +83,12 @@ def ridge_predictions(
     scaled = [a / scale for a in x]
     seen = _seen(scaled, y, use, blocks, folds)
     ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
-    # Coefficients without each fold, and last of all folds together, for each number of features and each ridge.
+    # Coefficients for each number of features and each ridge: of the fits without each fold, then of the fit to all.
     which = np.unique(folds)
     fits = np.zeros((int(folds.max(initial=-1)) + 2, len(size), 1 + len(first), len(ridges)))
     for k, count in enumerate((*first, len(size))):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
-        if not len(kept):  # nothing moves, so that nothing is predicted
+        if not len(kept):  # no feature varies
             continue
         solved = _by_samples if len(seen.y) < len(kept) else _by_features
         fits[which[:, None], kept, k] = solved(seen, kept, ridges, which)
@@ -96,7 +96,7 @@ def ridge_predictions(
     squared, samples = np.zeros(fits[0, 0].size), 0
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         part = slice(block.start, block.stop)
-        # All fits at once read the features once. Fold -1 comes last.
+        # All fits in one product, so that the features are read once. Fold -1 comes last.
         predicted[block.log][part] = scaled[block.log][part] @ fits[fold].reshape(len(size), -1)
         core = slice(block.core, block.stop)
         m = use[block.log][core]
@@ -109,7 +109,7 @@ def ridge_predictions(
 
 @dataclass(frozen=True)
 class _Seen:
-    """Features and values of all samples that fits may see, the fold of each, and how many folds there are."""
+    """Training data: features and values of all samples, the fold of each, and the number of folds."""
 
     x: Float[Array, "n k"]
     y: Float[Array, " n"]
@@ -141,7 +141,7 @@ def _seen(
 def _by_features(
     seen: _Seen, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
-    """Coefficients of ridge fits without each of some folds, -1 for none, from products of the features."""
+    """Coefficients of ridge fits that leave out one fold each (-1 leaves out none), from products of the features."""
     gram, product = seen.products
     gram, product = gram[:, kept[:, None], kept], product[:, kept]
     whole, everything = gram.sum(axis=0), product.sum(axis=0)
@@ -173,5 +173,5 @@ def _with_ridge(a: Float[Array, "m m"], ridge: float, b: Float[Array, " m"]) -> 
 
     ridged = a.copy()
     ridged[np.diag_indices_from(ridged)] += ridge
-    # Its transpose is itself, in the order that needs no copy.
+    # The matrix is symmetric; its transpose has the memory order that needs no copy.
     return cho_solve(cho_factor(ridged.T, overwrite_a=True, check_finite=False), b, check_finite=False)

@@ -22,8 +22,8 @@ from phantom_dyn.motion import Motion
 class Sums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
-    Blocks without a sample are left out: a bootstrap replicate of such blocks alone would say nothing. A sample of a
-    standing joint counts as little as its friction is known there.
+    Blocks without a sample are left out, as a bootstrap replicate of such blocks alone would be empty. Samples at
+    standstill get a low weight, as friction is hardly known there.
 
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.
@@ -38,7 +38,7 @@ class Sums:
         return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
 
     def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        """The contract's loss when each block counts ``weights`` times."""
+        """The contract's loss with each block taken ``weights`` times."""
         mean = (weights @ self.squares) / np.maximum(weights @ self.counts, 1e-12)
         return (mean / floor**2).mean(axis=1)
 
@@ -77,7 +77,7 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
 
 
 def sample_weights(problem: Problem, log: int, part: slice) -> Float[Array, "n nv"]:
-    """What each sample of a part of one log counts: less where friction holds a joint, which may be anything."""
+    """Weight of each sample of a part of one log: lower where static friction, which may be anything, holds a joint."""
     variance = problem.weights.floor**2
     return problem.columns.usable[log][part] * variance / (variance + problem.columns.standing[log][part] ** 2)
 
@@ -85,7 +85,7 @@ def sample_weights(problem: Problem, log: int, part: slice) -> Float[Array, "n n
 def judged_noise(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     """Root mean square of each joint's noise in the judged band, above zero even where nothing was measured.
 
-    Samples count as in all that is judged against it: less where friction holds a joint and may be anything.
+    Samples have the same weights as in the residuals that are compared with it, see `sample_weights`.
     """
     return np.maximum(sums(problem, problem.session.in_judged_band(noise)).rms(), least_noise(problem.columns))
 
@@ -105,9 +105,9 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band; where no joint has any, what their own inertia takes.
+    """Measured torque of every log in the judged band; if it is zero on all joints, the torque of their own inertia.
 
-    Gaps are then held against that which accelerates the joints.
+    Gaps are then compared with the torque that accelerates the joints.
     """
     columns, session = problem.columns, problem.session
     torque = [model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True)]
@@ -134,11 +134,11 @@ def row_counts(problem: Problem) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class RowGaps:
-    """What claims are measured by on each row: squares over the noise, summed over the samples.
+    """Gap of each row that a claim has to explain a share of: squares over the noise, summed over the samples.
 
     Attributes:
-        gap: What the given model leaves beyond the noise, moved within its tolerances, ``(nv,)``.
-        accuracy: What the method itself may leave, ``(nv,)``.
+        gap: Residual of the given model beyond the noise, with the model fitted within its tolerances, ``(nv,)``.
+        accuracy: Residual that the method's own inaccuracy may cause, ``(nv,)``.
     """
 
     gap: Float[Array, " nv"]
@@ -146,10 +146,10 @@ class RowGaps:
 
 
 def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
-    """What claims are measured by in the fits of one problem: squares count by its own weights, in its own band.
+    """Gap and accuracy of each row for the fits of one problem, with its own weights and in its own band.
 
     Args:
-        problem: Whose fits claim.
+        problem: Columns and fits.
         within: Its fit of the moves within the tolerances alone.
     """
     given = np.array([row.core_c.sum() for row in problem.grams.rows])

@@ -1,9 +1,9 @@
 """Gauss-Newton over all parameters of a diagnosis: moves within tolerances, coefficients and shapes.
 
-The search is a variable projection: it holds shapes on a grid and solves for the coefficients. Here a few Gauss-Newton
-steps move both, and the covariance at the end counts what the search cannot: the correlation of shapes with
-coefficients, the tolerances of the model, the scatter from block to block where the noise is not as modelled, and what
-comes again at the same state where the laws are not exact.
+The search is a variable projection: it takes shapes from a grid and solves for the coefficients. Here a few
+Gauss-Newton steps change both. Their covariance includes what the search neglects: the correlation of shapes with
+coefficients, the tolerances of the model, the scatter from block to block where the noise is not as modelled, and
+residuals that repeat at the same state because the laws are not exact.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.rival import OtherLaw
 from phantom_dyn.random_streams import random_stream
 
-# Information on a number, in its own units, below which there is none.
+# Information on a parameter, in its own units, below which it counts as unobservable.
 _NO_TRACE = 1e-200
 
 _STEPS = 4
-# Columns made of the model are taken of the moved one again if a move changes by more than that many sigmas.
+# Columns that depend on the model are computed again if a move within the tolerances changes by more sigmas than this.
 _SAME_MODEL = 0.3
-# A step that promises less than this many squared deviations is not worth taking.
+# Decrease of the loss [squared deviations] below which no further step is taken.
 _LEAST_GAIN = 0.02
-# Models drawn to see what columns that are made of one leave open.
+# Number of models drawn for the covariance that an uncertain model adds through its columns.
 _DRAWS = 4
-# Sets of numbers drawn to see which are possible within the tolerances, and of those so many that a deviation of them
-# is known to a tenth.
+# Number of parameter vectors drawn to find those within the tolerances, and how many of them are needed to know a
+# standard deviation to a tenth.
 _TRUNCATED, _LEAST_INSIDE = 2000, 100
-# Name of what a rotor that the model lacks is found as, its size where the model states none as a share of what the
-# joint carries, one sigma, and postures in which that is looked at.
+# Effect of a rotor that the model lacks; its inertia (one sigma, where the model states none) as a share of the inertia
+# that the joint carries; and the number of postures over which that is averaged.
 _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
 # Radius of gyration of a load [m], one sigma: weights and tools of some kilograms; and places of the three moments of
 # inertia among the ten parameters of a body.
 _GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
-# Correlation with a size from which on the end of a move's tolerance matters to it.
+# Correlation of a move with a parameter above which the move's tolerance narrows the parameter's deviation.
 _EXCHANGED = 0.1
 
 
@@ -65,11 +65,10 @@ class JointFit:
     """Parameters and covariance of a Gauss-Newton fit over all parameters.
 
     Attributes:
-        places: Where the numbers of each term stand.
-        x: All numbers.
+        places: Places of each term's parameters in the vector.
+        x: All parameters.
         cov: Their covariance.
-        by_law: The part of it that comes of the laws of each effect that fit its definition as well, in the order of
-            the places.
+        by_law: For each place the part of the covariance from other laws that fit the definition of its effect as well.
     """
 
     places: tuple[Place, ...]
@@ -78,13 +77,14 @@ class JointFit:
     by_law: tuple[Float[Array, "p p"], ...]
 
     def place(self, term: Term) -> Place:
-        """Where the numbers of one term stand."""
+        """Places of the parameters of one term."""
         return next(place for place in self.places if place.term is term)
 
     def shown_by(self, term: Term) -> Float[Array, "k k"]:
-        """Covariance of the coefficients and the shape of one term as far as it decides whether the term is there.
+        """Covariance of the coefficients and the shape of one term, for the test whether the term is there.
 
-        Which of several laws of its own it is says nothing on that; which one another effect has does.
+        The doubt which of its own laws the effect follows is left out: it does not bear on that. The doubt which law
+        another effect follows does.
         """
         place = self.place(term)
         at = np.r_[place.coefficients, place.shape]
@@ -100,8 +100,8 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
 
     Args:
         problem: Columns and fits in the judged band.
-        terms: Of the model.
-        found: Its fit.
+        terms: The effects in the model.
+        found: Their fit.
     """
     layout, x = lay_out(problem, terms, found)
     precision, lower, upper = _limits(layout, x)
@@ -112,7 +112,7 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     if layout.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
         layout = layout.moved(x[moves])
         x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
-    # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
+    # Unobservable parameters (an inertia of a link that never turns about that axis) stay where they are.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     free = free_numbers(b, precision, x, (lower, upper))
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
@@ -139,18 +139,19 @@ def within_tolerances(
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """Covariance of those draws in which every move of the model stays within its tolerance.
+    """Covariance of those draws of all parameters in which every move of the model stays within its tolerance.
 
-    What a size could be if the model were further off than its tolerance says nothing of the size: near the end of a
-    tolerance the deviations of all that is exchanged for that move are smaller. A move at its end keeps its own.
+    Values that a parameter could only have if the model were beyond its tolerance do not count. So near the end of a
+    move's tolerance the deviations of all parameters that correlate with the move get smaller. A move at the end of its
+    tolerance keeps its own deviation.
     """
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     rng = random_stream("sizes within the tolerances")
-    # In deviations, as the numbers have units of their own.
+    # In standard deviations, as the parameters have different units.
     correlation = cov / np.outer(std, std)
     exchanged = np.flatnonzero(np.abs(correlation[:moves, moves:]).max(axis=1, initial=0.0) > _EXCHANGED)
     values, vectors = np.linalg.eigh(correlation)
-    # The symmetric root: another one would turn with the rounding of the matrix, and the draws with it.
+    # The symmetric root is unique: with another one the draws would depend on the rounding of the matrix.
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     drawn = rng.standard_normal((_TRUNCATED, len(x))) @ root
     low, high = ((end - x)[exchanged] / std[exchanged] for end in (lower, upper))
@@ -165,7 +166,8 @@ def within_tolerances(
 def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
     """First-order error of a shape, from the deviation of its share from one.
 
-    A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
+    A backlash gap or a limit has no other coefficient than a share of one. Where another share fits, the shape is
+    wrong by about as much.
     """
     shift = np.zeros(len(x))
     if place.term.effect.seen_by != "coefficient":
@@ -193,7 +195,7 @@ def _by_law(
         candidate = x + shift
         candidate[place.shape] = np.clip(candidate[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
         other = by_other_law(layout, place, candidate, law)
-        # What it gives less than the tangent of the term's own law promises there.
+        # How much less torque it gives than the linearised law of the term.
         less = tuple(
             o + slopes[:, :, at] @ (candidate - x)[at] - t
             for o, slopes, t in zip(own, model.slopes, other, strict=True)
@@ -203,12 +205,12 @@ def _by_law(
 
 
 def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    """What rotors that the model does not state add to the covariance of all numbers: a load has an inertia as well.
+    """Covariance that rotors which the model does not state add to all parameters: a load has an inertia as well.
 
-    Models often lack the rotor, and behind a gear it is of the size of the links. What a motion shows of a load by its
-    inertia alone, as its mass beside the first moment on a pendulum, is then not known. A rotor that the model states
-    has its tolerance, and one that was found its own deviation. Between recordings rotors are the same, but what else
-    is late or lags with the torque makes an inertia as well.
+    Models often lack the rotor, whose inertia behind a gear is as large as that of the links. Parameters of a load that
+    show by its inertia alone, as the mass of a pendulum of known first moment does, are then uncertain. A rotor that
+    the model states has its tolerance, and one that was found its own deviation. A difference of two recordings has the
+    same rotors, but anything else that delays the torque looks like an inertia as well.
     """
     robot = layout.problem.session.robot
     found = {place.term.joint for place in layout.places if place.term.effect.name == _ROTOR}
@@ -224,7 +226,7 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
             torque = np.zeros_like(operation.a)
             torque[:, row] = _UNSTATED * carried * operation.a[:, row]
             less.append(in_band(layout, log, torque))
-        # A column more, with a deviation of one beforehand, eliminated.
+        # One more column, with a prior deviation of one, is eliminated.
         _, across, own = _products(layout, model, tuple(less))
         beside -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
     identity = np.eye(layout.size)
@@ -234,7 +236,7 @@ def by_rotors(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]
 def by_extent(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], place: Place, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
-    """Shift of all numbers if a load is no point, but has an inertia about its own centre as loads have."""
+    """Shift of all parameters if a load is no point mass, but has an inertia about its own centre, as real loads do."""
     mass = float(x[place.coefficients][0])
     own = np.array(place.term.columns)[_MOMENTS_OF_INERTIA]
     less = tuple(
@@ -245,7 +247,7 @@ def by_extent(
 
 
 def only_at(places: slice, cov: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    """The part of a covariance that is of some numbers alone."""
+    """A covariance with all entries set to zero but those of a slice of parameters."""
     out = np.zeros_like(cov)
     out[places, places] = cov[places, places]
     return out
@@ -258,7 +260,7 @@ def _descended(
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> tuple[Array, Linearised, tuple[Array, Array, Array]]:
-    """Gauss-Newton steps within the bounds as long as they lower the loss; the model and its products at the end."""
+    """Parameters after Gauss-Newton steps within bounds that lower the loss, with the model and its products there."""
     model = linearised(layout, x)
     products = _products(layout, model)
     bodies = _bodies(layout)
@@ -286,7 +288,7 @@ def _descended(
 
 
 def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Bodies whose inertial parameters are free, with the places of their changes among the numbers."""
+    """Bodies whose inertial parameters are free, with the places of their changes in the parameter vector."""
     terms = [place.term for place in layout.places if place.term.effect.inertial == "free"]
     where = {
         column: place.coefficients.start + k
@@ -302,7 +304,7 @@ def _by_model(
 ) -> Float[Array, "p p"]:
     """Covariance that the uncertain model adds through the columns that depend on it.
 
-    The model is drawn some times from what the data leave of its tolerances, and the columns are made of it.
+    A few models are drawn from the covariance of the moves within the tolerances, and the columns computed from each.
     """
     count = layout.problem.nuisances
     rng = random_stream("models within the tolerances")
@@ -315,7 +317,7 @@ def _by_model(
 
 
 def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
-    """Prior precision about zero and bounds of all numbers; a shape stays within a factor of two of where it was."""
+    """Prior precision and bounds of all parameters; a shape stays within a factor of two of its value in the search."""
     problem = layout.problem
     precision, lower, upper = np.zeros(layout.size), np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     moves = slice(0, problem.nuisances)
@@ -326,7 +328,7 @@ def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, A
             out[place.coefficients] = values[list(place.term.columns[:count])]
     for place in layout.places:
         if place.term.effect.inertial == "point mass":
-            # A load stays a load and a part that is missing stays missing: between them the inertia has a pole.
+            # The sign of the mass is kept, that is a load or a missing part: between them the inertia has a pole.
             at, least = place.coefficients.start, place.term.effect.lightest(problem.session.robot)
             lower[at], upper[at] = (0.0, np.inf) if x[at] >= 0 else (least, 0.0)
         ends = np.sort([0.5 * x[place.shape], 2.0 * x[place.shape]], axis=0)
@@ -359,7 +361,7 @@ def _products(
 def _repeated(
     layout: ModelLayout, model: Linearised, total: Float[Array, "p p"], free: Int[Array, " f"]
 ) -> Float[Array, " p"]:
-    """Variance of all numbers by what the residual of each joint repeats at the same state."""
+    """Variance of all parameters by what the residual of each joint repeats at the same state."""
     given = equations(layout, model)
     out = np.zeros(len(total))
     out[free] = repeated_variance(

@@ -1,4 +1,4 @@
-"""A payload as a point mass: its inertia is not linear in mass and first moments, so it is taken about an estimate."""
+"""A payload as a point mass: its inertia is not linear in mass and first moments, so it is linearised iteratively."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 
 STEPS = 8
-"""Steps from one estimate to the next at most."""
+"""Largest number of steps from one estimate to the next."""
 # Relative change of the estimate below which it has converged.
-_SETTLED = 3e-3
-# A point has no inertia about its centre.
+_CONVERGED = 3e-3
+# Inertia of a point about its centre.
 _POINT = np.zeros(6)
 # Slopes of ``h.h 1 - h h^T`` by ``h``, per component of ``h``: entries xx, xy, yy, xz, yz, zz.
 _INERTIA = np.array(
@@ -33,24 +33,24 @@ _INERTIA = np.array(
     ],
     dtype=float,
 )
-# Mass [kg] that is none.
+# Mass [kg] below which there is no mass.
 _NO_MASS = 1e-9
 
 
 def converged(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
     """True if an estimate hardly differs from the last one."""
-    return bool(np.abs(start - last).max() <= _SETTLED * np.abs(last).max())
+    return bool(np.abs(start - last).max() <= _CONVERGED * np.abs(last).max())
 
 
 @dataclass(frozen=True)
 class ReducedLoad:
-    """The fit of one payload, all other columns eliminated: those at a bound stay there, the others are at their best.
+    """The fit of one payload, all other columns eliminated: those at a bound stay there, the others are optimal.
 
     Attributes:
         a, b: Products of the ten columns of the payload, ``(10, 10)`` and ``(10,)``.
-        prior: Precision of mass and first moments, ``(4,)``.
+        prior: Prior precision of mass and first moments, ``(4,)``.
         map: `load_map` of the payload.
-        least: Lightest load [kg], negative where the model may carry a part that is missing.
+        least: Lightest load [kg], negative where the robot may lack a part that the model has.
     """
 
     a: Float[Array, "10 10"]
@@ -60,7 +60,7 @@ class ReducedLoad:
     least: float
 
     def followed(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
-        """Mass and first moments to which the steps from a start lead."""
+        """Mass and first moments to which the iteration converges from a start."""
         for _ in range(STEPS):
             last = start
             jacobian = self.map(last)
@@ -89,9 +89,9 @@ def reduced_load(
     Args:
         problem: Priors and bounds.
         active: Columns of the fit.
-        products: Of these.
-        payload: One of the terms.
-        theta: All coefficients of a fit with free inertia, which says what is at a bound.
+        products: Products of these columns.
+        payload: The term of the payload.
+        theta: All coefficients of a fit with free inertia, which shows the columns at a bound.
     """
     at = np.searchsorted(active, payload.columns)
     others = without(at, len(active))
@@ -113,12 +113,12 @@ def reduced_load(
 
 @dataclass(frozen=True)
 class FoldedLoad:
-    """Columns of a fit with the ten of a payload folded into its mass and first moments, which come last.
+    """Columns of a fit with the ten of a payload reduced to its mass and first moments, which come last.
 
     Attributes:
-        at: Where the ten stand among the columns, ``(10,)``.
-        count: How many columns there are.
-        jacobian: Ten inertial parameters by mass and first moments, see `load_map`.
+        at: Places of the ten among the columns, ``(10,)``.
+        count: Number of columns.
+        jacobian: Derivative of the ten inertial parameters by mass and first moments, see `load_map`.
     """
 
     at: Int[Array, " 10"]
@@ -132,16 +132,16 @@ class FoldedLoad:
 
     @property
     def keep(self) -> Int[Array, " n"]:
-        """Places of the columns whose priors and bounds hold for what is fitted."""
+        """Places of the columns whose priors and bounds the fitted numbers have."""
         return np.concatenate([self.others, self.at[:4]])
 
     @property
     def expand(self) -> Float[Array, "k n"]:
-        """Coefficients of all columns that a unit of each number that is fitted moves."""
+        """Derivative of the coefficients of all columns by the fitted numbers."""
         return self.unfolded(np.eye(len(self.others) + 4)).T
 
     def square(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
-        """Products of the columns, folded."""
+        """Products of the reduced columns."""
         many, n = self.others, len(self.others)
         out = np.empty((*a.shape[:-2], n + 4, n + 4))
         out[..., :n, :n] = a[..., many[:, None], many]
@@ -152,11 +152,11 @@ class FoldedLoad:
         return out
 
     def line(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
-        """Products of the columns with the residual, folded."""
+        """Products of the reduced columns with the residual."""
         return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
 
     def unfolded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
-        """Coefficients of all columns."""
+        """Coefficients of all columns from the fitted numbers."""
         out = np.empty((*x.shape[:-1], self.count))
         out[..., self.others] = x[..., :-4]
         out[..., self.at] = x[..., -4:] @ self.jacobian.T
@@ -164,21 +164,21 @@ class FoldedLoad:
 
 
 def without(at: Int[Array, " m"], count: int) -> Int[Array, " n"]:
-    """Places below ``count`` that are not among some."""
+    """Places below ``count`` that are not among the given ones."""
     rest = np.ones(count, dtype=bool)
     rest[at] = False
     return np.flatnonzero(rest)
 
 
 def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
-    """`point_mass_map` of what a term may stand for."""
+    """`point_mass_map` of a term, with the shape of a missing part where the mass is negative."""
     return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
 
 
 def mass_bounds(start: float, least: float) -> tuple[float, float]:
-    """Between which masses a fit about one moves: linearised, the inertia goes as 1/m, so that it doubles or halves.
+    """Bounds of the mass in a fit linearised about one: at most double, at least half, as the inertia goes as 1/m.
 
-    One of zero has no centre and may become any.
+    A start without mass has no centre, and leads to any mass.
     """
     if abs(start) <= _NO_MASS:
         return least, np.inf

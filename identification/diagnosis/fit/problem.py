@@ -16,9 +16,9 @@ from identification.engine.products.grams import Grams, RowGrams, Weights, all_r
 from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Array, Float, Int
 
-# Squares of what all moves make together that no fit contains, each at its bound, in noise of one sample.
+# Largest sum of squares, in noise of one sample, that the moves left out of all fits cause together, each at its bound.
 _UNSEEN = 1.0
-# Size of a column beside the others of its effect below which it is rounding.
+# Size of a column relative to the others of its effect below which it is rounding.
 _ROUNDING = 1e-9
 
 
@@ -35,12 +35,13 @@ class Problem:
         precision: Prior precision of each coefficient about zero, ``(K,)``.
         lower, upper: Bounds, ``(K,)``.
         nuisances: Number of leading columns, which are moves of the model within its tolerances.
-        moves: Those of them that the fits contain: the others could not be seen in these recordings, see `seen_moves`.
-        total_a, total_b: Products summed over the blocks that train.
-        touched: Rows that each column touches.
-        bodies: Those that each effect changes which sets inertial parameters free.
-        where_read: The same with moves and rigid bodies where the readings say, for fits without what displaces the
-            links; None if these columns are that already.
+        moves: Those of them that the fits contain, as the others are unobservable in these recordings; see
+            `seen_moves`.
+        total_a, total_b: Products summed over the training blocks.
+        touched: Rows on which each column is not zero.
+        bodies: The bodies whose inertial parameters an effect sets free, by effect.
+        where_read: The same problem with the columns of moves and rigid bodies at the positions that the encoders read,
+            for fits without effects that displace the links; None if these columns are at those positions already.
     """
 
     session: Session
@@ -60,9 +61,10 @@ class Problem:
     where_read: Problem | None = None
 
     def of(self, terms: Iterable[Term]) -> Problem:
-        """The problem whose columns a fit of some effects needs.
+        """The problem with the columns that a fit of some effects needs.
 
-        A mass in another gravity makes another torque: what a tilted base makes of it is none without the tilt.
+        Where an effect displaces the links or tilts the base, the columns of moves and rigid bodies depend on it: a fit
+        without that effect takes `where_read`.
         """
         if self.where_read is None or {term.place for term in terms}.issuperset(self.columns.displaced):
             return self
@@ -83,9 +85,9 @@ class Problem:
 def set_up(
     session: Session, columns: Columns, white: Columns, weights: Weights, rows: tuple[RowGrams, ...] | None = None
 ) -> Problem:
-    """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
+    """The problem with its priors: tolerances for nuisances, and wide ones to hold effects that the data do not show.
 
-    The width is thirty times the size at which a column alone would carry the whole residual.
+    A wide prior has thirty times the size at which the column alone would explain the whole residual.
 
     Args:
         session: Robot, logs, band and blocks.
@@ -102,7 +104,7 @@ def set_up(
     shown = energy > 0
     for term in columns.terms:
         own = list(term.columns)
-        # A motion that does not show one number of a law leaves rounding in its column, which nothing would hold down.
+        # Where the motion does not show one coefficient of a law, its column is rounding, which no prior would hold.
         shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
     precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
@@ -137,11 +139,11 @@ def set_up(
 
 
 def seen_moves(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Array, " m"]:
-    """Moves of the model that change the torque of these recordings by anything to speak of, in order.
+    """Moves of the model that change the torque of these recordings noticeably, in order.
 
-    Of a robot's links many numbers matter to no torque that was recorded. A fit with all of them takes several times as
-    long and says the same: those left out could together, each at its bound, change the weighed torque by no more than
-    the noise of one sample does.
+    Many inertial parameters of a robot change no recorded torque. A fit with all of them takes several times as long
+    for the same result: those left out, each at its bound, change the weighted torque together by no more than the
+    noise of one sample.
 
     Args:
         columns: All columns, moves first.

@@ -1,15 +1,15 @@
-"""What a fit is wrong by because its laws are not exact: the part of its residual that comes again at the same state.
+"""Error of a fit because its laws are not exact: the part of its residual that repeats at the same state.
 
-Noise in one block says nothing of the noise in another. What the residual does at one speed, one position or one
-acceleration, and does again there in other blocks, is no noise: it is the difference between the law and the robot.
-The scatter from block to block is blind to it, since every block has it, and no longer recording makes it smaller.
+Noise in different blocks is independent. A residual that repeats in other blocks at the same speed, position or
+acceleration is no noise, but the difference between the law and the robot. The scatter from block to block does not
+show it, since every block has it, and a longer recording does not make it smaller.
 
-The variance that it gives to the numbers of a fit is that of scores summed over groups of the same state, less that of
-the same scores summed within blocks alone. This is the difference that two-way clustering adds to clustering by blocks
-(A. C. Cameron, J. B. Gelbach, D. L. Miller: Robust inference with multiway clustering, Journal of Business and Economic
-Statistics 29, 2011). Residuals are corrected for what the fit has taken of them (CR2: R. M. Bell, D. F. McCaffrey: Bias
-reduction in standard errors for linear regression with multi-stage samples, Survey Methodology 28, 2002), so that the
-difference is zero on average where the laws are exact.
+The variance that it gives to the parameters of a fit is that of scores summed over groups of the same state, less that
+of the same scores summed within blocks alone. This is the difference that two-way clustering adds to clustering by
+blocks (A. C. Cameron, J. B. Gelbach, D. L. Miller: Robust inference with multiway clustering, Journal of Business and
+Economic Statistics 29, 2011). Residuals are corrected for the part that the fit has explained (CR2: R. M. Bell, D. F.
+McCaffrey: Bias reduction in standard errors for linear regression with multi-stage samples, Survey Methodology 28,
+2002), so that the difference is zero on average where the laws are exact.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ import numpy as np
 from identification.diagnosis.fit.whole_model import Linearised, ModelLayout
 from phantom_dyn.array_types import Array, Float, Int
 
-# Groups of equally many samples of a joint's velocity, and of its position and acceleration alike: slow and fast in
-# either direction. The more groups, the less each has in common with other blocks.
+# Number of groups, of equally many samples, of a joint's velocity (slow and fast in either direction), and likewise of
+# its position and its acceleration. The more groups, the fewer blocks share one.
 GROUPS = 4
-# standard deviations of what white noise makes of it: below which nothing comes again.
+# A variance below this many standard deviations of what white noise alone gives counts as zero.
 CHANCE = 1.0
-# A group that alone decides a number has no residual left there, and says nothing of it.
+# Leverage from which on a group alone determines a parameter: it then has no residual left to judge by.
 _DECIDES = 1.0 - 1e-9
-# Directions of all numbers that are this much less known than others are rounding.
+# Eigenvalues this much smaller than the largest one are rounding.
 _RANK = 1e-12
 
 
@@ -38,10 +38,10 @@ class Equations:
     """The samples of all joints that a fit has seen, one equation each, in deviations of their noise.
 
     Attributes:
-        slopes: Of the model in its numbers, ``(m, p)``.
-        residual: What the fit leaves, ``(m,)``.
-        states: Groups of the same joint at the same position, velocity and acceleration, ``(m,)`` each.
-        blocks: Which block each equation is of, ``(m,)``.
+        slopes: Derivatives of the model by its parameters, ``(m, p)``.
+        residual: Residual of the fit, ``(m,)``.
+        states: Group of each equation by joint and position, velocity or acceleration, ``(m,)`` each.
+        blocks: Block of each equation, ``(m,)``.
     """
 
     slopes: Float[Array, "m p"]
@@ -54,8 +54,8 @@ def equations(layout: ModelLayout, model: Linearised) -> Equations:
     """Equations of a fit at a point, with the state of each joint in its own equations.
 
     Args:
-        layout: Of the parameter vector.
-        model: Torque and slopes there.
+        layout: Layout of the parameter vector.
+        model: Torque and slopes at the point.
     """
     problem = layout.problem
     block_of = [np.full(len(residual), -1) for residual in problem.white.residual]
@@ -85,16 +85,16 @@ def repeated_variance(
     states: Iterable[Int[Array, " m"]],
     blocks: Int[Array, " m"],
 ) -> Float[Array, " p"]:
-    """Variance of each number of a fit by what its residual repeats from block to block at the same state.
+    """Variance of each parameter of a fit by what its residual repeats from block to block at the same state.
 
-    It is zero where white noise alone makes as much: what a variance is known to is no reason to state more.
+    It is zero where white noise alone gives as much.
 
     Args:
-        slopes: Of the equations, in deviations of their noise.
-        residual: What the fit leaves of them, in the same unit.
-        total: ``slopes.T @ slopes`` with what is known of the numbers beforehand.
+        slopes: Derivatives of the equations, in deviations of their noise.
+        residual: Residuals of the equations, in the same unit.
+        total: ``slopes.T @ slopes`` plus the prior precision.
         states: Groups of the same state, one series of labels for each way of grouping.
-        blocks: Which block each equation is of.
+        blocks: Block of each equation.
     """
     root = _root(total)
     fitted = slopes @ root
@@ -103,19 +103,19 @@ def repeated_variance(
         within_blocks = state * (blocks.max(initial=0) + 1) + blocks
         again = scatter(fitted, residual, state) - scatter(fitted, residual, within_blocks)
         more += np.einsum("pr,rs,ps->p", root, again, root)
-        # The score of a group of white noise has the variance of what the group says of the number.
+        # With white noise, the variance of a group's score is the group's information on the parameter.
         said = [((fitted[state == group] @ root.T) ** 2).sum(axis=0) for group in np.unique(state)]
         chance += 2.0 * np.square(said).sum(axis=0)
     return np.where(more > CHANCE * np.sqrt(chance), more, 0.0)
 
 
 def scatter(slopes: Float[Array, "m r"], residual: Float[Array, " m"], labels: Int[Array, " m"]) -> Float[Array, "r r"]:
-    """Covariance of the numbers of a fit by the scatter of its scores from cluster to cluster (CR2).
+    """Covariance of the parameters of a fit by the scatter of its scores from cluster to cluster (CR2).
 
     Args:
-        slopes: Of the equations, in numbers of which the fit knows each to one deviation, independently.
-        residual: What the fit leaves of them.
-        labels: Equations of one label may share their errors.
+        slopes: Derivatives of the equations by parameters scaled so that the fit's covariance is the unit matrix.
+        residual: Residuals of the equations.
+        labels: Cluster of each equation; errors within one may be correlated.
     """
     order = np.argsort(labels, kind="stable")
     starts = np.flatnonzero(np.diff(labels[order])) + 1
@@ -124,7 +124,7 @@ def scatter(slopes: Float[Array, "m r"], residual: Float[Array, " m"], labels: I
 
 
 def _score(slopes: Float[Array, "m r"], residual: Float[Array, " m"]) -> Float[Array, " r"]:
-    """Score of one cluster, with its residual as large as it is before the fit."""
+    """Score of one cluster, with its residual corrected for the part that the fit has explained."""
     count, size = slopes.shape
     gram = slopes @ slopes.T if count < size else slopes.T @ slopes
     taken, axes = np.linalg.eigh(gram)

@@ -20,7 +20,7 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import OtherLaw, Shape
 
-# Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
+# Relative step of finite differences by a shape, large as laws with memory (bristles, backlash) change in jumps.
 _STEP = 0.03
 
 
@@ -30,8 +30,8 @@ class Place:
 
     Attributes:
         term: The effect with the shape that the search has found.
-        coefficients: Of its columns; of a payload mass and first moments only.
-        shape: Numbers of its shape that are moved; empty where there are none, or they follow the coefficients.
+        coefficients: Positions of the coefficients of its columns; of a payload those of mass and first moments only.
+        shape: Positions of its free shape parameters; empty without any, or where they follow from the coefficients.
     """
 
     term: Term
@@ -45,8 +45,8 @@ class ModelLayout:
 
     Attributes:
         problem: Columns and fits in the judged band.
-        operations: Motions of the logs with the torque of the given model, or of that with moves within its tolerances.
-        places: Of all terms.
+        operations: Motions of the logs with the torque of the given model, or of the model moved within its tolerances.
+        places: Positions of each term's parameters.
         size: Number of parameters; the first are the moves within the tolerances.
     """
 
@@ -56,10 +56,10 @@ class ModelLayout:
     size: int
 
     def operation_of(self, place: Place, log: int) -> Operation:
-        """Motion with the torque of the model that a term's columns are computed from.
+        """Motion of one log with the model's torque, from which a term's columns are computed.
 
-        Where the columns of the moves are of where the links truly are, what displaces them changes the given model's
-        torque only.
+        Where the columns of the moves hold at the true positions of the links, an effect that displaces them changes
+        the torque of the given model only.
         """
         columns = self.problem.columns
         held = place.term.place in columns.displaced
@@ -165,7 +165,7 @@ def _one_log(
             own, slopes[:, :, at] = _with_slopes(layout, place, x[place.coefficients], x[place.shape], log)
             torque += own
     for place in gains:
-        # A torque constant scales the whole of its row, what is found beside it included.
+        # A torque constant scales the whole torque of its row, other terms included.
         column = columns_of(problem, place.term.columns, log)[:, :, 0]
         rows = np.any(column != 0, axis=0)
         gain = x[place.coefficients][0]
@@ -215,7 +215,7 @@ def _law(
         return in_band(layout, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
-        # A law that takes its own parameter as shape is exact where they agree.
+        # A law whose shape is its own coefficient is exact where the two agree.
         at = term.effect.at_estimate(own, term.shape)
     return _at_shape(layout, place, at, log) @ own
 

@@ -1,1 +1,1 @@
-"""A law for what the catalogue does not explain: which inputs the rest depends on, and the shortest formula of it."""
+"""A law for what the catalogue does not explain: the inputs that the residual depends on, and its shortest formula."""

@@ -1,13 +1,13 @@
-"""A law for what is left: the inputs that a structured rest depends on, its formula, and a model to use now.
+"""A law for the residual of all findings: the inputs that it depends on, its formula, and a model to use now.
 
-The methods: smooth functions of inputs and pairs on held-out blocks against orders of the blocks by chance
-(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `search.stepwise`),
-its size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
-bootstrap replicates over blocks (`formula_search`).
+The inputs are found by smooth functions of one or two of them, whose gain on held-out blocks is compared with that on
+permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges over a library of terms with
+units (`terms`, `search.stepwise`): its size is chosen on blocks that neither choice nor fit has seen, each term is
+tested against chance, and the whole is repeated on bootstrap replicates over blocks (`formula_search`).
 
-The model to use beside the corrected model is the law, or a sum of terms that fits without being one. The corrected
-model was fitted without the law, moves within the tolerances included. So the terms of the law are fitted to what that
-model leaves as it is, and others join them where held-out blocks ask for it.
+The model to use beside the corrected model is the law, or else a sum of terms that predicts well. The corrected model,
+moves within the tolerances included, was fitted without the law. So the terms of the law are fitted again to the
+residual of that model, and other terms are added where they predict held-out blocks better.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from identification.engine.search.stepwise import extended
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
-_FORMULA_FORESEES = 0.4  # of the squares of the rest that a formula has to foresee
-_MOSTLY = 0.5  # share of the replicates that have to choose an input which no formula names
-# Kinds of terms whose presence decides, the most telling first, and what they are like.
+_FORMULA_FORESEES = 0.4  # share of the residual's squares that a formula has to predict
+_MOSTLY = 0.5  # share of the replicates that have to choose an input, where no formula is stated
+# Kinds of terms, the most specific first, and the law in the literature that a formula with one resembles.
 _LIKE: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
     ("voltage sag", "voltage sag under load"),
@@ -68,20 +68,20 @@ _LIKE: tuple[tuple[str, str], ...] = (
 )
 _HEATED = "friction that changes with temperature"
 _MOST = 6
-_MODEL_FORESEES = 0.3  # of the rest's squares that a model has to foresee to be worth using
-_SLOW = 0.01  # of the fast end of the speeds, below which a direction is rounded off
+_MODEL_FORESEES = 0.3  # share of the residual's squares that a model has to predict to be worth using
+_SLOW = 0.01  # speed, as a share of the fast end of the speeds, below which a change of direction is smoothed
 _NUMBER = r"[-+0-9.eE]+"
 
 
 def with_law(judgement: Judgement, shown: Shown) -> Judgement:
-    """The same with what its structured rest depends on, and with its law where there is one.
+    """The judgement with the inputs that its structured residual depends on, and with the law where there is one.
 
     Args:
-        judgement: What the fits say of the gap.
+        judgement: Result of the fits.
         shown: The effects that are shown, and their fits.
     """
     left = judgement.unexplained
-    # Where the measured torque is noise, the rest is the model's own torque.
+    # Where the measured torque is noise, the residual is the model's own torque.
     if not left.structured or left.joint is None or noise_is_all(judgement.joints):
         return judgement
     rest = rest_of(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
@@ -92,10 +92,10 @@ def with_law(judgement: Judgement, shown: Shown) -> Judgement:
 
 
 def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
-    """The law of a rest, None where none is stable, and what it depends on.
+    """The law of a residual, None where none is stable, and the inputs that it depends on.
 
     Args:
-        rest: What is left on one joint.
+        rest: Residual of one joint.
         joints: Gap of every joint of the robot.
     """
     bare = rest
@@ -104,12 +104,12 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
     rest, columns = with_held_moves(rest, columns)
     gains = input_gains(rest)
     if gains.frequency is not None:
-        # Answers with memory mimic much that has none, so that they come in only where nothing else does it.
+        # Responses with memory can mimic laws without memory, so they are allowed only where no such law fits.
         rest, columns = with_held_moves(bare, columns_of(bare))
     choice = search_formula(rest, columns, before)
     judged = _judged(rest)
     closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
-    # A formula that only mimics an answer with memory is none.
+    # A formula that only mimics a response with memory is no law.
     mimics = gains.clearly_less(choice.held_out)
     stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_FORESEES and not mimics
     terms, law = (), None
@@ -135,13 +135,13 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
 
 
 def _judged(rest: Rest) -> Array:
-    """Blocks of recordings that no fit may see where there are any, else all: each is held out once."""
+    """Blocks of held-out recordings if there are any, else all blocks: each is held out once."""
     outside = np.flatnonzero(rest.folds < 0)
     return outside if len(outside) else np.arange(len(rest.folds))
 
 
 def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
-    """Inputs that most replicates choose; where nothing is beyond chance, those of the best smooth function that is."""
+    """Inputs that most replicates choose; without terms beyond chance, those of the best smooth function beyond it."""
     voted = rest.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
         return voted
@@ -150,7 +150,7 @@ def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[st
 
 
 def _terms(rest: Rest, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm, ...]:
-    """Terms with coefficients of the torque that acts on the joint, and their intervals by block bootstrap."""
+    """Terms of the torque on the joint, with coefficients and their intervals by block bootstrap."""
     at = columns.terms.columns(choice.chosen)
     size = columns.size[at]
     theta = _fitted(columns, rest.folds >= 0, at) / size
@@ -171,9 +171,9 @@ def _terms(rest: Rest, columns: LibraryColumns, choice: Choice) -> tuple[LawTerm
 
 
 def _fitted(columns: LibraryColumns, seen: Bool[Array, " B"], at: list[int]) -> Float[Array, "D k"]:
-    """Coefficients of some columns beside what may move: on all seen blocks, then on draws of them by the bootstrap.
+    """Coefficients of some columns, fitted with the free ones: on all seen blocks, then on bootstrap draws of them.
 
-    Only the columns in question and those that may move are summed: the library is large.
+    Products are summed for these columns and the free ones only, as the library is large.
     """
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     products, counts = columns.products.of(every), np.zeros((REPLICATES + 1, len(seen)))
@@ -223,11 +223,11 @@ def _share_of_gap(rest: Rest, choice: Choice, joints: tuple[JointGap, ...]) -> t
 
 
 def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | None:
-    """The law of the literature that a formula is near, None where there is none.
+    """The law in the literature that a formula resembles, None where there is none.
 
     Args:
-        kinds: Of its terms.
-        coefficients: Of its terms, of the torque that acts on the joint.
+        kinds: Kinds of its terms.
+        coefficients: Coefficients of its terms, for the torque that acts on the joint.
     """
     found = dict(zip(kinds, coefficients, strict=True))
     if _HEATED in found:
@@ -237,12 +237,12 @@ def looks_like(kinds: Iterable[str], coefficients: Iterable[float]) -> str | Non
 
 
 def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: bool) -> ResidualModel | None:
-    """The model with the smallest error on held-out blocks, None where it foresees too little.
+    """The model with the smallest error on held-out blocks, None where it predicts too little.
 
     Args:
-        rest: What is left on the joint.
-        columns: The library on it.
-        choice: The formula that was chosen with the model free to move.
+        rest: Residual of the joint.
+        columns: Columns of the library.
+        choice: The formula that was chosen with the corrected model's coefficients free.
         lawful: True if it is shown as the law.
     """
     count = len(columns.size)
@@ -267,7 +267,7 @@ def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: boo
     speed = f"v.{rest.joint}"
     fast = float(np.percentile(np.abs(rest.series(speed)), 90)) if speed in rest.inputs else 1.0
     needed = [_measured(rest, name) for name in rest.named(inputs) if not is_frequency(name)]
-    # What a filter takes in is in its expression.
+    # Inputs of a filter are named in its expression.
     needed += [name for name in rest.inputs if name not in needed and any(repr(name) in state for state in states)]
     bands = rest.ranges(tuple(name for name in rest.named(inputs) if is_frequency(name)))
     ranges = rest.ranges(tuple(needed))
@@ -275,10 +275,10 @@ def model_of(rest: Rest, columns: LibraryColumns, choice: Choice, *, lawful: boo
 
 
 def residual_terms(rest: Rest, terms: list[tuple[str, float]]) -> tuple[tuple[ModelTerm, ...], tuple[str, ...]]:
-    """Terms with their code, and the states that these need.
+    """Terms with their code, and expressions of the states that they need.
 
     Args:
-        rest: Names the joints.
+        rest: Residual of the joint, with the names of the joints.
         terms: Text and coefficient of each.
     """
     states: list[str] = []
@@ -287,16 +287,16 @@ def residual_terms(rest: Rest, terms: list[tuple[str, float]]) -> tuple[tuple[Mo
 
 
 def _measured(rest: Rest, name: str) -> str:
-    """The input that a simulator has: a displacement since the last reversal is the position's own history."""
+    """The input that a simulator has: the position instead of the displacement since the last reversal."""
     return name.replace("dx.", "q.", 1) if name == f"dx.{rest.joint}" else name
 
 
 def _code(rest: Rest, text: str, states: list[str]) -> str:
-    """A term's text as an expression of Python over ``x["name"]``; histories become states.
+    """A term's text as a Python expression over ``x["name"]``; histories become states.
 
     Args:
-        rest: Names the joints.
-        text: Of the term.
+        rest: Residual of the joint, with the names of the joints.
+        text: Text of the term.
         states: Expressions of the states so far; new ones are added.
     """
     for name, factory in (("bristle", "Bristle"), ("slip", "Slip")):
@@ -317,7 +317,7 @@ def _code(rest: Rest, text: str, states: list[str]) -> str:
     others = sorted((f"{kind}.{name}" for name in rest.others for kind in ("q", "v", "tau")), key=len, reverse=True)
     spelled = [(name, name) for name in others]
     spelled += [(kind, f"{kind}.{rest.joint}") for kind in ("q", "v", "a", "tl", "tau", "temp")] + [("t", "t")]
-    # Marks first: what stands for one name must not be searched for the next.
+    # Placeholders first, so that the replacement of one name is not searched for the next.
     for mark, (short, _) in enumerate(spelled):
         text = re.sub(rf"(?<![\w.@]){re.escape(short)}(?![\w.(@])", f"@{mark}@", text)
     return re.sub(r"@(\d+)@", lambda found: f"x[{spelled[int(found[1])][1]!r}]", text)

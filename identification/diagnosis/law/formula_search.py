@@ -1,4 +1,4 @@
-"""The shortest formula that predicts a rest on held-out blocks, and how often bootstrap replicates choose the same."""
+"""The shortest formula that predicts a residual on held-out blocks, and how often bootstrap replicates choose it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
 MOST_TERMS = 4
-_AT_ONCE = 24  # columns at the full rate
-_HOLDS = 4  # rounds in which moves are held at their bounds or released
+_AT_ONCE = 24  # columns at the full rate that are filtered at once
+_HOLDS = 4  # largest number of rounds in which moves are held at their bounds or released
 _PERMUTATIONS = 100
 _CHANCE = 0.99  # quantile of the largest gain by chance that every term has to exceed
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
@@ -29,14 +29,14 @@ _WORTH = 0.02  # part of the explained squares that one more term has to add
 
 @dataclass(frozen=True)
 class LibraryColumns:
-    """Columns of the library for one rest.
+    """Columns of the library for one joint's residual.
 
     Attributes:
-        library: Its terms.
+        library: The terms.
         x: Their columns in the judged band at the kept samples, scaled to unit size, then the free columns, ``(n, C)``.
         size: Divisor of each column of a term, ``(D,)``.
-        terms: Which columns each term has.
-        products: Of each block.
+        terms: Indices of the columns of each term.
+        products: Products of the columns, by block.
         free: Prior of the free coefficients, see `identification.diagnosis.law.rest.Freedom`.
     """
 
@@ -53,10 +53,10 @@ class Choice:
     """The chosen formula.
 
     Attributes:
-        columns: The library.
+        columns: Columns of the library.
         chosen: Terms of the formula, empty where none is beyond chance.
-        held_out: Squares left of each block by formulas that were chosen and fitted on other folds, ``(B,)``.
-        before: Squares of each block without a formula, ``(B,)``.
+        held_out: Squared residual of each block with formulas that were chosen and fitted on other folds, ``(B,)``.
+        before: Squared residual of each block without a formula, ``(B,)``.
         votes: Share of the bootstrap replicates that choose each kind of term.
         same: Share of the replicates that choose the same kinds of terms.
         input_votes: Share of the replicates whose choice depends on each input.
@@ -72,12 +72,12 @@ class Choice:
 
 
 def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
-    """The library's columns on a rest and their products, with or without linear answers that have memory."""
+    """The library's columns and their products for one residual, with or without linear responses with memory."""
     terms = library(rest, memory=memory)
     parts = []
     for log in rest.logs:
         series = [column for term in terms for column in term.columns]
-        # A few at a time: at the full rate the library of a long recording fills the memory.
+        # A few at a time: at the full rate the library would fill the memory for a long recording.
         pieces = [series[k : k + _AT_ONCE] for k in range(0, len(series), _AT_ONCE)]
         bands = [log.in_band(np.column_stack([column(log) for column in piece])) for piece in pieces]
         parts.append(np.column_stack(bands))
@@ -93,11 +93,11 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
 
 
 def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
-    """Rest and columns with those moves held at a bound that end there beside the best choice of terms.
+    """Residual and columns with those moves held at a bound that reach it in the fit of the best choice of terms.
 
-    With the others free within their prior, every further fit is one linear solution without bounds. A term that makes
-    the same torque as a move releases it again once it is chosen: where holds and releases repeat, the move stays held,
-    and the term takes what lies beyond its bound.
+    With the others free within their prior, every further fit is one linear solution without bounds. A chosen term with
+    the same torque as a move releases the move again: where holds and releases repeat, the move stays held, and the
+    term explains the torque beyond its bound.
     """
     whole = columns.products.summed((rest.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
@@ -120,14 +120,14 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
 
 
 def _held(rest: Rest, held: Array, size: Array) -> Free:
-    """The prior with moves held at a bound: so narrow there that no fit moves them."""
+    """The prior with moves held at a bound by a width so small that no fit changes them."""
     narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
     bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
     return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
 
 
 def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
-    """Coefficients of some columns, then the free ones within their bounds."""
+    """Coefficients of some columns, then those of the free columns within their bounds."""
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
     own = slice(len(at), None)
@@ -139,7 +139,7 @@ def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[i
 
 
 def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
-    """Squares left of each block without a law: the free columns alone, fitted to other folds within their bounds."""
+    """Squared residual of each block without a law: the free columns alone, fitted to other folds within bounds."""
     loss = np.zeros(len(rest.folds))
     moved = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in columns.products.by_fold(rest.folds):
@@ -155,10 +155,10 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
     Where replicates disagree on it, a shorter one on which they agree is taken if it predicts nearly as much.
 
     Args:
-        rest: What is left on the joint.
-        columns: The library on it.
-        before: Squares of each block without a law.
-        most: Terms at most.
+        rest: Residual of the joint.
+        columns: Columns of the library.
+        before: Squared residual of each block without a law.
+        most: Largest number of terms.
     """
     loss = cross_validated(rest, columns, most)
     loss[0] = before
@@ -179,13 +179,13 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
 
 
 def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
-    """Squares left of each block at every size from 0 terms on, by choices that have not seen its fold.
+    """Squared residual of each block at every size from 0 terms on, by choices that have not seen its fold.
 
     Args:
-        rest: What is left on the joint.
-        columns: The library on it.
-        most: Terms at most, beside those at the start.
-        start: Terms that every choice has.
+        rest: Residual of the joint.
+        columns: Columns of the library.
+        most: Largest number of terms beside those of ``start``.
+        start: Terms that every choice contains.
     """
     terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
     loss = np.zeros((most + 1, len(folds)))
@@ -216,7 +216,7 @@ def best_size(loss: Float[Array, "m B"]) -> int:
 
 
 def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
-    """True if every term gains more than the best of the library gains by chance on what the formula leaves."""
+    """True if every term gains more than the best term of the library gains by chance on the formula's residual."""
     terms, seen = columns.terms, (rest.folds >= 0).astype(float)
     whole = columns.products.freed(seen, columns.free)
     at = terms.columns(chosen)
@@ -229,7 +229,7 @@ def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
 
 
 def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> float:
-    """The gain that the best of all terms reaches by chance: on the residual with its blocks in another order."""
+    """The gain that the best of all terms reaches by chance: on the residual with its blocks permuted."""
     rng = random_stream("order of blocks of a rest")
     used = rest.weight > 0
     root = np.sqrt(rest.weight[used])
@@ -255,7 +255,7 @@ def _repeated(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> tuple[dict
     for drawn in block_counts(int(seen.sum()), random_stream("blocks of a law"), CHOSEN_AGAIN):
         counts = np.zeros(len(seen))
         counts[seen] = drawn
-        # A replicate that draws blocks without any samples only chooses no term.
+        # A replicate of blocks without samples chooses no term.
         found = extended(columns.terms, columns.products.freed(counts, columns.free), (), len(chosen))[-1]
         chosen_kinds = Counter(columns.library[k].kind for k in found)
         same += chosen_kinds == wanted

@@ -1,7 +1,7 @@
-"""Linear answers with memory along a recorded motion: second order, late, and a basis for any that fades.
+"""Linear responses with memory along a recorded motion: second order, delay, and a basis for any that decays.
 
-The basis is Laguerre's: a low pass, then the same all-pass again and again. Source: Wahlberg, IEEE Transactions on
-Automatic Control 36 (1991) 551-562.
+The basis is Laguerre's: a low pass, followed by equal all-passes. Source: Wahlberg, IEEE Transactions on Automatic
+Control 36 (1991) 551-562.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from phantom_dyn.signals.recursive import lagging, recursive
 
 
 def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Float[Array, "N 2"]:
-    """State of ``y'' + 2 d w y' + w^2 y = w^2 x`` with held inputs, at rest at the start: ``y`` and ``y'/w``.
+    """State of ``y'' + 2 d w y' + w^2 y = w^2 x`` with ``x`` held between samples, at rest at first: ``y``, ``y'/w``.
 
     Args:
         x: Samples.
-        dt: Time between two [s].
+        dt: Sampling time [s].
         hz: Frequency ``w / 2 pi``.
         damping: Ratio ``d``, below 1.
     """
@@ -32,18 +32,18 @@ def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Fl
 
 
 def delayed(x: Float[Array, " N"], t: Float[Array, " N"], late: float) -> Float[Array, " N"]:
-    """Samples some time before; before the start the first."""
+    """A series delayed by a time [s]; before its start it has its first value."""
     return np.interp(t - late, t, x)
 
 
 def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[Array, "N order"]:
-    """A low pass of first order, and the same behind one to ``order - 1`` all-passes of the same corner.
+    """A series behind a first-order low pass, and behind that with 1 to ``order - 1`` all-passes of the same corner.
 
     Args:
         x: Samples.
-        dt: Time between two [s].
-        hz: Corner.
-        order: How many series.
+        dt: Sampling time [s].
+        hz: Corner frequency.
+        order: Number of series.
     """
     keep = float(np.exp(-2 * np.pi * hz * dt))
     out = [recursive((1.0 - keep,), (1.0, -keep), x[:, None])]
@@ -53,7 +53,7 @@ def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[A
 
 
 def laguerre_answer(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) -> Complex[Array, "F order"]:
-    """Complex gains of the series of `laguerre` at some frequencies."""
+    """Complex gains of the series of `laguerre` at given frequencies."""
     keep = float(np.exp(-2 * np.pi * hz * dt))
     back = np.exp(-2j * np.pi * at_hz * dt)
     low, all_pass = (1.0 - keep) / (1.0 - keep * back), (back - keep) / (1.0 - keep * back)
@@ -61,5 +61,5 @@ def laguerre_answer(at_hz: Float[Array, " F"], dt: float, hz: float, order: int)
 
 
 def behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
-    """Samples behind a first-order lag [s], or as they are where it is zero."""
+    """A series behind a first-order lag [s], unchanged where the lag is zero."""
     return lagging(x, dt, lag) if lag else x

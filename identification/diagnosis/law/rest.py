@@ -1,8 +1,8 @@
-"""What all findings leave on one joint, with every input that it may depend on, and what a fit of a law sets free.
+"""Residual of all findings on one joint, with the inputs that it may depend on and the coefficients that are refitted.
 
-A law that nobody modelled bends the moves within the tolerances and the sizes of the findings in a fit that lacks it.
-So every fit of a law sets them free again: on the row of its joint by their columns, held by their priors and by what
-the other joints' torques say of them.
+A fit that lacks a law gives biased moves within the tolerances and biased sizes of the findings. So every fit of a law
+fits them again: by their columns on the row of its joint, with a prior from their own priors and from the torques of
+the other joints.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.model.robot import Robot
 
-_PER_PERIOD = 5.0  # samples a period of the judged band's edge: more are redundant
+_PER_PERIOD = 5.0  # samples per period of the judged band's edge: more are redundant
 _MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and add little
-_OTHERS = 5  # other joints of the branch whose motion may be an input, the nearest
-_MOST_POWER = 0.98  # share of an input's power in the frequencies at which its answer is known
-_TWINS = 0.99  # correlation of the drive's torque with the transmitted one above which it is no input of its own
+_OTHERS = 5  # number of nearest other joints of the branch whose motion may be an input
+_MOST_POWER = 0.98  # share of an input's power within the frequencies at which a response is stated
+_TWINS = 0.99  # correlation of the drive's torque with the transmitted one above which it is no separate input
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ class RestLog:
         inputs: Series by name at the full rate, ``(N,)`` each.
         band: Its filter.
         cutoff_hz: Edge of the judged band.
-        valid: False for samples in the band that touch what was not recorded or is left out, ``(m,)``.
+        valid: False for samples in the band that depend on missing or excluded samples, ``(m,)``.
         kept: Which of the samples in the band are used.
-        residual: Measured less modelled torque of these samples in the judged band, by fits that have not seen them,
+        residual: Measured minus modelled torque of these samples in the judged band, by fits that have not seen them,
             ``(n,)``.
-        weight: Of each, ``(n,)``.
-        free: Columns of the moves and findings that are fitted again beside a law, ``(n, F)``.
+        weight: Weight of each of these samples, ``(n,)``.
+        free: Columns of the moves and findings that are fitted again with a law, ``(n, F)``.
     """
 
     t: Float[Array, " N"]
@@ -75,17 +75,17 @@ class RestLog:
 
 @dataclass(frozen=True)
 class Rest:
-    """What is left on one joint of all recordings.
+    """Residual of one joint in all recordings.
 
     Attributes:
-        joint: Its name.
-        unit: Of its torque.
+        joint: Name of the joint.
+        unit: Unit of its torque.
         others: Other joints whose motion is among the inputs.
         logs: The recordings.
-        blocks: Number of the block of each kept sample, those that share noise with the block before -1, ``(n,)``.
-        folds: Of each block, -1 for blocks that no fit may see, ``(B,)``.
+        blocks: Block of each kept sample, -1 for samples that share noise with the block before, ``(n,)``.
+        folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
         floor: Noise floor of the joint.
-        precision: Of the prior of the free coefficients (see `Freedom`), in squares of the torque, ``(F, F)``.
+        precision: Prior precision of the free coefficients (see `Freedom`), in squares of the torque, ``(F, F)``.
         right: Precision times the mean of that prior, ``(F,)``.
         lower, upper: Bounds of the free coefficients, ``(F,)``.
     """
@@ -117,7 +117,7 @@ class Rest:
         return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
 
     def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of some inputs where samples count; of a frequency where the input has power."""
+        """Smallest and largest value of some inputs in used samples; of a frequency where its input has power."""
         used = self.weight > 0
         out = {}
         for name in names:
@@ -142,7 +142,7 @@ class Rest:
 
     @property
     def answered(self) -> tuple[str, ...]:
-        """Inputs that the rest may answer with a gain and phase over frequency; of the joint's motion the velocity."""
+        """Inputs that may have a gain and phase over frequency to the residual; of the joint's motion the velocity."""
         own = [f"{kind}.{self.joint}" for kind in ("v", "tl", "tau")]
         return tuple(name for name in own if name in self.inputs)
 
@@ -153,7 +153,7 @@ class Rest:
 
 
 def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
-    """What the named effects leave on a joint, on blocks that their fits have not seen.
+    """Residual of the named effects on a joint, on blocks that their fits have not seen.
 
     Args:
         shown: The effects that are shown.
@@ -203,11 +203,11 @@ def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list
     """Series of every input at the full rate, by name.
 
     Args:
-        robot: Names its joints.
+        robot: The robot, for the names of its joints.
         log: One recording.
-        operation: Its torque.
-        row: The joint whose rest it is.
-        near: Other joints whose motion may be an input.
+        operation: Its motion with the model's torque.
+        row: Index of the joint with the residual.
+        near: Indices of other joints whose motion may be an input.
     """
     motion, name = log.motion, robot.joint_names
     own = name[row]
@@ -236,7 +236,7 @@ def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
 
 
 def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
-    """Without inputs that are constant, and without the drive's torque where it equals the transmitted one."""
+    """Recordings without constant inputs, and without the drive's torque where it equals the transmitted one."""
     still = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
     passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
     if f"tl.{joint}" not in still and abs(np.corrcoef(passed, drive)[0, 1]) > _TWINS:
@@ -254,7 +254,7 @@ class Freedom:
 
     Attributes:
         columns: For each log, on the law's joint, in the judged band, ``(n, F)``.
-        precision: Of the prior, in squares of the joint's torque, ``(F, F)``.
+        precision: Precision of the prior, in squares of the joint's torque, ``(F, F)``.
         right: Precision times the mean of the prior, ``(F,)``.
         lower, upper: Bounds, ``(F,)``.
     """
@@ -271,9 +271,9 @@ def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Se
 
     Args:
         shown: The effects that are shown.
-        row: The joint.
+        row: Index of the joint.
         floors: Noise floor of each joint.
-        residual: What the named effects leave of each log's torque in the judged band.
+        residual: Residual of the named effects in the judged band, for each log.
     """
     problem, found = shown.problem, shown.found
     active = found.active
@@ -305,7 +305,7 @@ def freedom_of(shown: Shown, row: int, floors: Float[Array, " nv"], residual: Se
 
 
 def _places(active: Array, index: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    """Numbers of the active columns that touch a row, and their places among the row's columns."""
+    """Indices of the active columns that are not zero on a row, and their places among the row's columns."""
     stands = {column: k for k, column in enumerate(index)}
     place = [k for k, column in enumerate(active.tolist()) if column in stands]
     return place, [stands[int(active[k])] for k in place]

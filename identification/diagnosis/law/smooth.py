@@ -1,13 +1,13 @@
-"""Smooth functions of one or two inputs: how much of a rest each predicts on held-out blocks, and how much by chance.
+"""Smooth functions of one or two inputs: the share of a residual that each predicts on held-out blocks, and by chance.
 
-A function is a table with linear interpolation between its places (hat functions, for two inputs their products),
-fitted by ridge regression beside moves and findings. Chance is measured with the blocks of the rest in another order:
-each keeps its own spectrum, and time, which predicts every slow drift, has no better chance than it deserves.
+A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products), fitted
+by ridge regression together with moves and findings. The gain by chance is that on the residual with its blocks
+permuted: each block keeps its spectrum, and time, which predicts every slow drift, gets no advantage.
 
-A frequency is an input, too: the rest may be an answer to motion or torque whose gain and phase change with it. No
-function of the present value of an input makes such a rest. A sum of the input and its series behind low passes and
-all-passes (Laguerre's) makes any that fades within seconds, whatever its order; it is linear in its coefficients, and
-so is fitted and held out as a table over an input is.
+A frequency is an input, too: the residual may be a response to motion or torque whose gain and phase change with the
+frequency, which is no function of the present value of an input. A sum of the input and its series behind low passes
+and all-passes (Laguerre's) represents any response that decays within seconds, whatever its order. It is linear in its
+coefficients, and so it is fitted and tested as a table over an input is.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ from identification.engine.resampling import REPLICATES, block_counts, interval
 from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.random_streams import random_stream
 
-_PLACES = 7  # of a table over one input
-_RIDGE = 3e-3  # of the samples at a place
-_DRAWS = 60  # orders of the blocks
-_CHANCE = 0.95  # quantile over them of the largest gain
-_PAIRS = 6  # that are listed
-_CURVE = 25  # places of a curve
-_CLEARLY = 0.03  # of the squares of the rest that an answer with memory has to foresee beyond everything without
+_PLACES = 7  # nodes of a table over one input
+_RIDGE = 3e-3  # strength of the ridge, as a share of the samples per node
+_DRAWS = 60  # permutations of the blocks
+_CHANCE = 0.95  # quantile, over these permutations, of the largest gain
+_PAIRS = 6  # largest number of pairs that are listed
+_CURVE = 25  # points of a curve
+_CLEARLY = 0.03  # share of the residual's squares that a response with memory has to predict beyond all without memory
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
-_CORNERS = (0.05, 0.25)  # of the edge of the judged band
-_ORDER = 5  # series behind each corner
+_CORNERS = (0.05, 0.25)  # corner frequencies, as a share of the edge of the judged band
+_ORDER = 5  # number of series behind each corner
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """Used samples of a rest, each times the root of its weight.
+    """Used samples of a residual, each times the root of its weight.
 
     Attributes:
-        y: The rest, and the same with its blocks in other orders, ``(n, 1 + D)``.
-        free: What may move, ``(n, F)``.
-        blocks: Of each sample.
-        folds: Of each block.
+        y: The residual, and its permutations by blocks, ``(n, 1 + D)``.
+        free: Columns whose coefficients are fitted again, ``(n, F)``.
+        blocks: Block of each sample.
+        folds: Fold of each block.
         root: Root of each weight.
-        prior: Right side of the prior, the same columns as ``y``, ``(F, 1 + D)``.
+        prior: Right side of the prior, for the same columns as ``y``, ``(F, 1 + D)``.
     """
 
     y: Float[Array, "n D"]
@@ -68,10 +68,10 @@ class Gains:
 
     Attributes:
         listed: Those that the report lists, the largest first.
-        frequency: Name of the frequency that foresees the rest clearly better than every function without memory, None
-            where there is none.
-        left: Squares that its answer leaves of each block, ``(B,)``; without one, nothing is known and it is infinite.
-        judged: Blocks that count.
+        frequency: Name of the frequency that predicts the residual clearly better than every function without memory,
+            None where there is none.
+        left: Squared residual of each block with the response over that frequency, ``(B,)``; infinite without one.
+        judged: Blocks on which gains are compared.
     """
 
     listed: tuple[InputGain, ...]
@@ -80,7 +80,7 @@ class Gains:
     judged: Array
 
     def clearly_less(self, other: Float[Array, " B"]) -> bool:
-        """True if the answer leaves clearly less than another fit leaves of each block."""
+        """True if the response has clearly smaller squared residuals than another fit, given for each block."""
         return self.frequency is not None and _clearly(other - self.left, self.judged, other.sum())
 
 
@@ -128,7 +128,7 @@ def input_gains(rest: Rest) -> Gains:
 
 
 def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
-    """True if what each block gains is a good part of the whole, and surely so."""
+    """True if the gain of all blocks is a noticeable share of the whole, and its interval lies above zero."""
     share, interval = _shares(more, np.full(len(more), whole / len(judged)), judged)
     return share > _CLEARLY and interval[0] > 0.0
 
@@ -156,7 +156,7 @@ def _samples(rest: Rest, used: Array) -> _Samples:
 
 
 def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Array, "B D"]:
-    """Squares left of each block by fits that have not seen its fold."""
+    """Squared residual of each block by fits that have not seen its fold."""
     k, folds = x.shape[1], samples.folds
     x = np.column_stack([x, samples.free])
     size = len(folds)
@@ -182,7 +182,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Arra
 
 
 def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]:
-    """Places of a table over one input: even, but close to a reversal for speed and displacement since it."""
+    """Nodes of a table over one input: evenly spaced, but for speed and displacement denser close to a reversal."""
     every = np.concatenate([log.inputs[name] for log in rest.logs])
     low, high = np.percentile(every, [1, 99])
     kind = name.split(".")[0]
@@ -193,7 +193,7 @@ def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]
 
 
 def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m"]:
-    """Weights of linear interpolation between places; beyond the ends those of the ends."""
+    """Weights of linear interpolation between nodes; beyond the ends those of the ends."""
     at = np.clip(np.searchsorted(places, x) - 1, 0, len(places) - 2)
     share = np.clip((x - places[at]) / (places[at + 1] - places[at]), 0.0, 1.0)
     out = np.zeros((len(x), len(places)))
@@ -209,9 +209,9 @@ def _table(rest: Rest, name: str) -> Float[Array, "n m"]:
 
 
 def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
-    """Torque on the joint over each of some inputs, the model moved beside it, with bands from block bootstrap.
+    """Torque on the joint over each of some inputs, fitted together with the model, with bands from block bootstrap.
 
-    Where the speed or the displacement since a reversal is among the inputs, both directions have a curve of their own.
+    Where the speed or the displacement since a reversal is among the inputs, each direction has its own curve.
     """
     own = {f"v.{rest.joint}", f"dx.{rest.joint}"}
     both_ways = bool(own & set(inputs)) and f"v.{rest.joint}" in rest.inputs
@@ -223,7 +223,7 @@ def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
 
 
 def frequency_answers(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyAnswer, ...]:
-    """Gain and phase over the frequency for each frequency among some inputs, the model moved beside it."""
+    """Gain and phase over the frequency for each frequency among some inputs, fitted together with the model."""
     return tuple(_answer(rest, base_of(name)) for name in inputs if is_frequency(name))
 
 
@@ -233,11 +233,11 @@ def _answer(rest: Rest, name: str) -> FrequencyAnswer:
     theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _PLACES)
     low, high = rest.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
-    # What acts on the joint is the opposite of what the drive has to give.
+    # The torque on the joint is the opposite of that which the drive has to give.
     drawn = -(theta / size) @ complex_gains(rest, name, hz).T
     gains = np.abs(drawn)
     middle = np.degrees(np.unwrap(np.angle(drawn[0])))
-    # A turn more or less is the same phase: draws are counted from the fit.
+    # Phases are periodic: those of the draws are taken relative to the fit's.
     away = np.degrees(np.angle(drawn[1:] / np.where(gains[0] > 0.0, drawn[0], 1.0)))
     parts = (gains[0], *interval(gains[1:]), middle,
              *(middle + end for end in interval(away)))  # fmt: skip
@@ -261,7 +261,7 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
     unit = _unit(rest, name)
     out = []
     for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
-        # What acts on the joint is the opposite of what the drive has to give.
+        # The torque on the joint is the opposite of that which the drive has to give.
         lines = -theta[:, k * len(places) : (k + 1) * len(places)] @ weights.T
         low, high = interval(lines[1:])
         out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
@@ -269,12 +269,12 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
 
 
 def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array, "D k"]:
-    """Coefficients of columns before those that may move: of all blocks, then of draws of blocks by the bootstrap.
+    """Coefficients of columns, fitted with the free ones: on all blocks, then on bootstrap draws of blocks.
 
     Args:
-        rest: What is left on the joint.
-        columns: At the kept samples, those that may move last.
-        places: Of how many the samples are shared, for the ridge.
+        rest: Residual of the joint.
+        columns: Columns at the kept samples, the free ones last.
+        places: Number of nodes that share the samples, for the ridge.
     """
     count, size = columns.shape[1] - len(rest.right), columns.shape[1]
     prior = np.zeros((size, size))
@@ -299,7 +299,7 @@ def _unit(rest: Rest, name: str) -> str:
 
 
 def answer_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
-    """Series of the answer to an input in the judged band; of the velocity, beside the whole motion without memory."""
+    """Columns of the response to an input in the judged band: its present value (of a motion all of it), and series."""
     parts = []
     for log in rest.logs:
         dt = _step(log)
@@ -321,7 +321,7 @@ def complex_gains(rest: Rest, name: str, hz: Float[Array, " F"]) -> Complex[Arra
     """Complex gain of each series of `answer_columns` at given frequencies of the input."""
     log = rest.logs[0]
     turning = 2j * np.pi * hz[:, None]
-    powers = {"q": -1, "v": 0, "a": 1}  # of the turning, of the velocity
+    powers = {"q": -1, "v": 0, "a": 1}  # powers of ``j w`` that make each from the velocity
     now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _present(rest, name)]
     return np.hstack([*now, *(laguerre_answer(hz, _step(log), corner, _ORDER) for corner in _corners(log))])
 

@@ -1,10 +1,10 @@
 """The library: terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
 
-Effects of the catalogue say their own (`Effect.formula`), also beside others that a formula may need; what is listed
-here no effect of the catalogue makes. A term that an effect has come to say is its own then.
+Effects of the catalogue state their own terms (`Effect.formula`), as a formula may need them beside others. The terms
+listed here are those that no effect has. If an effect states the same term, that of the effect is used.
 
-Parameters inside a term (a speed, a place, a time) take values from a grid over what the recording holds; they are
-chosen without a look at the residual, so that no held-out block has a say.
+Parameters inside a term (a speed, a position, a time) take values from a grid over the range of the recording. The grid
+does not depend on the residual, so that no held-out block influences it.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from phantom_dyn.effects.described import FormulaTerm, less
 
 Series = Callable[[RestLog], Array]
 
-_SPEEDS = (0.05, 0.15)  # of the fast end of the speeds
-_PLACES = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the travel
+_SPEEDS = (0.05, 0.15)  # as a share of the fast end of the speeds
+_PLACES = (0.2, 0.35, 0.5, 0.65, 0.8)  # positions, as a share of the travel
 _TURNS = (*np.arange(0.5, 4.01, 0.25), *np.arange(4.5, 20.01, 0.5))  # periods within the travel
 _FEW_TURNS = tuple(np.arange(0.5, 3.01, 0.25))
-_REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the travel
-_TIMES = (0.15, 0.35)  # of the recording's length
-_CORNERS = 8  # of a first-order answer, even in the logarithm
-_PEAKS = 8  # of a second-order one
+_REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # displacements of hysteresis, as a share of the travel
+_TIMES = (0.15, 0.35)  # time constants, as a share of the recording's length
+_CORNERS = 8  # number of corner frequencies of first-order responses, evenly spaced in the logarithm
+_PEAKS = 8  # number of resonance frequencies of second-order responses
 _DAMPINGS = (0.1, 0.3)
 _SLOWEST = 2.0  # periods of the lowest frequency within the recording
-_FASTEST = 0.6  # of the judged band
-_LATE = (0.1, 0.14, 0.2, 0.28, 0.4, 0.56, 0.8, 1.1)  # of the period of the judged band's edge
-_LAGS = (0.0, 0.03, 0.1, 0.3)  # s, of a supply
+_FASTEST = 0.6  # highest frequency, as a share of the judged band
+_LATE = (0.1, 0.14, 0.2, 0.28, 0.4, 0.56, 0.8, 1.1)  # delays, as a share of the period of the judged band's edge
+_LAGS = (0.0, 0.03, 0.1, 0.3)  # lags of a supply [s]
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,10 @@ class LawTerm:
     """One term.
 
     Attributes:
-        kind: What it is whatever its inner parameters, in words: terms of one kind stand for each other.
-        inputs: Names of what it depends on.
-        texts: Of its one or two columns, as a formula has them.
-        per: What the unit of the coefficient is divided by, empty for none.
+        kind: Its name without inner parameters: terms of one kind count as the same.
+        inputs: Names of its inputs.
+        texts: Text of its one or two columns in a formula.
+        per: Divisor of the unit of the coefficient, empty for none.
         columns: One or two series at the full rate.
     """
 
@@ -61,7 +61,7 @@ class LawTerm:
 
 
 def rounded(x: float | np.floating) -> float:
-    """A number as a formula prints it: what is computed is what is read."""
+    """A number as a formula prints it, so that the printed formula gives what was computed."""
     return float(f"{x:.3g}")
 
 
@@ -94,11 +94,10 @@ class _Joint:
         return frozenset(kind if kind == "t" else f"{kind}.{self.joint}" for kind in kinds)
 
     @cached_property
-    def said_by_effects(self) -> dict[frozenset[str], list[LawTerm]]:
-        """Terms of the effects of the catalogue, by their inputs; those of the same inputs by their text."""
+    def of_effects(self) -> dict[frozenset[str], list[LawTerm]]:
+        """Terms that effects of the catalogue state, by their inputs."""
         units = {"angle": self.angle, "speed": self.speed, "torque": self.rest.unit}
         out: dict[frozenset[str], list[LawTerm]] = {}
-        # One by one, as the middle of an input that no recording has is not known.
         for effect in EFFECTS:
             for one in effect.formula(self.middle):
                 kinds = tuple(inspect.signature(one.column).parameters)
@@ -112,7 +111,7 @@ class _Joint:
         return lambda log: np.broadcast_to(one.column(*(get(log) for get in inputs)), log.t.shape)
 
     def middle(self, kind: str) -> float:
-        """Middle of an input: of the travel for a position, of the values for others; zero where there is none."""
+        """Middle of the travel for a position, mean of other inputs; zero for an input that the recordings lack."""
         if not self.has(kind):
             return 0.0
         values = self.all(kind)
@@ -124,9 +123,9 @@ class _Joint:
 
 
 def library(rest: Rest, *, memory: bool = True) -> tuple[LawTerm, ...]:
-    """All terms that the recordings allow, with or without linear answers that have memory."""
+    """All terms that the recordings allow, with or without linear responses with memory."""
     at = _Joint(rest, rest.joint)
-    out = [*_said(at, "")]
+    out = [*_of_effects(at, "")]
     if at.has("v") and at.has("q"):
         out += [*_friction(at), *_place(at), *_memory(at), *_drift(at)]
         out += _dynamic_motion(at) if memory else ()
@@ -138,22 +137,22 @@ def library(rest: Rest, *, memory: bool = True) -> tuple[LawTerm, ...]:
     out += _supply(at)
     for other in rest.others:
         out += _other(at, _Joint(rest, other))
-    out += [term for terms in at.said_by_effects.values() for term in terms]
-    # What an effect says is there twice, in its place among its like and at the end; what is listed here may be too.
-    own = {term.texts: term for terms in at.said_by_effects.values() for term in terms}
+    out += [term for terms in at.of_effects.values() for term in terms]
+    # Terms of effects are listed twice, among similar ones and at the end, and a term listed here may be an effect's.
+    own = {term.texts: term for terms in at.of_effects.values() for term in terms}
     known = {term.texts: own.get(term.texts, term) for term in out}
     return tuple(term for term in known.values() if all(base_of(name) in rest.logs[0].inputs for name in term.inputs))
 
 
-def _said(at: _Joint, inputs: str) -> list[LawTerm]:
-    """Terms that effects of the catalogue say, of certain inputs."""
-    return at.said_by_effects.get(frozenset(inputs.split()), [])
+def _of_effects(at: _Joint, inputs: str) -> list[LawTerm]:
+    """Terms of given inputs that effects of the catalogue state."""
+    return at.of_effects.get(frozenset(inputs.split()), [])
 
 
 def _friction(at: _Joint) -> Iterator[LawTerm]:
     v = at.get("v")
     fast = float(np.percentile(np.abs(at.all("v")), 90))
-    yield from _said(at, "v")
+    yield from _of_effects(at, "v")
     yield at.term("drag", "v", "v*|v|", f"{at.speed}^2", lambda log: v(log) * np.abs(v(log)))
     for share in _SPEEDS:
         vs = rounded(share * fast)
@@ -164,7 +163,7 @@ def _friction(at: _Joint) -> Iterator[LawTerm]:
 
 
 def _place(at: _Joint) -> Iterator[LawTerm]:
-    """Of the position alone, and friction that depends on it."""
+    """Terms of the position alone, and of friction that depends on it."""
     q, v = at.get("q"), at.get("v")
     low, high = (float(x) for x in np.percentile(at.all("q"), [1, 99]))
     wide, middle = high - low, at.middle("q")
@@ -176,7 +175,7 @@ def _place(at: _Joint) -> Iterator[LawTerm]:
     for power, kind in ((1, ""), (2, "uneven spring"), (3, "hardening spring")):
         text = d if power == 1 else f"{d}^{power}"
         per = at.angle if power == 1 else f"{at.angle}^{power}"
-        yield from [at.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)] if kind else _said(at, "q")
+        yield from [at.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)] if kind else _of_effects(at, "q")
         yield at.term(
             "friction over position", "q v", f"{text}*sign(v)", per,
             lambda log, p=power: x(log) ** p * np.sign(v(log)),
@@ -222,7 +221,7 @@ def _wave(
 
 
 def _memory(at: _Joint) -> Iterator[LawTerm]:
-    """Friction with memory: how far the joint has moved since it turned about."""
+    """Friction with memory: functions of the displacement since the last reversal."""
     q = at.get("q")
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99])))
     tl = at.get("tl") if at.has("tl") else None
@@ -242,7 +241,7 @@ def _memory(at: _Joint) -> Iterator[LawTerm]:
 
 
 def _drift(at: _Joint) -> Iterator[LawTerm]:
-    """What changes with time, by itself, with the direction and with the speed."""
+    """Terms that change with time: offset, dry friction, damping and gain."""
     t, v = at.get("t"), at.get("v")
     last = float(at.all("t").max())
     middle = rounded(0.5 * last)
@@ -271,16 +270,17 @@ def _drift(at: _Joint) -> Iterator[LawTerm]:
 
 
 def _frequencies(at: _Joint, count: int) -> list[float]:
-    """Between the lowest that the recordings hold and the edge of the judged band [Hz]."""
+    """Frequencies [Hz] from the lowest of the recordings to a share `_FASTEST` of the edge of the judged band."""
     slowest = _SLOWEST / max(float(log.t[-1]) for log in at.rest.logs)
     return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * at.rest.logs[0].cutoff_hz, count)]
 
 
 def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
-    """Answers to the motion that change with the frequency: a spring behind a damper, and a mass on a spring.
+    """Responses to the motion that change with the frequency: a spring behind a damper, and a mass on a spring.
 
-    With the spring and the damping that need no memory these are the answers of first and second order to position and
-    acceleration too: what the acceleration makes a resonator do is what the velocity makes its rate do.
+    Together with the terms of a spring and a damper, which have no memory, they cover the responses of first and second
+    order to position and acceleration too: the response of a resonator to the acceleration is that of its rate to the
+    velocity.
     """
     v = at.get("v")
     for hz in _frequencies(at, _CORNERS):
@@ -301,7 +301,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
 
 
 def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
-    """Torque behind a filter, or late: what these take off."""
+    """Change of the torque by a low pass or a delay."""
     kind = next((kind for kind in ("tl", "tau") if at.has(kind)), None)
     if kind is None:
         return
@@ -327,10 +327,10 @@ def _step(log: RestLog) -> float:
 def _load(at: _Joint) -> Iterator[LawTerm]:
     tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
     wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
-    yield from _said(at, "tl")
+    yield from _of_effects(at, "tl")
     yield at.term("one-sided gain", "tl", "|tl|", unit, lambda log: np.abs(tl(log)))
     yield at.term("gain that changes with load", "tl", "tl*|tl|", f"{unit}^2", lambda log: tl(log) * np.abs(tl(log)))
-    yield from _said(at, "tl v")
+    yield from _of_effects(at, "tl v")
     yield at.term(
         "friction that grows with load", "tl v", "tl^2*sign(v)", f"{unit}^2",
         lambda log: tl(log) ** 2 * np.sign(v(log)),
@@ -344,11 +344,11 @@ def _heat(at: _Joint) -> Iterator[LawTerm]:
     temp, middle = at.get("temp"), at.middle("temp")
     kind, d = "offset that changes with temperature", less("temp", middle)
     yield at.term(kind, "temp", d, "°C", lambda log: temp(log) - middle)
-    yield from _said(at, "temp v")
+    yield from _of_effects(at, "temp v")
 
 
 def _supply(at: _Joint) -> Iterator[LawTerm]:
-    """A drive that gives less under the load of all drives."""
+    """Voltage sag: a drive that gives less torque under the load of all drives."""
     loads = supply_loads(at.rest.inputs, at.joint)
     if not loads:
         return
@@ -365,7 +365,7 @@ def _supply(at: _Joint) -> Iterator[LawTerm]:
 
 
 def _other(at: _Joint, other: _Joint) -> Iterator[LawTerm]:
-    """Of the motion and torque of another joint."""
+    """Terms of the motion and torque of another joint."""
     name, q, v, own = other.joint, other.get("q"), other.get("v"), at.get("q")
     if not (other.has("q") and other.has("v")):
         return

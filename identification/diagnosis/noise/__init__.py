@@ -1,1 +1,1 @@
-"""Noise of a residual, and what chance and encoders feign."""
+"""Noise of a residual, and spurious effects from chance and encoder noise."""

@@ -1,9 +1,9 @@
-"""White noise of a joint's torque balance above the motion: what readings of torque, and drives that nobody logs, add.
+"""White noise of a joint's torque balance above the motion: from torque readings, or from a drive that is not logged.
 
-A command is exact, but the drive that follows it is not: its ripple is in no column, and moves the robot. Both this and
-the noise of a torque reading lie in measured less modelled torque, evenly over frequency. Above the motion nothing else
-does so at most times: friction that jumps, play and contacts come at moments, so that the size is read by the median
-over the time in which the joint travels. What the noise of the encoders makes there is taken off.
+A command is exact, but the drive that follows it is not: its ripple is in no column, and moves the robot. Such ripple
+and the noise of a torque reading are white in measured minus modelled torque. Above the band of the motion little else
+is: jumps of friction, backlash and contacts are short, so the power is estimated by the median over the time in which
+the joint travels. The part from the noise of the encoders is subtracted.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_START = 1.5  # times the edge of the judged band: from here on hardly anything of the motion is left
-_TOP = 0.2  # of the rate: above, derivatives of a spline lose more than 2 %
-_RATIO = 2.0  # of the ends of a part of the band above: an octave rings for a period
-_TRAVELS = 0.05  # of a joint's top speed: slower, a reversal is near
-_AROUND = 1.0  # periods of the lower end of a part: so far from a stop or a reversal friction adds nothing to it
-_FEWEST = 40.0  # independent values in a part: fewer leave its power uncertain by more than a third
-_OF_ENCODERS = 0.5  # share of the power of a part that encoders may make: beyond, the difference is too uncertain
-_MEDIAN = 0.4549364  # of the square of a standard normal variable
-_EFFICIENCY = 0.37  # of that median against the mean
-_HIDDEN = 0.3  # share of the power of a part below which the torque's may be an error of the encoders' part
-_LOWEST = 2  # parts with the least power: what is left of motion and effects raises the others
+_START = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
+_TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
+_RATIO = 2.0  # ratio of the ends of a part of the band: a filter of an octave rings for a period
+_TRAVELS = 0.05  # speed of a joint that travels, as a share of its top speed: slower, a reversal is near
+_AROUND = 1.0  # distance to a stop or a reversal, in periods of a part's lower end, beyond which friction adds nothing
+_FEWEST = 40.0  # independent values in a part: with fewer its power is uncertain by more than a third
+_OF_ENCODERS = 0.5  # largest share of a part's power from the encoders: beyond, the difference is too uncertain
+_MEDIAN = 0.4549364  # median of the square of a standard normal variable
+_EFFICIENCY = 0.37  # efficiency of that median relative to the mean
+_HIDDEN = 0.3  # share of a part's power below which the torque's noise may be an error of the encoders' part
+_LOWEST = 2  # number of parts with the least power that are averaged: remains of motion and effects raise the others
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Part:
     """Power density of a joint's torque balance in a part of the band above the motion.
 
     Attributes:
-        centre: Of the part [Hz].
-        whole: Of measured less modelled torque [(N m)^2/Hz].
-        encoders: What the noise of the position readings makes of it [(N m)^2/Hz].
-        count: Independent values.
+        centre: Centre frequency of the part [Hz].
+        whole: Density of measured minus modelled torque [(N m)^2/Hz].
+        encoders: Density from the noise of the position readings [(N m)^2/Hz].
+        count: Number of independent values.
     """
 
     centre: float
@@ -55,20 +55,21 @@ class Part:
 
     @property
     def torque(self) -> float:
-        """Density without what the encoders make [(N m)^2/Hz]."""
+        """Density without the part from the encoders [(N m)^2/Hz]."""
         return self.whole - self.encoders
 
 
 def balance_noise(parts: list[Part], deviations: float) -> Density | None:
     """White noise of a joint's torque balance [(N m)^2/Hz] and its interval; None without any part.
 
-    The value is the mean of the two parts with the least power. The interval reaches from the least to the part next to
-    the motion, as the ripple of a drive may rise towards lower frequencies, with the uncertainty of a median. Where the
-    encoders hide the torque in every part, what they are uncertain by may be the torque's.
+    The value is the mean of the two parts with the least power. The interval reaches from the least power to that of
+    the part next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
+    uncertainty of a median. Where encoder noise dominates every part, the interval reaches up to the uncertainty of the
+    encoders' part.
 
     Args:
         parts: Power of the balance in bands above the motion, from `balance_parts`.
-        deviations: Standard errors that the interval reaches.
+        deviations: Half width of the interval in standard errors.
     """
     clear = sorted((one for one in parts if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
     if not clear:
@@ -94,7 +95,7 @@ def balance_parts(
         robot: The given model.
         log: A recording at its full rate.
         judged_hz: Edge of the band of the motion [Hz].
-        readings: How each joint is read, see `reading_noise`.
+        readings: Noise of each joint's readings, see `reading_noise`.
     """
     out: tuple[list[Part], ...] = tuple([] for _ in range(robot.nv))
     rate = log.band.rate_hz
@@ -102,17 +103,17 @@ def balance_parts(
     count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
     if count < 1:
         return out
-    # Friction by the smooth velocity: noise that changes its sign would add power to the band above.
+    # Friction at the smooth velocity: sign changes by noise would add power to the band above the motion.
     raw = log.motion.q if log.raw_q is None else log.raw_q
     balance = log.tau - _rigid_torque(robot, log, raw) - modelled_friction(robot, log.motion)
     if log.external is not None:
         balance = balance + log.external
     noise = error_of_readings(log, readings, random_stream("errors of readings above the band"))
-    feigned = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
-    # Beside a band of swings, which is wide, encoders hide all but what is next to it.
+    encoder_torque = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
+    # Swings have a wide judged band: above it, encoder noise dominates all but the nearest frequencies.
     step = (high / low) ** (1 / count) if log.touched is None else _RATIO
     for a, b in pairwise(low * step ** np.arange(count + 1)):
-        whole, encoders = (between(x, rate, a, b) for x in (balance, feigned))
+        whole, encoders = (between(x, rate, a, b) for x in (balance, encoder_torque))
         travels = _travels(log, _AROUND / a)
         for j, parts in enumerate(out):
             use = travels[:, j]
@@ -128,7 +129,7 @@ def balance_parts(
 def error_of_readings(
     log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
-    """Errors of another reading of a log's smooth motion [rad or m]; zero for joints of which nothing is known."""
+    """Errors of another reading of a log's smooth motion [rad or m]; zero for joints of unknown noise."""
     q = log.motion.q
     return np.column_stack(
         [np.zeros(len(q)) if own is None else own.errors(q[:, j], rng) for j, own in enumerate(readings)]
@@ -136,28 +137,28 @@ def error_of_readings(
 
 
 def between(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
-    """What lies between two frequencies, without delay, by edges so smooth that they hardly ring.
+    """Part of a series between two frequencies, by a filter without delay and with smooth edges that hardly ring.
 
     White noise keeps the power that it has between the two.
     """
     f = np.fft.rfftfreq(len(x), 1.0 / rate_hz)
     width = 0.15 * (high - low)
     gain = 0.25 * (1.0 + np.tanh((f - low) / width)) * (1.0 - np.tanh((f - high) / width))
-    # Without the line from end to end, whose jump would ring.
+    # Without the line from end to end: the jump at the ends would ring.
     line = x[0] + np.linspace(0.0, 1.0, len(x))[:, None] * (x[-1] - x[0])
     out = np.fft.irfft(np.fft.rfft(x - line, axis=0) * gain[:, None], len(x), axis=0)
     return out * np.sqrt((high - low) / (np.sum(gain**2) * f[1]))
 
 
 def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Modelled torque without friction along positions that are differentiated as they are."""
+    """Modelled torque without friction along positions that are differentiated without smoothing."""
     rate = log.band.rate_hz
     motion = log.motion.with_joints(*differentiate(q, rate, 0.4 * rate))
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
 def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
-    """True where a joint has been on its way for so long, and will be: not at rest, near no reversal and no contact."""
+    """True where a joint travels for so long before and after: not at rest, and near no reversal or contact."""
     speed = np.abs(log.motion.v)
     slow = standing_still(log) | (speed < _TRAVELS * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
     slow = slow if log.touched is None else slow | log.touched

@@ -23,17 +23,17 @@ _REPLICATES = 80
 def null_threshold(search: Search, filters: Whitening, noise: Series, least: float = 0.0) -> Threshold:
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
-    Recordings without a gap are made from this one: the unpredictable part of its residual with the sign of whole
-    blocks drawn anew (which keeps colour, size and the correlation between joints), plus moves of the modelled
-    inertias and friction drawn from their tolerances. All rivals are fitted to each, and the largest gain is kept; the
-    quantile is that of a Gumbel law with the mean and deviation of these maxima. The same over the effects of each
-    joint, where all joints together are to be wrong in one recording of 100.
+    Recordings without a gap are made from this one: the unpredictable part of its residual with a random sign for each
+    block (which keeps colour, size and the correlation between joints), plus moves of the modelled inertias and
+    friction drawn from their tolerances. All rivals are fitted to each, and the largest gain is kept; the quantile is
+    that of a Gumbel law with the mean and deviation of these maxima. The thresholds of single joints are computed in
+    the same way over the effects of each joint, so that together they are exceeded in one recording of 100.
 
     Args:
         search: Rivals and problem.
-        filters: What makes the columns of the problem white.
-        noise: Unpredicted residual of each log, white.
-        least: What a threshold is at least.
+        filters: Filters that make the columns of the problem white.
+        noise: Unpredicted residual of each log, whitened.
+        least: Lower bound of each threshold.
     """
     problem = search.problem
     if not search.terms:
@@ -91,6 +91,6 @@ def _null_products(
 def _product(
     filters: Whitening, x: Float[Array, "n k"], e: Float[Array, " m"], log: int, row: int, start: int
 ) -> Float[Array, " k"]:
-    """Product of white columns with a series: the series is filtered, which is one, and not the columns."""
+    """Product of white columns with a series: the series is filtered instead of the columns, which are many."""
     series, first = filters.before(e, log, row, start)
     return series @ x[first : first + len(series)]

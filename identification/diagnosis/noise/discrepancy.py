@@ -1,7 +1,7 @@
-"""By how much a model of the right kind is wrong on drives of a class: a share of torque, and a part at reversals.
+"""Error that a model of the right form has on a class of drives: a share of the torque, and of friction at reversals.
 
-No law of friction and no torque constant holds to the last digit. How far off they are is a matter of the drive, and is
-stated here by what the torque column is; it is never read from the residual that it excuses.
+No law of friction and no torque constant is exact. How large their errors are depends on the drive, and is stated here
+by the source of the torque column; it is never estimated from the residual that it would explain.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST, MOST_SHOWN = 0.02, 0.1
 
 @dataclass(frozen=True)
 class DriveClass:
-    """How far the torque of a sound drive of some kind is from its model.
+    """Error of the modelled torque for a drive without faults.
 
     Attributes:
         of_torque: Share of the measured torque: derivatives, filters and torque constants are no better than this.
@@ -34,7 +34,8 @@ class DriveClass:
     of_friction: float
 
 
-# By ``torque_source``: a command leaves out what the drive makes of it, a current what the gears do, a sensor neither.
+# By ``torque_source``: a command leaves out the errors of the drive and the gear, a current those of the gear; a torque
+# sensor includes both.
 DRIVE_CLASSES = {
     "command": DriveClass(0.005, 0.1),
     "current": DriveClass(0.005, 0.1),
@@ -49,7 +50,7 @@ def discrepancy(
 
     Args:
         session: Robot and recordings.
-        usable: What each sample in the band counts, for each log.
+        usable: Weight of each sample in the band, for each log.
         torque: Root mean square of each joint's measured torque.
     """
     drive = DRIVE_CLASSES[session.robot.torque_source]
@@ -65,7 +66,7 @@ def discrepancy(
 
 
 def shown_error(session: Session, log: int) -> Float[Array, "N nv"]:
-    """Deviation of the model's torque in each sample of a log that an earlier diagnosis has found; zero without one."""
+    """Error of the model's torque (one sigma) in each sample of a log by an earlier diagnosis; zero without one."""
     error = session.robot.model_error
     slow = slow_samples(session, log)
     return np.zeros(slow.shape) if error is None else np.where(slow, error[:, 0], error[:, 1])
@@ -80,5 +81,5 @@ def slow_samples(session: Session, log: int) -> Bool[Array, "N nv"]:
 
 
 def _slow_friction(session: Session, log: int) -> Float[Array, "N nv"]:
-    """Modelled friction of a log near reversals and where a joint creeps; nothing elsewhere."""
+    """Modelled friction of a log near reversals and where a joint creeps; zero elsewhere."""
     return np.where(slow_samples(session, log), modelled_friction(session.robot, session.logs[log].motion), 0.0)

@@ -1,8 +1,8 @@
 """Errors in variables: spurious torque and spurious gains of effects that encoder noise causes.
 
-Columns and modelled torque are made of the same measured positions. Their common noise lets a fit explain noise by
-noise, which no resampling of residuals shows. So the recording is made again: its smooth motion
-is taken for the truth, fresh encoder noise of the same kind is laid on it, and all is computed anew.
+Columns and modelled torque are computed from the same measured positions. Their common noise lets a fit explain noise
+by noise, which no resampling of residuals shows. So the recording is simulated: its smooth motion is taken as the true
+one, new encoder noise of the same kind is added, and everything is computed again.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.random_streams import random_stream
 
-# Step of an encoder without noise.
+# Step [rad or m] of an encoder that is practically exact.
 _FINE = 1e-12
 
 
 @dataclass(frozen=True)
 class Coarse:
-    """A joint whose readings lie on a coarser lattice than stated.
+    """A joint whose readings have larger steps than stated.
 
     Attributes:
-        row: Which joint.
-        step: Of the readings [rad or m].
-        torque: For each log, torque in the band that the rounding beyond the stated one is taken for, ``(n, nv)``.
+        row: Index of the joint.
+        step: Step of the readings [rad or m].
+        torque: For each log the spurious torque in the band from rounding beyond the stated one, ``(n, nv)``.
     """
 
     row: int
@@ -57,9 +57,9 @@ def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], 
 
     Args:
         log: A recording.
-        operation: Its motion, taken for the true one, and the model's torque.
-        steps: Of each joint's readings where they lie on a lattice; else the noise is what smoothing takes off.
-        rng: Draws where on its lattice an encoder starts.
+        operation: Its motion, taken as the true one, and the model's torque.
+        steps: Step of each joint's readings; where it is None the noise is the difference of raw and smooth readings.
+        rng: Draws the start of an encoder's lattice.
     """
     motion, count = log.motion, len(log.motion.t)
     noise = np.zeros_like(motion.q)
@@ -83,7 +83,7 @@ def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
 
 
 def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
-    """Joints that are read more coarsely than stated, and what that does to the torque."""
+    """Joints whose readings have larger steps than stated, with the spurious torque from that."""
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
@@ -94,7 +94,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
             alone = tuple(step if k == j else _FINE for k in range(robot.nv))
             rough = read_again(log, operation, alone, random_stream("coarse readings")).motion
             error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
-            # Noise that the stated step would have made is no gap.
+            # The error that the stated step causes anyway is no gap.
             torque.append(error * np.sqrt(1.0 - min((stated / step) ** 2, 1.0)))
         out.append(Coarse(j, step, tuple(torque)))
     return tuple(out)
@@ -105,8 +105,8 @@ class ReadAgain:
     """The recordings of a robot without a gap whose encoders are as noisy as these.
 
     Attributes:
-        session: With the logs read again.
-        like: Columns of the recordings.
+        session: Session with new readings in each log.
+        like: Columns of the original recordings.
         residual: Noise of the encoders in the torque, for each log ``(n, nv)``.
     """
 
@@ -124,14 +124,14 @@ def recordings_read_again(session: Session, columns: Columns, steps: tuple[float
 
     Args:
         session: The recordings.
-        columns: Of the recordings.
-        steps: Of the readings, see `coarsest_steps`.
+        columns: Columns of the recordings.
+        steps: Step of each joint's readings, see `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
     logs = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
     differences = Differences(tuple(operation.robot for operation in columns.operations))
     again = replace(session, logs=logs, differences=differences)
-    # Driven by what the model needs for the true motion, and modelled along the one that was read.
+    # The measured torque is the model's along the true motion, the modelled torque that along the readings.
     residual = [
         log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
         for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
@@ -140,14 +140,14 @@ def recordings_read_again(session: Session, columns: Columns, steps: tuple[float
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
-    """Noise of each row, that of the encoders where the estimate is below it.
+    """Noise of each row: the estimate, or that from the encoders where the estimate is smaller.
 
-    Free fits explain encoder noise by columns that share it, and so take noise for less than it is.
+    Free fits explain encoder noise by columns with the same noise, and so underestimate it.
 
     Args:
         noise: The estimate.
-        encoders: What the encoders make of it.
-        usable: Samples that count.
+        encoders: The part of the encoders.
+        usable: Which samples are used.
     """
     out = [part.copy() for part in noise]
     for j in range(noise[0].shape[1]):
@@ -162,18 +162,18 @@ def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Boo
 
 
 def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tuple[str, str | None], float]:
-    """What each effect gains, in sample, from encoder noise alone; zero where all of that noise is no matter.
+    """In-sample gain of each effect from encoder noise alone; zero where that noise is too small for any claim.
 
     Args:
         search: Rivals, weights and noise of the recordings.
-        again: The recordings with fresh noise of the encoders.
-        noise: Unpredicted residual, which whitens.
+        again: The recordings with new encoder noise.
+        noise: Unpredicted residual, from which the whitening filters are computed.
     """
     problem = search.problem
     encoders = whitened_noise(problem.columns, again.residual, like=noise)
     each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
     energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
-    # No effect gains more than all of it, and this is less than any claim has to gain.
+    # No effect gains more than all of the noise, which is less than any claim has to gain.
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.place for term in search.terms), 0.0)
     null = _null_problem(problem, again, noise)
@@ -185,9 +185,10 @@ def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tupl
 
 
 def _null_problem(problem: Problem, again: ReadAgain, noise: Series) -> Problem:
-    """Products of the columns of recordings that were read again, for fits that hold nothing out.
+    """Problem with the products of the new recordings' columns, for fits that hold nothing out.
 
-    Those of one log after the other: together they would take as much memory as those of the recordings.
+    Columns are computed for one log after the other: together they would take as much memory as those of the
+    original recordings.
     """
     columns, values = again.columns()
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
@@ -204,7 +205,7 @@ def _null_problem(problem: Problem, again: ReadAgain, noise: Series) -> Problem:
 
 
 def _without_cores(row: RowGrams) -> RowGrams:
-    """The same without products of columns by block, those of blocks that train before those of the others."""
+    """Products of one row without those of each block's core, first over training blocks, then over the others."""
     seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
     return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 

@@ -1,4 +1,4 @@
-"""Noise of each joint's torque residual, estimated from the recordings as what no flexible fit predicts."""
+"""Noise of each joint's torque residual: the part that no flexible fit predicts on held-out blocks."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each row's residual is predicted by a ladder of models from plain to flexible: the given one, laws of the motion,
-    with these the moves within the tolerances and other linear laws, all columns, and all columns with the flexible
-    features. The one that errs least on blocks that it has not seen leaves the noise: where a recording is short,
-    hundreds of columns foresee less than twenty. What foresees a little of the loud noise above the judged band may be
-    far off inside it, so that the best one is chosen for both.
+    Each row's residual is predicted by models from plain to flexible: the given model, then also laws of the motion,
+    then also the moves within the tolerances and other linear laws, then all columns, then all columns with the
+    flexible features. The noise is the error of the best of them on blocks that it has not seen: where a recording is
+    short, hundreds of columns predict worse than twenty. A model that predicts a little of the large noise above the
+    judged band may be bad inside it, so that the best one is chosen for each of both bands.
 
     Returns:
-        What the best predictor in the whole band leaves, and what the best one in the judged band leaves.
+        Error of the best predictor in the whole band, and error of the best one in the judged band.
     """
 
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
@@ -68,9 +68,9 @@ def quieter_in_band(
     Args:
         session: Recordings and their band.
         columns: Which samples are usable.
-        noise: What the explanation has been judged against.
+        noise: The estimate that the explanation has been compared with.
         inside: The other estimate.
-        least: Torque that the noise of the encoders makes in the judged band; a smaller estimate is none.
+        least: Torque from encoder noise in the judged band; an estimate below it is not used.
     """
     out = [part.copy() for part in noise]
     for j in range(len(columns.rows)):
@@ -88,10 +88,10 @@ def _inside(session: Session, parts: Sequence[Float[Array, " n"]], use: Sequence
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
-    """Order of a row's columns from plain to rich, and where the first two rungs of the ladder end.
+    """Order of a row's columns from plain to rich, and the numbers of columns in the first two of three steps.
 
-    First the laws of friction, couplings and the like, whose columns are made of the recorded motion alone; then the
-    moves within the tolerances and the other laws without a shape; then all the rest.
+    First come laws whose columns depend on the recorded motion alone, as friction and couplings; then moves within the
+    tolerances and the other laws without a shape; then all others.
     """
     rung = dict.fromkeys(range(len(columns.nuisances)), 1)
     for term in columns.terms:
@@ -141,7 +141,7 @@ def rms(parts: list[Float[Array, " n"]]) -> float:
 
 
 def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
-    """Noise with those rows replaced where the chosen effects leave less on held-out blocks than the free fits.
+    """Noise with those rows replaced where the chosen effects have a smaller held-out residual than the free fits.
 
     Free fits overfit where recordings are short.
 
@@ -166,11 +166,10 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
 def noise_without(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise without the trace of the effects that ``tried`` has beyond ``chosen``.
+    """Noise without the remains of the effects that ``tried`` has beyond ``chosen``.
 
-    Free fits with many columns do not predict an effect in full on held-out blocks; what remains is taken for
-    noise. The trace is what fits of the effect predict on such blocks, and the share of it that the noise holds is
-    that of least squares once the noise is white.
+    Free fits with many columns do not predict an effect in full on held-out blocks, and the remainder counts as noise.
+    It is estimated as a share of the held-out prediction of the effect, by least squares on the whitened noise.
 
     Returns:
         The noise, and the decrease of its whitened, weighted square.

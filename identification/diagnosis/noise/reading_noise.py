@@ -1,8 +1,9 @@
-"""Noise of position readings, seen in the raw record: differences of neighbouring readings, in which motion cancels.
+"""Noise of position readings, from differences of neighbouring raw readings, in which the motion cancels.
 
-A reading is the position, with white noise of the sensor, rounded to the lattice of the encoder. Where the joint moves
-many steps from sample to sample the rounding is white too; where it moves slowly the error follows the lattice and
-reaches down to the frequencies of the motion. So errors are drawn by reading a smooth motion again, not as white noise.
+A reading is the position plus white noise of the sensor, rounded to the steps of the encoder. Where the joint moves
+many steps from sample to sample the rounding error is white too; where it moves slowly, the error follows the steps and
+has frequencies as low as those of the motion. So errors are simulated as new readings of the smooth motion, not as
+white noise.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from identification.data.log import Log
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
-_ORDERS = (2, 3, 4, 6)  # of differences: each takes off more of the motion, and the least value counts
-_FEWEST = 50  # readings: fewer say little about a joint
-_COARSER = 1.5  # times the differences that are seen: a lattice that would make more is none of these readings
+_ORDERS = (2, 3, 4, 6)  # orders of differences: each removes more of the motion; the smallest estimate is taken
+_FEWEST = 50  # smallest number of readings: fewer say little about a joint
+_COARSER = 1.5  # a lattice that would cause more than this multiple of the seen differences is not that of the readings
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class ReadingNoise:
 
     Attributes:
         white: Standard deviation of the noise before rounding [rad or m].
-        step: Of the lattice of readings [rad or m]; zero where they lie on none.
+        step: Step of the readings [rad or m]; zero where they have none.
     """
 
     white: float
@@ -38,7 +39,7 @@ class ReadingNoise:
 
         Args:
             q: True positions.
-            rng: Draws the noise, and where the lattice starts.
+            rng: Draws the noise, and the start of the lattice.
         """
         error = self.white * rng.normal(size=len(q))
         if self.step == 0.0:
@@ -48,13 +49,13 @@ class ReadingNoise:
 
 
 def reading_noise(log: Log, row: int) -> ReadingNoise | None:
-    """How the position of a joint is read in a log; None where its raw readings are not at hand.
+    """Noise of a joint's position readings in a log; None without raw readings.
 
-    The white part is what the differences of the readings hold beyond those of the smooth motion on the same lattice.
+    The white part is the power of the readings' differences beyond that of the smooth motion rounded to the same steps.
 
     Args:
         log: A recording at its full rate.
-        row: Which joint.
+        row: Index of the joint.
     """
     if log.raw_q is None or int(log.valid.sum()) < _FEWEST:
         return None
@@ -64,16 +65,16 @@ def reading_noise(log: Log, row: int) -> ReadingNoise | None:
     rounding = ReadingNoise(0.0, step).errors(smooth, random_stream("rounding of a smooth motion"))
     rounded = white_part(smooth + rounding, log.valid)
     if rounded > _COARSER * seen:
-        # A lattice that the readings do not keep to: few levels of a joint at rest lie on any.
+        # The readings do not follow this lattice: the few levels of a joint at rest fit any.
         return ReadingNoise(seen, 0.0)
     return ReadingNoise(float(np.sqrt(max(seen**2 - rounded**2, 0.0))), float(step))
 
 
 def white_part(readings: Float[Array, " N"], valid: Bool[Array, " N"]) -> float:
-    """Standard deviation of the white noise that would make the differences of readings as large.
+    """Standard deviation of white noise with differences as large as those of the readings.
 
     Args:
-        readings: Smooth but for their noise.
+        readings: Readings of a smooth motion.
         valid: False where a reading must not be used.
     """
     out = []

@@ -1,4 +1,4 @@
-"""Noise that repetitions of a motion show: what is left of the torque differs between them by noise alone."""
+"""Noise from repetitions of a motion: between these the torque residual differs by noise alone."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Array, Bool, Float
 
-_MOST = 6  # repetitions of a pair of recordings that are compared
-_UNLIKE = (
-    0.5  # share of two velocities' energy in their difference: a stretch that slow motion alone makes alike is not
-)
-_LEAST_OVERLAP = 0.1  # of the energy of the shorter recording
-_WINDOW = 0.5  # s: over this long two stretches have to agree
-_STANDS = 0.01  # of the largest joint velocity: a joint that moves less says nothing about the motion
-_LEAST = 40.0  # independent differences: fewer leave a deviation uncertain by more than a tenth
-# A drive that follows loosely repeats its reference, and its motion to some per cent: it may differ by so much if what
-# the model is wrong by differs by less than a third of what does not repeat.
+_MOST = 6  # largest number of repetitions compared for a pair of recordings
+# Two stretches are different motions if the energy of their velocities' difference exceeds this share of their own.
+_UNLIKE = 0.5
+_LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the shorter recording's
+_WINDOW = 0.5  # time [s] over which two stretches have to agree
+_STANDS = 0.01  # share of the largest joint velocity: a joint with less is not compared
+_LEAST = 40.0  # independent differences: with fewer a deviation is uncertain by more than a tenth
+# A drive with a loose controller repeats its motion to some per cent only. Motions may differ by this share, if the
+# change of the model's error between them is below this part of the difference that does not repeat.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
-_FEW = 20.0  # independent differences of these: the interval is as wide as they leave it
-# Clocks of two recordings of a bus differ by so much; in between are so many places where one may begin.
+_FEW = 20.0  # independent differences of such motions at least: the interval gets as wide as these make it
+# Largest relative difference of the clocks of two recordings, and number of offsets within two samples that are tried.
 _CLOCKS, _PLACES = 0.02, 41
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """Root mean square of what does not repeat of one joint's torque.
+    """Root mean square of the part of one joint's torque that does not repeat.
 
     Attributes:
         value: The estimate [N m or N].
@@ -47,17 +46,17 @@ class Repeated:
 def repeated_noise(
     session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...], counts: Series | None = None
 ) -> tuple[Repeated | None, ...]:
-    """Noise of each joint's torque in the judged band; None for a joint whose motion does not come again.
+    """Noise of each joint's torque in the judged band; None for a joint whose motion does not repeat.
 
-    Half the mean square of the difference between two repetitions is the variance of what does not repeat. A model's
-    error repeats with the motion and drops out, noise of the sensors stays. Recordings that are known to differ in
-    load, controller or surroundings are not compared with each other.
+    Half the mean square of the difference between two repetitions is the variance of the part that does not repeat. A
+    model's error repeats with the motion and cancels, noise of the sensors does not. Recordings with known differences
+    in load, controller or surroundings are not compared with each other.
 
     Args:
         session: Recordings and their band.
-        residual: What an explanation leaves of the torque of each log, in the judged band.
-        usable: True where a sample counts, for each log.
-        counts: What a sample counts where motions come again loosely; None: they are not compared.
+        residual: Residual of an explanation for each log, in the judged band.
+        usable: True for samples that are used, for each log.
+        counts: Weight of each sample where motions repeat loosely; None if such motions are not compared.
     """
     rows = len(session.robot.joint_names)
     apart: list[list[Float[Array, " n"]]] = [[] for _ in range(rows)]
@@ -75,7 +74,7 @@ def repeated_noise(
 
 
 def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
-    """Noise of each joint by recordings of one reference whose motions agree to some per cent."""
+    """Noise of each joint from recordings of one reference whose motions agree to some per cent."""
     rows, logs = len(session.robot.joint_names), session.logs
     apart: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
@@ -99,9 +98,9 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
 
 
 def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None:
-    """Samples of one log, where they are among those of another that begins at about the same time, and whether alike.
+    """Samples of one log, their places in another one, True where both agree, and the difference of the motions.
 
-    Clocks differ, and a motion begins between two samples. None where the motions are not alike.
+    The logs begin at about the same time, but between two samples and with another clock. None if the motions differ.
     """
     rates = _rate(first), _rate(second)
     if abs(rates[0] / rates[1] - 1.0) > _CLOCKS:
@@ -130,7 +129,7 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
 
 
 def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
-    """A series between its samples, by the cubic through four of them."""
+    """A series at times between its samples, by the cubic through four of them."""
     k = np.clip(np.floor(at).astype(int), 1, len(x) - 3)
     u = (at - k)[:, None]
     a, b, c, d = (x[k + shift] for shift in (-1, 0, 1, 2))
@@ -143,7 +142,7 @@ def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m 
 
 
 def _weighted_spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
-    """The same as `_spread` of differences that count differently."""
+    """The same as `_spread`, for differences with weights."""
     independent, squares, count = 0.0, 0.0, 0.0
     for apart, weight in parts:
         used = weight > 0
@@ -157,7 +156,7 @@ def _weighted_spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
 
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:
-    """Pairs of logs, or a log twice, and how many samples later in the second one a motion of the first comes again."""
+    """Repetitions: two logs (or one log twice), and by how many samples the motion is later in the second one."""
     found, logs = [], session.logs
     for first, log in enumerate(logs):
         for second in range(first, len(logs)):
@@ -176,7 +175,7 @@ def _velocity(log: Log) -> Float[Array, "n nv"]:
 
 
 def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
-    """How many samples later a motion comes again, the best matches first."""
+    """Shifts in samples at which a motion repeats, the best matches first."""
     v, w = _velocity(first), _velocity(second)
     scale = np.maximum(np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0)), 1e-12)
     v, w = v / scale, w / scale
@@ -189,7 +188,7 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
     enough = energy > 2.0 * _LEAST_OVERLAP * min(p[-1] for p in power)
     unlike = np.where(enough, 1.0 - 2.0 * common / np.maximum(energy, 1e-300), 1.0)
     if again:
-        # A recording is like itself a moment later, too.
+        # A recording also resembles itself at a small shift.
         apart = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
         unlike = np.where(lags < (lags[apart[0]] if len(apart) else np.inf), 1.0, unlike)
     around = np.pad(unlike, 1, constant_values=1.0)
@@ -199,21 +198,21 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
 
 
 def _correlation(w: Float[Array, " m"], v: Float[Array, " n"]) -> Float[Array, " m+n-1"]:
-    """Sums of products of ``w`` with ``v`` that comes later by -(n - 1) to m - 1 samples."""
+    """Sums of products of ``w`` with ``v`` delayed by -(n - 1) to m - 1 samples."""
     length = int(next_fast_len(len(w) + len(v) - 1, real=True))  # type: ignore[arg-type]
     circular = np.fft.irfft(np.fft.rfft(w, length) * np.fft.rfft(v[::-1], length), length)
     return circular[: len(w) + len(v) - 1]
 
 
 def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
-    """Samples of two logs that lie a lag apart."""
+    """Overlapping samples of two logs at a given shift."""
     start = max(0, -lag)
     length = min(first - start, second - start - lag)
     return slice(start, start + length), slice(start + lag, start + lag + length)
 
 
 def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
-    """True where two stretches are the same motion: every joint is at the same place with the same velocity."""
+    """True where two stretches are the same motion: every joint has the same position and velocity."""
     window = max(1, round(_WINDOW * _rate(first)))
     v, w = _velocity(first), _velocity(second)
     q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
@@ -225,7 +224,7 @@ def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
 
 
 def _spread(parts: list[Float[Array, " n"]]) -> Repeated | None:
-    """Deviation of one repetition, from differences of two; None from too few independent ones."""
+    """Standard deviation of one repetition, from differences of two; None with too few independent ones."""
     independent = sum(len(part) / autocorrelation_time(part) for part in parts)
     if independent < _LEAST:
         return None

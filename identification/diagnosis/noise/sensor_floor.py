@@ -1,8 +1,8 @@
-"""Noise floor of each joint that its sensors make: their noise, propagated to the torque in the judged band.
+"""Noise floor of each joint from its sensors: their noise, propagated to the torque in the judged band.
 
-The noise of the encoders is drawn anew on the smooth motion and goes through derivatives, model and filters; that of
-the torque is the white density of its readings, or of the torque balance where the torque is a command. Nothing is
-taken from how well a model or a flexible predictor fits: what these do not foresee need not be noise.
+New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters; the noise of the
+torque is the white density of its readings, or of the torque balance where the torque is a command. The fit of a model
+or a flexible predictor is not used: what these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_METHOD = 1.25  # times: the density itself differs by as much from that of clean records (benchmarks/noise_floor.py)
-_DRAWS = 4  # of the errors of readings: what they feign in a narrow band is uncertain by a tenth from one
+_METHOD = 1.25  # factor by which the density may differ from that of clean recordings (benchmarks/noise_floor.py)
+_DRAWS = 4  # draws of reading errors: from one, their torque in a narrow band is uncertain by a tenth
 
 
 @dataclass(frozen=True)
 class SensorFloor:
-    """What the sensors leave of each joint's torque in the judged band, NaN where the record does not show it.
+    """Noise of each joint's torque in the judged band from its sensors, NaN where the recording does not show it.
 
     Attributes:
         value: Root mean square [N m or N], ``(nv,)``.
@@ -48,7 +48,7 @@ class SensorFloor:
 
     @property
     def known(self) -> Bool[Array, " nv"]:
-        """True for joints whose noise the record shows."""
+        """True for joints whose noise the recording shows."""
         return np.isfinite(self.value)
 
 
@@ -57,8 +57,8 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
 
     Args:
         session: Recordings at their full rate, and their judged band.
-        usable: What each sample in the band counts, for each log.
-        deviations: Standard errors that the interval reaches.
+        usable: Weight of each sample in the band, for each log.
+        deviations: Half width of the interval in standard errors.
     """
     robot, logs = session.robot, session.logs
     readings = tuple(tuple(reading_noise(log, j) for j in range(robot.nv)) for log in logs)
@@ -77,12 +77,12 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
 def torque_densities(
     session: Session, readings: tuple[tuple[ReadingNoise | None, ...], ...], deviations: float = 2.0
 ) -> list[Density | None]:
-    """White noise of each joint's torque: of its readings where they are measured and show it, or of its balance.
+    """White noise of each joint's torque: from its readings where they are measured and show it, or from its balance.
 
     Args:
         session: Recordings at their full rate, and their judged band.
-        readings: How each joint of each log is read, see `reading_noise`.
-        deviations: Standard errors that the interval of a density reaches.
+        readings: Noise of each joint's readings in each log, see `reading_noise`.
+        deviations: Half width of a density's interval in standard errors.
     """
     robot, logs = session.robot, session.logs
     parts = [balance_parts(robot, log, session.cutoff_hz, own) for log, own in zip(logs, readings, strict=True)]
@@ -90,16 +90,16 @@ def torque_densities(
     out: list[Density | None] = []
     for j in range(robot.nv):
         balance = _mean([balance_noise(own[j], deviations) for own in parts], seconds)
-        # A command has no sensor: what the record shows of it above the motion is what the controller asked for.
+        # A command has no sensor: above the motion it shows what the controller asked for.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
-        # Friction that jumps is in the torque, and what the model lacks is in the balance: neither makes noise less.
+        # Jumps of friction raise the first estimate, errors of the model the second one: the smaller one is taken.
         known = [one for one in (seen, balance) if one is not None]
         out.append(min(known, key=lambda one: one.value, default=None))
     return out
 
 
 def _mean(each: list[Density | None], weights: list[float]) -> Density | None:
-    """Mean density over recordings, those that do not show it left out."""
+    """Mean density over the recordings that show it."""
     known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
     if not known:
         return None
@@ -117,26 +117,26 @@ def _encoders_in_band(
     readings: tuple[tuple[ReadingNoise | None, ...], ...],
     usable: tuple[Float[Array, "n nv"], ...],
 ) -> Float[Array, " nv"]:
-    """Root mean square of the torque that errors of the position readings feign in the judged band, ``(nv,)``."""
+    """Root mean square of the spurious torque from errors of the position readings in the judged band, ``(nv,)``."""
     squares, counts = np.zeros(session.robot.nv), np.zeros(session.robot.nv)
     rng = random_stream("motions that are read once more")
     for k, (log, own) in enumerate(zip(session.logs, readings, strict=True)):
         for _ in range(_DRAWS):
-            error = log.band(feigned(session.robot, log, own, rng))
+            error = log.band(reading_error_torque(session.robot, log, own, rng))
             squares += np.sum(usable[k] * session.log_in_judged_band(error, k) ** 2, axis=0)
             counts += np.sum(usable[k], axis=0)
     return np.sqrt(squares / np.maximum(counts, 1e-12))
 
 
-def feigned(
+def reading_error_torque(
     robot: Robot, log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
-    """Modelled torque without friction of a motion that is read once more, less that of the motion itself.
+    """Spurious torque from one draw of reading errors: modelled torque with them minus that of the smooth motion.
 
     Args:
         robot: The given model.
         log: A recording at its full rate.
-        readings: How each joint is read.
+        readings: Noise of each joint's readings.
         rng: Draws the errors of the readings.
     """
     error = error_of_readings(log, readings, rng)
@@ -149,7 +149,7 @@ def feigned(
 
 
 def _noise_gain(session: Session) -> float:
-    """Mean square in the judged band of white noise of density one [Hz], by filters that act on such noise."""
+    """Mean square [Hz] in the judged band of white noise of density one, simulated through the filters."""
     squares = []
     for k, log in enumerate(session.logs):
         white = random_stream("white noise of density one").normal(size=(len(log.motion.t), 8))
@@ -161,9 +161,9 @@ def _noise_gain(session: Session) -> float:
 def sensed_noise(session: Session, columns: Columns) -> Series:
     """Noise of each log's torque, ``(n, nv)``, drawn from the sensors; zero where a sample is not usable.
 
-    White noise of the torque, and the torque that errors of the position readings feign; zero for a joint whose record
-    does not show how its torque is read. Beside it what the model was found to be wrong by in another recording, so
-    that it is not found again as a new cause.
+    It is white noise of the torque plus spurious torque from errors of the position readings; zero for a joint whose
+    recording does not show the noise of its torque. Errors of the model that were found in another recording are added,
+    so that they are not reported again as a new cause.
 
     Args:
         session: Recordings at their full rate, and their judged band.
@@ -177,13 +177,13 @@ def sensed_noise(session: Session, columns: Columns) -> Series:
     out = []
     for k, (log, own, use) in enumerate(zip(session.logs, readings, columns.usable, strict=True)):
         white = rng.normal(size=log.tau.shape) * np.sqrt(0.5 * log.band.rate_hz * density)
-        drawn = np.where(use & known, log.band(white + feigned(robot, log, own, rng)), 0.0)
+        drawn = np.where(use & known, log.band(white + reading_error_torque(robot, log, own, rng)), 0.0)
         out.append(drawn + np.where(use, _wrong_model(session, k), 0.0))
     return tuple(out)
 
 
 def _wrong_model(session: Session, log: int) -> Float[Array, "n nv"]:
-    """A torque of the judged band, drawn with the deviation by which the model was found to be wrong."""
+    """A random torque in the judged band with the deviation of the model's known error."""
     error, own = shown_error(session, log), session.logs[log]
     if not error.any():
         return np.zeros((len(own.samples), error.shape[1]))

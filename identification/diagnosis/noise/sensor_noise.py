@@ -12,12 +12,12 @@ from identification.diagnosis import decision_rules as rules
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import cross_density, power_density
 
-_BANDS = 4  # parts of the band above
-_TAIL = 2  # the first part of the upper half, in which the noise has to be white
-_LEAST_BINS = 4  # of a spectrum in each part
-_SEGMENTS = 16  # of a recording at least: fewer make the spectrum too rough to judge
-_MARGIN = 1.5  # times the edge of the filter's band: from here on nothing of the motion is left
-_TOP = 0.4  # of the rate: above, the alignment of a held torque takes too much off
+_BANDS = 4  # number of parts of the band above the motion
+_TAIL = 2  # index of the first part of the upper half, in which the noise has to be white
+_LEAST_BINS = 4  # smallest number of bins of a spectrum in each part
+_SEGMENTS = 16  # smallest number of segments of a recording: with fewer the spectrum is too rough
+_MARGIN = 1.5  # lowest frequency used, as a multiple of the filter's edge: no motion is above it
+_TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a held torque attenuates too much
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class Density:
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:
     """Power density of the noise in a joint's torque readings; None where the band above does not show it.
 
-    Torque that is coherent with the readings of the joint's position is left out: a controller answers the noise and
-    the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band above, into
-    which steps of friction and of references reach least: a recorder that smooths leaves less and less there, and then
-    nothing follows for lower frequencies. The power that interpolation between uneven samples removes is known, and
-    added again.
+    Torque that is coherent with the readings of the joint's position is left out: a controller responds to the noise
+    and the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band, which
+    steps of friction and of references disturb least: if the recorder has smoothed the torque, the spectrum falls there
+    and says nothing about lower frequencies. The known loss of power by interpolation between uneven samples is
+    corrected.
 
     Args:
         logs: Recordings at the full rate.
-        row: Which joint.
+        row: Index of the joint.
         held: True if the torque was aligned as one that is held between samples.
     """
     parts = [part for log in logs if (part := _above(log, row, held=held)) is not None]
@@ -57,7 +57,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
 
 
 def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
-    """Mean power density and middle [Hz] of each part of the band above the motion of one recording, and its length."""
+    """Mean power density and centre [Hz] of each part of the band above the motion, and the length of the recording."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = _MARGIN * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
@@ -69,7 +69,7 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
         _, own = power_density(q, rate, length)
         _, both = cross_density(tau, q, rate, length)
         segments = max(2 * len(tau) // length - 1, 2)
-        # Over n segments, a share 1/n of the power of independent series is coherent by chance.
+        # Over n segments, independent series are coherent by chance in a share 1/n of their power.
         power = np.maximum(power - np.abs(both) ** 2 / np.maximum(own, 1e-300), 0.0) * segments / (segments - 1)
     power = power / log.noise_gain(f)
     if held:
@@ -83,5 +83,5 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
 
 
 def _alignment(f: Float[Array, " k"]) -> Float[Array, " k"]:
-    """Gain by which `align_held_torque` weakens a frequency, given as a share of the rate."""
+    """Gain of `align_held_torque` at a frequency, given as a share of the rate."""
     return np.abs(26.0 * np.cos(np.pi * f) - 2.0 * np.cos(3.0 * np.pi * f)) / 24.0

@@ -1,8 +1,8 @@
 """Autoregressive whitening of each row (generalised least squares): every frequency is weighted by its noise.
 
-Encoder noise grows with the fourth power of frequency in a torque residual, disturbances fall off. A narrow band would
-lose what friction leaves at high frequencies, a wide one would drown what inertias leave at low ones; whitened, a wide
-band loses neither.
+In a torque residual the power of encoder noise grows with the fourth power of frequency, that of disturbances falls. A
+narrow band would lose the information on friction at high frequencies, in a wide one noise would hide that on inertias
+at low ones; a wide whitened band keeps both.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
 _ORDER = 8
-_LOST = 0.5  # share of the usable samples, at most, that a filter may take for looking back
-_ROWS = 64
+_LOST = 0.5  # largest share of the usable samples that the start of a filter may cost
+_ROWS = 64  # samples that are filtered at once
 
 
 def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Array, " m"]:
-    """Finite filter ``1, -a_1 .. -a_order`` that whitens series of one noise, by the Yule-Walker equations."""
+    """Finite filter ``1, -a_1 .. -a_order`` that whitens series of the same noise, by the Yule-Walker equations."""
     count = sum(len(part) for part in e)
     lags = np.zeros(order + 1)
     for part in e:
@@ -36,10 +36,10 @@ def noise_filter(e: list[Float[Array, " n"]], order: int = _ORDER) -> Float[Arra
 
 
 def longest_order(usable: list[Bool[Array, " n"]]) -> int:
-    """Order of a filter that leaves most of the usable samples: in a swing of a leg there are few in a row.
+    """Largest order of a filter that keeps enough usable samples: a swing of a leg has few in a row.
 
     Args:
-        usable: Of one joint, for each log.
+        usable: Usable samples of one joint, for each log.
     """
     ends = [np.flatnonzero(np.diff(np.concatenate([[False], part, [False]]))) for part in usable]
     runs = np.concatenate([np.diff(at)[::2] for at in ends])
@@ -49,7 +49,7 @@ def longest_order(usable: list[Bool[Array, " n"]]) -> int:
 def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
     """``x`` through a causal finite filter along time; the first samples see zeros before them."""
     out = kernel[0] * x
-    # A few rows at a time stay in the processor's cache until all lags are done.
+    # A few samples at a time stay in the processor's cache until all lags are done.
     for start in range(0, len(x), _ROWS):
         stop = min(start + _ROWS, len(x))
         for lag in range(1, min(len(kernel), stop)):
@@ -59,13 +59,13 @@ def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Arra
 
 
 def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
-    """The same columns, residual and modelled torque with the noise of each row white, and that noise.
+    """Columns, residual and modelled torque filtered so that the noise of each row is white, and that noise.
 
-    Samples in doubt count less, as if their noise were larger by that.
+    Samples with uncertain friction get a lower weight, as if their noise were larger.
 
     Args:
-        columns: Not whitened yet.
-        noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
+        columns: Columns before whitening.
+        noise: Unpredictable part of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
     filters = whitening_of(columns, noise)
     made = replace(
@@ -80,18 +80,18 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
 
 @dataclass(frozen=True)
 class Whitening:
-    """Filters that make the noise of each row white, and how much each sample counts.
+    """Filters that make the noise of each row white, and weights of the samples.
 
     Attributes:
-        kernels: Of each row.
-        trust: For each log, ``(n, nv)``.
+        kernels: Filter of each row.
+        trust: Weight of each sample, for each log ``(n, nv)``.
     """
 
     kernels: list[Float[Array, " m"]]
     trust: list[Float[Array, "n nv"]]
 
     def columns(self, values: tuple[Float[Array, "n k"], ...], log: int) -> tuple[Float[Array, "n k"], ...]:
-        """Columns of one log, row by row."""
+        """Whitened columns of one log, row by row."""
 
         def white(j: int) -> Array:
             out = filtered(self.kernels[j], values[j])
@@ -101,20 +101,20 @@ class Whitening:
         return tuple(in_two_threads(white, range(len(values))))
 
     def series(self, parts: Series) -> Series:
-        """Series of all logs, ``(n, nv)`` each."""
+        """Whitened series of all logs, ``(n, nv)`` each."""
         return tuple(_white(self.kernels, part) * own for part, own in zip(parts, self.trust, strict=True))
 
     def before(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
-        """What a column has to be multiplied with so that ``e`` is multiplied with the white column.
+        """A series whose product with a column is that of ``e`` with the whitened column: the transposed filter.
 
         Args:
-            e: From one sample on.
-            log: Of the column.
-            row: Of the column.
-            start: The first sample of ``e``.
+            e: A series from one sample on.
+            log: Log of the column.
+            row: Row of the column.
+            start: Index of the first sample of ``e``.
 
         Returns:
-            The series, and its first sample: the filter looks back.
+            The series, and the index of its first sample, which is earlier by the length of the filter.
         """
         kernel = self.kernels[row]
         back = np.convolve(e * self.trust[log][start : start + len(e), row], kernel[::-1])
@@ -123,7 +123,7 @@ class Whitening:
 
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
-    """What makes the noise of columns white, see `whitened`; their values are not needed."""
+    """Filters and weights that make the noise of columns white, see `whitened`; values of columns are not needed."""
     kernels = [
         noise_filter([part[:, j] for part in noise], longest_order([use[:, j] for use in columns.usable]))
         for j in range(noise[0].shape[1])
@@ -132,15 +132,15 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
 
 
 def no_less_than_sensed(columns: Columns, noise: Series, sensed: Series) -> Series:
-    """Noise of each row, filled up with that of the sensors where what weighs the fits is less than these make of it.
+    """Noise of each row, increased to that of the sensors where the whitened noise would be smaller than theirs.
 
-    What predictors leave may be smooth, or lie where friction is in doubt: white, and with such samples counting
-    little, it is then smaller than the noise of the sensors is.
+    The unpredictable part of a torque may be smooth, or lie in samples with uncertain friction. Whitened, and with the
+    low weight of such samples, it is then smaller than the noise of the sensors.
 
     Args:
-        columns: Not whitened yet.
-        noise: What no predictor foresees of each log's torque; zero where a sample is not usable.
-        sensed: The noise of the sensors in it.
+        columns: Columns before whitening.
+        noise: Unpredictable part of each log's torque; zero where a sample is not usable.
+        sensed: Noise of the sensors in the torque.
     """
     filters = whitening_of(columns, noise)
     use = _usable_white(filters, columns)
@@ -157,7 +157,7 @@ def whitened_noise(
     noise: Series,
     like: Series | None = None,
 ) -> Series:
-    """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
+    """The whitened noise of each log; with ``like``, the series ``noise`` whitened by the filters of ``like``."""
     return whitening_of(columns, noise if like is None else like).series(noise)
 
 
@@ -166,17 +166,17 @@ def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> F
 
 
 def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row where friction is in doubt: at reversals, and where a joint stands.
+    """Variance of the whitened torque of a row from uncertain friction: at reversals, and at standstill.
 
-    A reversal shifts a step in time, and filters make of it what they make of a step. What a standing joint holds may
-    be anything from sample to sample, so it counts at the most that the filter can make of it.
+    The uncertain time of a reversal shifts a step, which is filtered as such. The static friction of a joint at
+    standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
     shifted = filtered(kernel, columns.doubt[log][:, row])
     return shifted**2 + filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
 
 
 def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
-    """Weight of each sample, its noise over noise and doubt together, of mean square one on each row."""
+    """Weight of each sample: noise relative to noise and uncertain friction together; mean square one on each row."""
     white = [_white(kernels, part) ** 2 for part in noise]
     doubt = [
         np.column_stack([doubt_of(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
@@ -188,7 +188,7 @@ def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -
     share = [variance / (variance + d) for d in doubt]
     mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
-    # Of a row without usable samples none counts, whatever its weight.
+    # The weight does not matter on a row without usable samples.
     return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
 
 
@@ -201,7 +201,7 @@ def _usable_white(filters: Whitening, columns: Columns) -> tuple[Bool[Array, "n 
 
 
 def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
-    """Usable samples whose filter reaches back to usable samples only."""
+    """Usable samples for which the filter needs usable samples only."""
     out = usable.copy()
     out[: length - 1] = False
     for lag in range(1, length):

@@ -1,8 +1,9 @@
-"""Joints that move at one frequency alone, and what their recordings show of the torque.
+"""Joints that move at one frequency alone, whose recordings may not show which law their friction follows.
 
-A law of friction shows in the odd harmonics of one sine. Where the band of a recording ends below the third, nothing is
-seen but two numbers, with the velocity and with the position, and every law makes any of them. Beside recordings that
-show more they tell nothing of laws, and the search fits small errors of the model by other laws: they are not judged.
+Moved by one sine, a law of friction shows in the odd harmonics. Where the band of a recording ends below the third
+harmonic, the torque has two amplitudes only, in phase with the velocity and with the position, and every law can give
+any value of both. Such recordings are not used beside others that show more: they distinguish no laws, and the search
+would explain small errors of the model by wrong ones.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
 from phantom_dyn.array_types import Array, Bool
 
-# Multiple of a sine's frequency that dry friction makes besides: its first harmonic.
+# Lowest harmonic of a sine that dry friction excites, as a multiple of its frequency.
 _HARMONIC = 3.0
 
 
@@ -31,13 +32,13 @@ def in_one_sine(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> frozenset[
 
 
 def two_numbers_beside_more(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> Bool[Array, "L nv"]:
-    """True where a joint's recording shows two numbers alone, while another one shows more of it."""
+    """True where a recording shows two amplitudes of a joint's torque alone, while another recording shows more."""
     few = moves & _sines(logs) & np.array([_without_harmonics(log) for log in logs])
     return few & (moves & ~few).any(axis=0)
 
 
 def held(log: Log) -> Log:
-    """A recording that is not judged, with its joints held: no grid of speeds is made for it."""
+    """A recording that is not used, with its joints held still, so that no grid of speeds is made for it."""
     still = np.zeros_like(log.motion.v)
     return replace(log, motion=replace(log.motion, v=still, a=still))
 

@@ -1,9 +1,9 @@
-"""Dry friction as MuJoCo has it, and whether a recording shows it.
+"""MuJoCo's soft dry friction, and whether a recording shows it.
 
-A model of MuJoCo is often tried on a recording of MuJoCo. Its dry friction is a soft constraint, which turns over about
-ten milliseconds before the velocity does: against Coulomb's law that looks like a delay. A robot's friction does not,
-so the model may rub softly only where the recording does, from its beginning to its end. That is asked of the friction
-that the file states and of what the recording shows beyond it.
+Models of MuJoCo are often compared with recordings from MuJoCo. Its dry friction is a soft constraint, which changes
+sign about ten milliseconds before the velocity does: compared with Coulomb's law that looks like a delay. The friction
+of a real robot does not do so. So the model gets soft friction only where the recording shows it in all of its parts:
+in the friction that the file states, and in what the recording shows beyond that.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
 
-# Of the law's own size: what a recording shows of it in each of its parts.
+# Range of the softness that each part of a recording has to show, as a share of what the law gives.
 _LEAST, _MOST = 0.5, 1.5
 _PARTS = 5
 # The law changes little with the torque that it is computed for: two estimates agree to a percent after one step.
 _ESTIMATES = 3
 
-# Of each recording the motion, the torque that the given model lacks, and the band.
+# A recording: its motion, the torque that the given model lacks, and the band.
 Recorded = tuple[Operation, Float[Array, "N nv"], Band]
 
 
 def dry_torque(robot: Robot, joint: str) -> float:
-    """Coulomb torque of a joint whose turn-over is soft: the modelled one and what recordings show beyond it."""
+    """Coulomb torque of a joint with soft friction: the modelled one plus what recordings show beyond it."""
     soft = robot.soft_friction[robot.joint_names.index(joint)]
     return max(modelled_friction_of(robot, joint)[1] + (0.0 if soft is None else soft.beyond_model), 0.0)
 
@@ -44,11 +44,11 @@ def soft_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
-    """What soft friction adds to the Coulomb friction of a joint, see `SoftFriction`.
+    """Soft friction minus Coulomb friction of a joint, see `SoftFriction`.
 
     Args:
-        robot: Gives both.
-        motion: At the full rate.
+        robot: States both.
+        motion: Motion at the full rate.
         joint: The joint.
     """
     row = robot.joint_names.index(joint)
@@ -67,13 +67,13 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
     """The robot with the dry friction that recordings show, if it is as soft as in the robot's own simulator.
 
     Args:
-        robot: Of a MuJoCo file, or another one.
+        robot: Robot from a MuJoCo file or another one.
         recorded: The recordings.
         known: Coulomb torque of each joint that earlier diagnoses have found beyond the modelled one.
 
     Returns:
-        The robot with what each soft joint rubs beyond its modelled friction; without any soft friction where a part of
-        the recordings does not show it in its size.
+        The robot with the friction of each soft joint beyond its modelled one; without any soft friction where a part
+        of the recordings does not show it in its expected size.
     """
     if not any(robot.soft_friction):
         return robot
@@ -96,7 +96,7 @@ def _rubbing(robot: Robot, beyond_model: Array) -> Robot:
 
 
 def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array], missing: Array) -> bool:
-    """True if every part of the recordings shows the soft friction in its size."""
+    """True if every part of the recordings shows the soft friction in its expected size."""
     joints = soft_joints(robot)
     if not joints:
         return False
@@ -118,10 +118,10 @@ def _bodies(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
 
 
 def _columns(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> tuple[Array, Array, Array]:
-    """What else a joint may lack beside dry friction, its Coulomb friction, and what softness adds to that."""
+    """Columns of other errors that a joint may have, of its Coulomb friction, and of what softness adds to that."""
     operation, _, band = one
     v, a = operation.v[:, row], operation.a[:, row]
-    # A late torque is late with what friction takes of it.
+    # A delay applies to the friction torque as well.
     late = np.gradient(operation.tau[:, row] + missing * np.sign(v))
     others = band(np.column_stack([np.ones(len(v)), v, a, late]))
     soft = softness(robot, operation, robot.joint_names[row])[:, row]
@@ -138,9 +138,9 @@ def _missing(robot: Robot, row: int, recorded: Sequence[Recorded], bases: list[A
 
 
 def _part(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> Float[Array, "2 parts"]:
-    """Of a joint, by part of the recording: product of softness and what the model lacks, and square of softness.
+    """For each part of the recording: product of a joint's softness and missing torque, and square of the softness.
 
-    Both without what friction, bodies, rotor or a shift in time would explain.
+    Both are projected off what friction, bodies, rotor or a shift in time could explain.
     """
     others, dry, soft = _columns(robot, row, one, bodies, missing)
     both = _without(np.column_stack([soft, one[2](one[1][:, row])]), np.column_stack([others, dry]))

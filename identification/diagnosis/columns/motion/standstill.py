@@ -1,9 +1,9 @@
-"""Samples that say little about friction: joints at standstill are left out, reversals are weighed down.
+"""Samples that say little about friction: standstill, which is left out, and reversals, which get a low weight.
 
 At standstill static friction may hold any torque, so no fit may use it. At a reversal a law lets friction jump, while a
 real joint sticks for some milliseconds, or bends before it slides, so that friction passes through zero earlier or
-later. Where noise is small, that residual looks like torque that comes too late. And where the encoder itself stands,
-friction is anywhere between plus and minus the torque at which the joint breaks away.
+later. Where noise is small, that residual looks like a delayed torque. And while the reading of an encoder does not
+change, friction is anywhere between plus and minus the breakaway torque of the joint.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 
-# Counts: by which splines through rounded readings at uneven times swing over.
+# Overshoot [counts] of splines through rounded readings at uneven times.
 _SWING = 0.2
-# Orders of the differences that noise is read from, and rows that they need.
+# Orders of the differences that estimate the noise, and number of rows that they need.
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
-# Way of a joint that moves, at least [rad or m], and in deviations of its readings.
+# Smallest travel of a joint that moves [rad or m], and in deviations of its readings.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
-# Noise of readings is not white: so many times what white noise would leave.
+# Factor over the estimate for white noise, as the noise of readings is not white.
 _CAUTION = 3.0
 
 
@@ -40,9 +40,9 @@ def moving_joints(log: Log) -> Bool[Array, " nv"]:
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
-    The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
-    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. A joint that
-    vibrates on its way, as one with backlash may, is judged by the average.
+    The threshold is three sigmas of the velocity minus its short moving average in the quietest fifth of the recording,
+    where the motion itself adds nothing, and at least a thousandth of the joint's top speed. Where a joint vibrates
+    while it travels, as one with backlash may, the moving average itself is compared with the threshold.
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
@@ -51,7 +51,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         q, v = log.motion.q[:, j], log.motion.v[:, j]
         sigma = _noise(v, kernel)
         if sigma > rules.SHAKES * np.percentile(np.abs(v), 95):
-            # A steady motion has no quiet fifth: then it is the readings that say how much is noise.
+            # A steady motion has no quiet fifth: then the noise is estimated from the readings.
             sigma = min(sigma, _noise_of_readings(log, j))
         noise_only = bool(np.percentile(np.abs(v), 95) < 5 * sigma)
         if noise_only and moves and _travels(q, kernel):
@@ -60,7 +60,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99))
         # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
         at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
-        # A joint whose fastest speeds are noise too is held all the time.
+        # A joint whose fastest speeds are noise as well is at standstill all the time.
         held = not moves or noise_only
         out[:, j] = (np.convolve(at_standstill, np.ones(width), mode="same") > 0.5) | held
     return out
@@ -77,8 +77,8 @@ def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
 def _noise_of_readings(log: Log, j: int) -> float:
     """Deviation of the speed [rad/s or m/s] that white noise of a joint's raw readings leaves in the band.
 
-    Infinite where the joint hardly travels farther than its readings are noisy. Differences of high order remove the
-    motion even where a period has few samples; of several orders the one that leaves least is used.
+    Infinite where the joint hardly travels farther than the noise of its readings. Differences of high order remove the
+    motion even where a period has few samples; the order with the smallest remainder is used.
     """
     if log.raw_q is None or int(log.valid.sum()) < _LEAST_ROWS:
         return np.inf
@@ -97,7 +97,7 @@ def _noise_of_readings(log: Log, j: int) -> float:
 
 
 def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
-    """True if a joint travels much further than its readings are noisy."""
+    """True if a joint travels much farther than the noise of its readings."""
     if len(q) < 4 * len(kernel):
         return False
     smooth = np.convolve(q, kernel, mode="valid")
@@ -106,7 +106,7 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
-    """In-band samples whose kernel touches nothing excluded, no contact, and hardly any standstill of the joint."""
+    """In-band samples whose filter kernel covers no excluded sample, no contact, and hardly any standstill."""
     at_standstill = standing_still(log)
     half, at = log.band.half, log.samples
     count = np.vstack([np.zeros(at_standstill.shape[1], dtype=int), np.cumsum(at_standstill, axis=0)])
@@ -117,7 +117,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     """Standard deviation of the modelled torque near reversals, from the rate of its Coulomb friction.
 
-    It has the sign of the change, so that filters make of it what they make of the torque.
+    It has the sign of the change, so that it can be filtered as the torque is.
     """
     friction = operation.own_friction
     # Viscous friction doubles with the velocity, Coulomb friction does not.
@@ -128,22 +128,22 @@ def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
 def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
 
-    A reading between two levels flickers by one count, and a motion that ends there adds another. Nothing is said of a
-    joint whose encoder is so coarse that it often moves as slowly as that on its way, or has no counts to tell.
+    A reading between two levels flickers by one count, and a motion that ends there adds another. The result is False
+    for a joint whose encoder is so coarse that its usual motion looks the same, or whose readings have no counts.
     """
     readings = log.motion.q if log.raw_q is None else log.raw_q
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        # A little more than two counts: between readings at uneven times splines swing over by a part of a count. Where
-        # no count is known, a reading that does not change at all stands.
+        # A little more than two counts: splines between readings at uneven times overshoot by a part of a count. Where
+        # no count is known, only a reading that does not change at all shows no motion.
         most = (rules.STANDING_COUNTS + _SWING) * counted_step(robot, log, j)
         speed = np.abs(log.motion.v[:, j])
-        # On its way: many joints stand for most of a recording.
+        # Median speed while the joint moves, as many joints rest for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
         if usual == 0.0:
             continue
-        # The coarser the encoder, the longer a reading has to stay until it shows more than slow motion.
+        # The coarser the encoder, the longer a reading has to stay the same before it is no slow motion.
         seconds = max(rules.STANDING_TIME, most / (rules.STANDING_SPEED * usual))
         if seconds > rules.STANDING_LONGEST:
             continue
@@ -151,7 +151,7 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         travel = ndimage.maximum_filter1d(readings[:, j], width) - ndimage.minimum_filter1d(
             readings[:, j], width, axis=0
         )
-        # All samples of a window in which it stands.
+        # All samples of a window within which the reading hardly changes.
         out[:, j] = ndimage.maximum_filter1d(travel <= most, width)
     return out
 
@@ -161,8 +161,8 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
 
     Args:
         robot: States the steps of its encoders.
-        log: A recording, which shows that of its readings.
-        row: Which joint.
+        log: A recording, with the steps of its readings.
+        row: Index of the joint.
     """
     seen = log.reading_steps[row] if log.reading_steps else None
     return max(seen or 0.0, stated_step(robot, row) or 0.0)
@@ -171,11 +171,11 @@ def counted_step(robot: Robot, log: Log, row: int) -> float:
 def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that stand still.
 
-    The model lets a standing joint rub with plus or minus the torque ``T`` of its friction, by the sign of noise. It
-    may have any torque between ``-T`` and ``T``, evenly: the difference has the mean square ``T^2 + T^2 / 3``.
+    At standstill the model's friction is ``T`` or ``-T``, with the sign of noise. The true one is uniform between
+    ``-T`` and ``T``: the difference has the mean square ``T^2 + T^2 / 3``.
 
     Args:
-        log: Its band.
+        log: The recording, for its band.
         stands: True where the reading of a joint does not change.
         friction: Friction torque of the model, findings included.
     """
@@ -188,7 +188,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
     Laws of friction differ there. The error recurs with the motion, so it must not count as an event.
 
     Args:
-        log: Its motion and band.
+        log: The recording.
         friction: Friction torque of the model, findings included.
     """
     v = log.motion.v
@@ -204,10 +204,10 @@ def open_friction(
     """Variance of the friction torque, in the band, of joints that stand still, creep or reverse.
 
     Args:
-        robot: Says how fine the encoders are.
-        log: Its motion and band.
+        robot: States the steps of the encoders.
+        log: The recording.
         friction: Friction torque of the model, findings included.
-        doubt: Standard deviation of the friction torque where a joint turns about, in the band.
+        doubt: Standard deviation of the friction torque near reversals, in the band.
     """
     standing = standing_doubt(log, encoder_stands(robot, log), friction)
     return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
@@ -220,7 +220,7 @@ def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """A deviation in the band: each sample takes the largest one that the filter spreads to it."""
+    """A deviation in the band: the largest one within reach of the filter kernel at each sample."""
     band = log.band
     return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(deviation)
 

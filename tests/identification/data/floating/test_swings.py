@@ -12,7 +12,7 @@ from identification.data.recording import Table
 from identification.data.signals import process
 from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis.noise.reading_noise import ReadingNoise
-from identification.diagnosis.noise.sensor_floor import feigned
+from identification.diagnosis.noise.sensor_floor import reading_error_torque
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.loading import load_robot
@@ -109,7 +109,7 @@ def test_the_noise_of_the_bases_sensors_is_noise_of_the_torque(stepping):
     robot, recorded = stepping
     log = process(recorded, robot, cutoff_hz=20.0)
     readings = (ReadingNoise(0.0, 0.0),) * 2
-    quiet = feigned(robot, with_noise(log, 0.0), readings, np.random.default_rng(1))
-    noisy = feigned(robot, with_noise(log, 0.3), readings, np.random.default_rng(1)) - quiet
+    quiet = reading_error_torque(robot, with_noise(log, 0.0), readings, np.random.default_rng(1))
+    noisy = reading_error_torque(robot, with_noise(log, 0.3), readings, np.random.default_rng(1)) - quiet
     # A mass point of 0.4 kg, 0.1 m from the knee, in a noise of 0.3 m/s^2 up to 50 of 250 Hz.
     assert np.std(noisy[:, 1]) == pytest.approx(0.4 * 0.1 * 0.3 * np.sqrt(50 / 250), rel=0.1)
