@@ -20,24 +20,24 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
-# The noise of the start may leave this share of what the given model misses, or of how far the joints move.
+# Largest effect of the noise of the start, as a share of the given model's error, or of the travel of the joints.
 _OF_ERROR, _OF_TRAVEL = 0.33, 0.05
-# Readings of one window by one model, from a start that is moved by (position, velocity).
+# Simulated readings of one window by one model, with the start shifted by (position, velocity).
 Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
-# A window with what a model makes of the hidden states before it.
+# The window with the hidden states of a model at its start.
 Settle = Callable[[Shot, Model], Shot]
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Simulated less recorded positions of windows, each ``(n, nv)``, NaN for joints that a window does not compare.
+    """Simulated minus recorded positions by window, each ``(n, nv)``, NaN for joints that a window does not compare.
 
     Attributes:
         t: Times since the start of each window [s].
-        before: Of the given model.
-        after: Of the corrected model.
-        noise: What the noise of its start changes of the corrected model's motion.
-        travel: Recorded positions less that at the start.
+        before: Errors of the given model.
+        after: Errors of the corrected model.
+        noise: Change of the corrected model's motion by noise of its start.
+        travel: Recorded positions minus that at the start.
     """
 
     t: tuple[Float[Array, " _"], ...]
@@ -52,7 +52,7 @@ class Errors:
         return Errors(*(tuple(one[k] for k in windows) for one in series))
 
     def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
-        """Root mean square over all windows behind the start up to a time; zero where none compares a joint."""
+        """Root mean square over all windows from the start to a time; zero for joints that no window compares."""
         kept = np.concatenate([x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)])
         count = np.count_nonzero(~np.isnan(kept), axis=0)
         return np.sqrt(np.nansum(kept**2, axis=0) / np.maximum(count, 1))
@@ -74,8 +74,8 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
     """The longest horizon over which the noise of the start stays small on every joint; else the shortest.
 
     Args:
-        errors: Over the longest.
-        horizons: To choose from, the longest first; those with fewer than two samples are left out.
+        errors: Errors over the longest horizon.
+        horizons: Candidates, the longest first; those with fewer than two samples are left out.
     """
     possible = possible_horizons(errors, horizons)
     for horizon in possible:
@@ -106,18 +106,17 @@ class Rollout:
     """Errors of simulated motion of both models by joint.
 
     Attributes:
-        horizon_s: How long each window was followed [s]; None where no motion could be simulated.
+        horizon_s: Time over which each window is compared [s]; None where no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
-        rms_after: Of the corrected model.
-        noise: Deviation of the readings of each joint [rad or m], below which no model can be.
-        strays: Joints that stray further than noise makes them where nothing was found, and how many times as far as
-            the end of its 99 % band.
+        rms_after: Error of the corrected model.
+        noise: Deviation of the readings of each joint [rad or m], which no model's error can fall below.
+        strays: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio to its end.
         recordings: The errors by recording, where there are several.
-        engaged: Joint limits that simulated motion runs past.
+        engaged: Joint limits that simulated motion passes.
         warnings: Notes on joint limits.
-        notes: A horizon that was shortened, or why there is none at all.
-        motions: What both models do in each window, over all of its length.
-        controlled: True if controllers moved the joints, and not the recorded torque.
+        notes: Notes on a shortened horizon, or on why there is none.
+        motions: Simulated motion of both models in each window, over its whole length.
+        controlled: True if controllers moved the joints instead of the recorded torque.
     """
 
     horizon_s: float | None
@@ -134,7 +133,7 @@ class Rollout:
 
     @property
     def json(self) -> dict | None:
-        """The contract's ``rollout``, with the noise of readings, errors by recording and limits that were engaged."""
+        """The contract's ``rollout``, with the noise of readings, errors by recording and joint limits passed."""
         if self.horizon_s is None:
             return None
         out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
@@ -165,13 +164,13 @@ def compared(
     """Errors of both models over the longest horizon that the noise of the starts allows.
 
     Args:
-        robot: Gives joints and their limits.
-        models: The given model and the corrected one that has not seen a window.
+        robot: The robot with joints and their limits.
+        models: The given model, and the corrected one by the fit that has not seen a window.
         shots: At least one window, as long as the longest horizon.
         shoot: Simulates a window.
-        horizons: To choose from [s], the longest first.
-        controlled: True if controllers move the joints, and not the recorded torque.
-        settle: Adds what the corrected model makes of hidden states before a window; the given one starts as smoothed.
+        horizons: Candidates [s], the longest first.
+        controlled: True if controllers move the joints instead of the recorded torque.
+        settle: Adds the corrected model's hidden states; the given model starts from the smoothed readings.
 
     Raises:
         ParameterError: If a motion leaves all bounds.
@@ -229,7 +228,7 @@ def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, floa
 
 
 def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
-    """A window up to the horizon."""
+    """Recorded and simulated motion of a window up to the horizon."""
     keep = errors.t[k] <= horizon + 1e-9
     t = shot.log.motion.t[shot.window.start : shot.window.stop]
     read = shot.read

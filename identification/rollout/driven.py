@@ -17,20 +17,19 @@ from phantom_dyn.motion import BaseMotion
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
-SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
-STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
-# A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
-# take a joint a centimetre away in half a second leaves it a micrometre off.
+SHORTEST = 2e-5  # shortest step [s]: with shorter ones a rollout would take too long
+STEP = 1e-3  # longest step [s]: the midpoint rule follows a 20 Hz motion with a phase error of 0.2 %
+# Natural frequency [rad/s] of the critically damped feedback that keeps a model with hidden states on the recording.
 _PULL = 2.0 * np.pi * 15.0
-# A motor behind a spring or a play is pulled alone [rad/s]: fast enough for its own small inertia to hold it.
+# The same for a motor behind a spring or backlash: higher, as its inertia alone is small.
 _MOTOR_PULL = 2.0 * np.pi * 60.0
 
 
 def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque [N m or N] that acts when ``tau`` is asked for at uniform times: each drive with its history.
+    """Torque [N m or N] of the drives when ``tau`` is commanded at uniform times.
 
     Args:
-        model: Gives the effects of the drives and the timing of the log.
+        model: The model, with the effects of its drives and the timing of the log.
         t: Times [s].
         tau: Recorded torque.
     """
@@ -44,7 +43,7 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
 
 
 def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
-    """Torque [N m or N] behind the drives of a model over a recording, and what measured forces add to it."""
+    """Torque [N m or N] of a model's drives over a recording, plus that of measured external forces."""
     tau = log.tau
     if model.late_references is not None and log.references is not None:
         rows = [log.references.later(float(delay), (row,)) for row, delay in enumerate(model.late_references)]
@@ -58,7 +57,7 @@ def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
 
 
 def base_of(model: Model, log: Log, rows: slice) -> BaseMotion | None:
-    """How the base of a model moves over some samples; None where it is bolted down."""
+    """Motion of a model's base over some samples; None for a fixed base."""
     return base_without_errors(model.robot, log, rows, model.base)
 
 
@@ -74,11 +73,11 @@ def simulated(
     """A simulation from a start, at the times of its law.
 
     Args:
-        robot: What moves.
-        causes: What it has besides.
+        robot: The robot.
+        causes: Effects beside its rigid-body model.
         law: Torque of its drives.
-        start: Of links and motors.
-        base: How a base moves that is not bolted down.
+        start: State of links and motors.
+        base: Motion of the base; None for a fixed one.
         max_step: Longest step [s].
 
     Raises:
@@ -89,14 +88,14 @@ def simulated(
 
 
 def moved(model: Model, law: Tracking, start: Start, base: BaseMotion | None) -> Simulation:
-    """A simulation of a model whose law gives the torque behind its drives."""
+    """A simulation of a model in which the law gives the torque that the drives exert."""
     return simulated(model.moving, model.causes, law, start, base)
 
 
 def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
-    """Gains of position and velocity with which readings are pulled along a recording.
+    """Gains of position and velocity of the feedback that keeps readings on the recording.
 
-    None where the encoder sits on the link behind a spring or a play: pulled at by its motor, it would swing up.
+    They are zero where the encoder is on the link behind a spring or backlash: feedback through the motor is unstable.
     """
     inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
     speed = np.full(model.robot.nv, _PULL)
@@ -115,6 +114,6 @@ def pulling(
     gains: Float[Array, "2 nv"],
     where: Bool[Array, "n nv"],
 ) -> Tracking:
-    """The recorded torque, with a pull towards ``q`` and ``v`` at some samples of each joint."""
+    """The recorded torque, with feedback towards ``q`` and ``v`` at some samples of each joint."""
     tables = gains[:, None] * where
     return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))

@@ -13,11 +13,11 @@ from identification.rollout.compare import Rollout
 
 
 def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> Evidence:
-    """Evidence with the simulated motion of both models; as it is where no motion was simulated.
+    """Evidence with the simulated motion of both models, unchanged where no motion was simulated.
 
     Args:
         evidence: Samples of all recordings, one after the other.
-        rollout: Has windows of the recordings.
+        rollout: Simulated windows of the recordings.
         logs: The recordings.
     """
     if not rollout.motions or len(evidence.t) != sum(len(log.motion.t[log.samples]) for log in logs):
@@ -28,12 +28,12 @@ def with_followed(evidence: Evidence, rollout: Rollout, logs: Sequence[Log]) -> 
     seconds = 0.0
     for motion in rollout.motions:
         window, rows = motion.window, rows_of[motion.window.log]
-        # The first sample is the recorded one: without it, windows that follow each other are curves of their own.
+        # The first sample, which is the recorded one, is left out, so that adjoining windows are separate curves.
         inside = np.flatnonzero((rows > window.start) & (rows < window.stop))
         at = firsts[window.log] + inside
         for out, q in ((before, motion.given), (after, motion.corrected)):
             here = q[rows[inside] - window.start]
-            # Swings of other legs go on meanwhile, in windows of their own.
+            # Other legs may swing at the same time, in other windows.
             out[at] = np.where(np.isnan(here), out[at], here)
         t = logs[window.log].motion.t
         seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))

@@ -1,9 +1,9 @@
-"""States that no encoder reads, estimated: a link in its play, or the motor behind an encoder that sits on the link.
+"""Estimates of states that no encoder reads: a link within backlash, or the motor where the encoder is on the link.
 
-First the motors are pulled along the recording, so that their links come to where that motion takes them. Then free
-motion under the recorded torque is fitted to the last readings before a window, with its start as unknown: of the
-states that encoders read, as an impact is faster than any smoothing, and of those that they do not. No sample behind
-the window's first is used but those that smooth it.
+First feedback keeps the motors on the recording, so that their links move as that motion makes them. Then free motion
+under the recorded torque is fitted to the last readings before a window. The unknowns are all states at its start: also
+those that encoders read, as an impact is faster than any smoothing. Of the samples after the window's first only those
+are used that smooth it.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.simulation.control import torque_over_time
 from phantom_dyn.simulation.simulate import Simulation
 
-# Readings that free motion is laid through [s], and the fewest of them. Over longer stretches an error of the model
-# takes the motion away, over shorter ones the noise of the readings is felt.
+# Time [s] over which free motion is fitted to readings, and the smallest number of these. Over a longer time errors of
+# the model matter more, over a shorter one the noise of the readings.
 _THROUGH, _FEWEST = 0.1, 8
-_ROUNDS, _ENOUGH = 4, 0.02  # of least squares; they end when the squares fall by less than this share
-_FAR_OFF = 4.0  # mean square of the misses, in variances of the readings
-_LOOK = 0.02  # of its spread: how far a start is moved for a slope
-_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # gaps by which the hidden side of a play may be elsewhere
-_BLIND = 0.2  # smoothed speeds may be wrong by this share of the usual speed, right behind an impact
-_LATE = 0.005  # [s]: and places by so much of that
+_ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the squares at which they end
+_FAR_OFF = 4.0  # mean square of a bad fit, in variances of the readings
+_LOOK = 0.02  # step of finite differences, as a share of a state's spread
+_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # shifts of the hidden side within backlash that are tried, in gaps
+_BLIND = 0.2  # error of smoothed speeds shortly after an impact, as a share of the usual speed
+_LATE = 0.005  # time [s] that gives the error of positions from that of the speeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class HiddenStart:
     """A model with all its states, some samples before a window.
 
     Attributes:
-        model: Whose states they are.
-        at: Sample of the log.
+        model: The model.
+        at: Index of the sample in the log.
         start: States of links and motors there.
     """
 
@@ -49,29 +49,29 @@ class HiddenStart:
 
 
 def hides(model: Model) -> bool:
-    """True if a link may be anywhere in a play, or the encoder behind a spring sits on the link."""
+    """True if a link may be anywhere within backlash, or the encoder is on the link behind a spring."""
     return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
 
 
 def look_back(rate_hz: float) -> float:
-    """Seconds before a window that are used at most."""
+    """Longest time before a window that is used [s]."""
     return LEAD + max(_THROUGH, _FEWEST / rate_hz)
 
 
 def tries(model: Model) -> int:
-    """About how many short simulations `hidden_start` takes."""
+    """Approximate number of short simulations that `hidden_start` needs."""
     return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
 
 
 def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
-    """States of a model before a window; at its start, as smoothed, where too few samples lead up to it.
+    """States of a model before a window; the smoothed ones at its start where too few samples precede it.
 
     Args:
         log: The recording.
         states: Its smoothed states.
-        window: Says how many samples before it may be used.
-        model: With transmissions.
-        torque: What its drives gave, of the whole log.
+        window: The window, with the number of samples before it that may be used.
+        model: A model with transmissions.
+        torque: Torque of its drives, over the whole log.
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
@@ -97,13 +97,13 @@ def hidden_start(log: Log, states: States, window: Window, model: Model, torque:
 
 
 def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
-    """States of a model at the start of a window by the pull alone: rougher, in one simulation instead of `tries`."""
+    """States of a model at the start of a window by feedback alone: rougher, in one simulation instead of `tries`."""
     lead = min(round(LEAD * log.band.rate_hz), window.lead)
     return HiddenStart(model, window.start, _pulled(log, states, model, torque, window.start, lead))
 
 
 def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
-    """State at a sample behind a pull over the samples before it; motors behind read links are not pulled."""
+    """State at a sample after feedback over the samples before it; motors of links with encoders get none."""
     start = true_state(model, states, max(at - lead, 0), 1.0 / log.band.rate_hz)
     loose = [row_of(model.robot, part.joint) for part in model.transmissions]
     if lead < 2 or not all(_on_motor(model, row) for row in loose):
@@ -125,7 +125,7 @@ def _hidden(model: Model) -> list[int]:
 
 
 def _shifted(model: Model, start: Start, moves: Float[Array, " n"]) -> Start:
-    """A start with other places and speeds of all joints, and of the hidden sides apart from these."""
+    """A start with positions and speeds of all joints changed, and those of the hidden sides relative to these."""
     nv, rows = model.robot.nv, _hidden(model)
     q, v, motor_q, motor_v = (np.array(x) for x in (start.q, start.v, start.motor_q, start.motor_v))
     for place, moved_by in (
@@ -143,7 +143,7 @@ def _shifted(model: Model, start: Start, moves: Float[Array, " n"]) -> Start:
 
 
 def _spread(model: Model, states: States, start: Start) -> Float[Array, " n"]:
-    """How far the numbers of `_shifted` may be off."""
+    """Uncertainty of the numbers of `_shifted`."""
     v = 5.0 * states.v_std + _BLIND * states.v.std(axis=0)
     q = 5.0 * states.q_std + _LATE * v
     out = [*q, *v]
@@ -155,7 +155,7 @@ def _spread(model: Model, states: States, start: Start) -> Float[Array, " n"]:
 
 
 def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
-    """Starts to choose from, in spreads: as it is, and with one hidden side elsewhere in its play."""
+    """Candidate starts, in units of `_spread`: unchanged, and with one hidden side shifted within its backlash."""
     out, nv = [np.zeros(len(spread))], model.robot.nv
     for k, row in enumerate(_hidden(model)):
         gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
@@ -167,7 +167,7 @@ def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " 
 
 
 def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
-    """Least squares fit from the best guess, and from the next best where the first ends far off."""
+    """Least squares fit from the best guess, and from the next best where that ends in a bad fit."""
 
     def mean_square(moves: Array) -> float:
         return float(np.mean(misses(moves) ** 2))
@@ -184,7 +184,7 @@ def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Floa
     from scipy.optimize import least_squares
 
     def slopes(at: Array) -> Array:
-        # Longer steps than rounding asks for: a play makes the misses rough.
+        # Longer steps than rounding requires, as backlash makes the residuals rough.
         missed = misses(at)
         return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
 

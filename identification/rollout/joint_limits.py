@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Modelled joint limits that simulated motion runs past where a stop may have held the robot."""
+"""Modelled joint limits that simulated motion passes where a stop may have held the robot."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Past a limit, or clear of it, is by more than this share of the range: stops give, and encoders have offsets.
+# Tolerance at a limit, as a share of the range: stops are elastic, and encoders have offsets.
 _PAST = 0.005
 
 
 @dataclass(frozen=True)
 class Engaged:
-    """A limit that simulated motion runs past where the recording comes up to it and stays.
+    """A limit that simulated motion passes where the recorded motion reaches it and stays.
 
     Attributes:
         model: ``given`` or ``corrected``.
-        joint: Which joint.
-        recording: Where.
-        t: When first, in the recording's time [s].
+        joint: Name of the joint.
+        recording: Name of the recording.
+        t: First time, in the recording's time [s].
         limit: The limit [rad or m].
-        windows: In how many of the simulated windows of the recording.
-        of: How many these are.
+        windows: Number of the recording's simulated windows in which it does so.
+        of: Number of all simulated windows of the recording.
     """
 
     model: str
@@ -42,14 +42,14 @@ class Engaged:
 
 @dataclass(frozen=True)
 class Simulated:
-    """One window, read and simulated.
+    """Recorded and simulated motion of one window.
 
     Attributes:
         recording: Name of the recording.
-        t: Its times [s], ``(n,)``.
+        t: Times in the recording [s], ``(n,)``.
         read: Recorded positions, ``(n, nv)``.
-        given: Of the given model.
-        corrected: Of the corrected model.
+        given: Positions of the given model.
+        corrected: Positions of the corrected model.
     """
 
     recording: str
@@ -60,11 +60,11 @@ class Simulated:
 
 
 def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engaged, ...]:
-    """Limits that a model runs past and the recording stays at, one entry for each model, joint and recording.
+    """Limits that a model passes and the recording stays at, one entry for each model, joint and recording.
 
     Args:
-        robot: Its model states the limits; a joint without any, or with a turn without end, has none.
-        windows: At least one.
+        robot: The robot with its limits; continuous joints have none.
+        windows: At least one window.
     """
     limits, out = _limits(robot), []
     for recording in dict.fromkeys(window.recording for window in windows):
@@ -79,9 +79,9 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
 
 
 def limit_notes(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[Note, ...]:
-    """One note a recording on limits that the corrected model runs past, or the given one where that does not.
+    """One note per recording on limits that the corrected model passes, or the given one where that does not.
 
-    Several joints have one note: one each would hide all else that is said.
+    Joints share a note, as one for each would bury all other notes.
     """
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
     shown = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
@@ -100,10 +100,10 @@ def limit_notes(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[Note, ...]:
 
 
 def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
-    """One note on each joint that a recording itself takes past the model's limits.
+    """One note on each joint whose recorded positions are past the model's limits.
 
     Args:
-        robot: Its model states the limits.
+        robot: The robot with its limits.
         logs: The recordings.
     """
     limits, out = _limits(robot), []
@@ -123,9 +123,9 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
 
 
 def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -> tuple[float, float] | None:
-    """When [s] a model first runs past which limit of a joint; None where it does not, or the recording is elsewhere.
+    """Time [s] at which a model first passes a limit of a joint, and the limit; None without such a time.
 
-    A simulation that runs away passes limits that the robot never came near: no stop held it there.
+    The recorded motion has to be at that limit: a diverging simulation also passes limits that the robot never reached.
     """
     simulated = (window.given if model == "given" else window.corrected)[:, j]
     for limit, side in ((limits[0], -1.0), (limits[1], 1.0)):

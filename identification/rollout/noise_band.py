@@ -1,8 +1,8 @@
-"""The distance of simulated from recorded motion, over the distance that noise alone makes where the model is right.
+"""Distance of simulated from recorded motion, relative to the distance that noise alone causes with a right model.
 
-Noise acts in three ways: in the state that a simulation starts from, as torque along it, and through the uncertainty of
-the moves within the tolerances. Each is put into the simulation of every window once. A share of the way that a joint
-makes is added for errors of filters and of the simulation's steps.
+Noise acts in three ways: in the initial state of a simulation, as torque during it, and through the uncertainty of the
+moves within the tolerances. Each is simulated once in every window. A share of a joint's travel is added for errors of
+filters and of the simulation's steps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from identification.rollout.simulated_models import Model
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# Probability that a right model exceeds its band on some joint; the rest of the 5 % in all is for torques.
+# Probability that a right model exceeds its band on some joint; the rest of 5 % in total is for torques.
 _LEVEL = 0.01
 
 
@@ -38,10 +38,10 @@ def strays(
     Args:
         shots: Windows.
         models: Model for a window, by the fit that has not seen a fold.
-        torque: Of the drives over the recording of a window.
+        torque: Torque of the drives over the recording of a window.
         noise: Torque that counts as noise, of each recording.
         folds: At least two.
-        horizon: How long windows are compared [s].
+        horizon: Time over which windows are compared [s].
 
     Raises:
         ParameterError: If a motion leaves all bounds.
@@ -57,9 +57,9 @@ def strays(
         drive = torque(shot, model)
         right = under_torque(shot, model, drive)
         nudge = rng.choice([-1.0, 1.0], right.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
-        # Noise of another time has the same size and spectrum, and is independent of this window.
+        # Noise from another time has the same size and spectrum, and is independent of that in this window.
         pushed = np.roll(noise[window.log], len(drive) // 2, axis=0)
-        # The fits of two folds differ by this much less than a fit and the truth (jackknife).
+        # Factor from the difference of two leave-one-fold-out fits to the error of a fit (jackknife).
         spread = np.sqrt(0.5 * (len(folds) - 1))
         parts = (
             right - shot.read,
@@ -77,14 +77,14 @@ def strays(
 
 
 def _two(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
-    """The fold of a window and another one; the fold that no fit has seen goes with the first."""
+    """The fold of a window and another one; a fold that no fit has seen is paired with the first."""
     if fold not in folds:
         return fold, folds[0]
     return fold, folds[(folds.index(fold) + 1) % len(folds)]
 
 
 def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
-    """The judgement; ``unknown`` in place of ``no_gap`` where the simulated motion leaves its noise band by far."""
+    """The judgement, with ``unknown`` instead of ``no_gap`` where simulated motion leaves its noise band by far."""
     if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
     joint = max(rollout.strays, key=lambda name: rollout.strays[name])

@@ -1,4 +1,4 @@
-"""The gap in motion: given and corrected model simulated from many recorded states, and how far they stray."""
+"""The gap in motion: errors of the given and the corrected model, simulated from many recorded states."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
 
-_MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # windows
-_STEPS = 60_000  # joint steps of one model over all windows: about a third of a second where steps are compiled
-_SLOWER = 40  # how many times as long a step takes where Python has to do it
-_SETTLED = 400  # short simulations that hidden states may take over all windows: about a second
-_CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # [s] under controllers, which hold a motion together
+_MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # numbers of windows
+_STEPS = 60_000  # largest number of joint steps of one model over all windows: about a third of a second, compiled
+_SLOWER = 40  # ratio of the time of a step in Python to a compiled one
+_HIDDEN_TRIES = 400  # largest number of short simulations for hidden states over all windows: about a second
+_CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep the motion together for longer
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Explained:
     """Fits of a diagnosis that rollouts need.
 
     Attributes:
-        problem: The fits, and the session that they are of.
+        problem: Columns and session of the fits.
         terms: Effects that were found.
         found: Their fit, with the fits that have not seen each fold.
         floor: Noise floor of each joint, ``(nv,)``.
@@ -57,7 +57,7 @@ class Explained:
 
     @property
     def controlled(self) -> bool:
-        """True if the torque is not a recorded one but that of the stated controllers."""
+        """True if the torque was not recorded, but computed from the stated controllers."""
         return any(recording.controlled for recording in self.session.recordings)
 
     def theta(self, fold: int) -> Float[Array, " K"]:
@@ -68,11 +68,11 @@ class Explained:
 def rollout_of(explained: Explained) -> Rollout:
     """Rollouts from smoothed states, on windows that the fit in use has not seen.
 
-    Under the recorded torque; where controllers and references are known, notes say how far the closed loop strays,
-    and where there is no torque at all the closed loop takes its place.
+    The models move under the recorded torque. Where controllers and references are known, a note states the error of
+    the closed loop as well; where no torque was recorded, only the closed loop is simulated.
 
     Args:
-        explained: A diagnosis as far as it has come.
+        explained: Fits of the diagnosis.
     """
     past = recorded_past(explained.session.robot, explained.session.logs)
     robot = explained.session.robot
@@ -84,7 +84,7 @@ def rollout_of(explained: Explained) -> Rollout:
     def settle(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
-        # Of a swing too little is left to fit a start to.
+        # A swing is too short to fit a start to a part of it.
         fitted = compiles() and not robot.floating
         return (shot.with_hidden_start if fitted else shot.pulled)(model, torque(shot, model))
 
@@ -96,14 +96,16 @@ def rollout_of(explained: Explained) -> Rollout:
         return under_torque(shot, model, torque(shot, model), nudge)
 
     out = _tried(explained, shoot, HORIZONS, settle, by_control=False)
-    # How far noise of the base's sensors makes legs stray is in no band.
+    # The noise band does not include noise of the base's sensors, so legs are not tested.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, strays=_strays(explained, out.horizon_s))
-    return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
+    return replace(
+        out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _loop_notes(loop)))
+    )
 
 
 def _strays(explained: Explained, horizon: float) -> dict[str, float]:
-    """Joints of a model without findings that stray further than noise makes them, and how many times as far."""
+    """Joints of a model without findings whose error exceeds the noise band, with the ratio to its end."""
     problem, session = explained.problem, explained.session
     operations, torque = problem.columns.operations, _torques()
     known: dict[tuple[int, int, int], Model] = {}
@@ -117,7 +119,7 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
         return known[key]
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
-    # What a fit has taken of the noise is noise all the same.
+    # The part of the noise that the fit has explained is added again.
     size = np.maximum(explained.floor / np.maximum(sums(problem, left).rms(), 1e-300), 1.0)
     noise = tuple(
         size
@@ -141,7 +143,7 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
 
 
 def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
-    """Noise of all samples: where a joint stands, or nothing is judged, that of other times stands in for it."""
+    """Noise of all samples: in samples that are not used, as at standstill, it is taken from other times."""
     out = np.where(use, noise, 0.0)
     if use.any():
         out[~use] = np.resize(noise[use], np.count_nonzero(~use))
@@ -149,7 +151,7 @@ def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Arra
 
 
 def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
-    """Torque behind the drives of a model over the recording of a window, and what measured forces add to it."""
+    """Function for the torque of a model's drives over a window's recording, plus that of measured forces."""
     known: dict[tuple[Model, int], Array] = {}
 
     def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
@@ -162,7 +164,7 @@ def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
 
 
 def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
-    """Under the controllers and references of each judged recording; None where one of them is not known."""
+    """Rollout under the controllers and references of each judged recording; None where one of them is unknown."""
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
@@ -171,7 +173,7 @@ def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
     return _tried(explained, under_control, _CONTROLLED, settle, by_control=True)
 
 
-def _said(loop: Rollout) -> tuple[Note, ...]:
+def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
     """One note on the closed loop."""
     if loop.horizon_s is None:
         return loop.notes
@@ -182,7 +184,7 @@ def _said(loop: Rollout) -> tuple[Note, ...]:
 def _tried(
     explained: Explained, shoot: Shoot, horizons: tuple[float, ...], settle: Settle, *, by_control: bool
 ) -> Rollout:
-    """Rollouts over the longest horizon at which no model leaves all bounds."""
+    """Rollouts over the longest horizon at which no simulation diverges."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
@@ -228,7 +230,7 @@ def _rolled(
 
 
 def _moment(window: Window, operation: Operation) -> int:
-    """What sets models of one recording and one fit apart: the windows, where temperatures change."""
+    """Key of the models of one recording and one fit: the window where temperatures change, else the same for all."""
     return 0 if operation.temperature is None else window.start
 
 
@@ -241,10 +243,10 @@ def _during(window: Window, operation: Operation) -> Operation:
 
 
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
-    """Windows, of which each takes so many short simulations to find its hidden states."""
+    """Windows to simulate, if each needs ``tries`` short simulations for its hidden states."""
     problem, logs = explained.problem, explained.session.logs
     slow = 1 if compiles() else _SLOWER
-    # A sample takes a step at least.
+    # Each sample needs at least one step.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
     fewest = _FEWEST if slow == 1 else _FEWEST_SLOW
     lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
@@ -252,7 +254,7 @@ def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tup
     swings = [(w.stop - w.start - 1) / logs[w.log].band.rate_hz for w in windows if w.joints is not None]
     seconds = min(seconds, float(np.mean(swings))) if swings else seconds
     count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv * slow), fewest, _MOST))
-    count = min(count, max(fewest, _SETTLED // tries)) if tries else count
+    count = min(count, max(fewest, _HIDDEN_TRIES // tries)) if tries else count
     windows = spread(windows, count)
     states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)

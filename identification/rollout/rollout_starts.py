@@ -1,6 +1,6 @@
 """Initial states of rollouts (multiple shooting): windows over the judged samples and smoothed states with deviations.
 
-States are smoothed over neighbouring samples; their deviations are the encoder noise that this leaves.
+States are smoothed over neighbouring samples; their deviations are the remaining encoder noise.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.motion import BaseMotion, Motion
 
-_WINDOW = 50  # samples over which scatter is looked at
-_LEAST = 1e-9  # of a state's deviation [rad or m]: numbers themselves are no better
-_NUDGE = 1e-4  # [rad or m], for the slope of a reading
-_ITERATIONS = 6  # of the inverse of a reading, whose slope is close to one
-_LEAST_ROWS = 3  # of a window
-_SHORTEST_SWING = 0.08  # [s]: what is shorter is a contact that flickers
+_WINDOW = 50  # samples over which scatter is estimated
+_LEAST = 1e-9  # smallest deviation of a state [rad or m]: rounding of the readings in files
+_NUDGE = 1e-4  # step of finite differences of a reading [rad or m]
+_ITERATIONS = 6  # Newton steps to invert a reading, whose slope is close to one
+_LEAST_ROWS = 3  # smallest number of samples of a window
+_SHORTEST_SWING = 0.08  # [s]: a shorter one is a flickering contact
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class States:
         q: Positions [rad or m], ``(N, nv)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
-        raw: Positions as they were read.
+        raw: Raw readings of the positions.
         q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
-        v_std: Of ``v``.
-        read_std: Of ``raw``, what the smoothing takes away.
-        scatter: Of ``raw``, what it takes away in the quietest fifth of all windows, without stops and impacts.
-        base: How a base moves that is not bolted down.
+        v_std: That of ``v``.
+        read_std: That of ``raw``: of the part that the smoothing removes.
+        scatter: The same in the quietest fifth of all windows, without stops and impacts.
+        base: Motion of the base; None for a fixed one.
     """
 
     q: Float[Array, "N nv"]
@@ -56,7 +56,7 @@ class States:
 def states_of(log: Log, cutoff_hz: float) -> States:
     """States of a log from its positions, low-passed without delay above the judged band.
 
-    What lies above the low-pass is taken for white noise, whose level inside follows from it.
+    The part above the low-pass is taken for white noise, which gives the level of the noise below.
 
     Args:
         log: A recording.
@@ -83,7 +83,7 @@ def _quiet(rough: Float[Array, "N nv"]) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class Start:
-    """A state of links and motors, ``(nv,)`` each; motors that are rigidly tied to their links are where these are.
+    """A state of links and motors, ``(nv,)`` each; both are equal where a motor is rigidly coupled to its link.
 
     Attributes:
         q: Positions of the links [rad or m].
@@ -99,16 +99,16 @@ class Start:
 
 
 def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Array, "2 nv"] | None = None) -> Start:
-    """State of a model whose encoders read a state.
+    """State of a model for which its encoders would give the recorded readings.
 
-    Across a spring or a play link and motor are as far apart as the torque that the link needs puts them.
+    The deflection of a spring or backlash between link and motor follows from the torque that the link needs.
 
     Args:
-        model: Its readings and transmissions are undone; without any the state is the one that was read.
-        states: Readings.
-        at: Which of them.
-        dt: Time between them [s].
-        nudge: Added to position and velocity.
+        model: The model; without effects on readings or transmissions, the state is the recorded one.
+        states: Recorded states.
+        at: Index of the sample.
+        dt: Sampling time [s].
+        nudge: Shift of position and velocity.
     """
     readings = [part.reading for part in model.parts if part.reading is not None]
     moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
@@ -133,7 +133,7 @@ def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Ar
         rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
         for part in model.transmissions:
             row = row_of(model.robot, part.joint)
-            # Without a rotor the spring has no stiffness: the simulation refuses it in a sentence.
+            # Without a rotor the spring has no stiffness; the simulation then raises an error.
             if part.stiffness > 0:
                 read_on_motor = model.robot.actuators[row].encoder_side == "motor"
                 place, pace = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
@@ -151,9 +151,9 @@ class Window:
         log: Index of the log.
         start: First sample.
         stop: One after the last.
-        fold: -1 where no fit has seen them.
-        lead: Samples before the start that may be used to settle, none invalid.
-        joints: Which joints are compared, those of a leg that swings; None: all.
+        fold: The fold that these samples belong to; -1 where no fit has seen them.
+        lead: Number of valid samples before the start that may be used to estimate hidden states.
+        joints: Joints that are compared, as those of a swinging leg; None for all.
     """
 
     log: int
@@ -173,15 +173,15 @@ def windows_in(
     seconds: float,
     lead: float,
 ) -> tuple[Window, ...]:
-    """All windows that fit, each inside a judged block; of legs inside their swings, for each leg its own.
+    """As many windows as fit without overlap, each inside a judged block; for legs inside the swings of each leg.
 
     Args:
         logs: Recordings.
-        blocks: What is held out together.
-        folds: Of each block.
-        judged: Which blocks count.
+        blocks: Stretches of samples that are held out together.
+        folds: Fold of each block.
+        judged: Indices of the judged blocks.
         seconds: Length of a window [s]; a shorter block or swing is taken whole.
-        lead: Wanted seconds before a window in which hidden states settle.
+        lead: Time before a window [s] wanted for the estimate of hidden states.
     """
     out = []
     for k in judged:
@@ -192,7 +192,7 @@ def windows_in(
             length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), stop - first)
             if length < _LEAST_ROWS:
                 continue
-            # As many as fit without overlap; what is left over is shared out before and behind them.
+            # As many as fit without overlap, in the middle of the stretch.
             fit = max(1, (stop - first) // length)
             margin = (stop - first - fit * length) // 2
             for i in range(fit):
@@ -202,9 +202,9 @@ def windows_in(
 
 
 def _free_stretches(log: Log, first: int, stop: int) -> list[tuple[tuple[int, ...] | None, int, int]]:
-    """Joints of each leg with first and last sample, one further, of all its swings among some samples.
+    """Joints of each leg, with the first sample of each of its swings and the one after the last, within a range.
 
-    A robot of which nothing touches its surroundings has one stretch, of all joints.
+    A robot without contacts has one stretch, with all joints.
     """
     if log.touched is None or not log.touched[first:stop].any():
         return [(None, first, stop)]
@@ -219,7 +219,7 @@ def _free_stretches(log: Log, first: int, stop: int) -> list[tuple[tuple[int, ..
 
 
 def spread(windows: tuple[Window, ...], count: int) -> tuple[Window, ...]:
-    """At most ``count`` windows, evenly spread, of each leg as many."""
+    """At most ``count`` windows, evenly spread, with the same number for each leg."""
     legs = list(dict.fromkeys(window.joints for window in windows))
     most, out = max(1, count // max(len(legs), 1)), []
     for leg in legs:

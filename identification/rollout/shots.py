@@ -1,4 +1,4 @@
-"""One window simulated: under the recorded torque, or under the controllers that asked for it."""
+"""Simulation of one window: under the recorded torque, or under the controllers that commanded it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from phantom_dyn.simulation.simulate import Cause
 
 @dataclass(frozen=True)
 class Shot:
-    """A window of one recording with the states that it starts from.
+    """A window of one recording with its initial states.
 
     Attributes:
         log: The recording.
         states: Its smoothed states.
-        window: Which samples.
-        begun: What a model with hidden states makes of the samples before the window; None where there is none.
+        window: The samples.
+        begun: Estimated hidden states of the model before the window; None without any.
     """
 
     log: Log
@@ -43,28 +43,28 @@ class Shot:
 
     @property
     def read(self) -> Float[Array, "n nv"]:
-        """Positions as they were read."""
+        """Raw readings of the positions."""
         return self.states.raw[self.window.start : self.window.stop]
 
     def with_hidden_start(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The same with the hidden states of a model, estimated under the torque of its drives."""
+        """The window with hidden states of a model by `hidden_start`."""
         return replace(self, begun=hidden_start(self.log, self.states, self.window, model, torque))
 
     def pulled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
-        """The same with the hidden states that the recorded motion pulls a model into."""
+        """The window with hidden states of a model by `pulled_to`."""
         return replace(self, begun=pulled_to(self.log, self.states, self.window, model, torque))
 
 
 def under_torque(
     shot: Shot, model: Model, torque: Float[Array, "N nv"], nudge: Float[Array, "2 nv"] | None = None
 ) -> Float[Array, "n nv"]:
-    """Readings [rad or m] of the model under the torque that its drives gave.
+    """Readings [rad or m] of the model under the torque of its drives.
 
     Args:
-        shot: Where it starts.
-        model: What moves.
-        torque: That the drives gave, over the whole log [N m or N].
-        nudge: Added to position and velocity at the start.
+        shot: The window with its initial states.
+        model: The model.
+        torque: Torque of the drives over the whole log [N m or N].
+        nudge: Shift of position and velocity at the start.
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
@@ -87,13 +87,13 @@ def under_torque(
 
 
 def _touched(log: Log, rows: slice) -> Bool[Array, "n nv"]:
-    """Where joints carry a force that nobody measured: they are led along the recording there."""
+    """True where joints carry an unmeasured contact force, so that feedback keeps them on the recording."""
     some = log.motion.q[rows]
     return np.zeros(some.shape, dtype=bool) if log.touched is None else np.array(log.touched[rows])
 
 
 def _freely(shot: Shot, begun: HiddenStart, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
-    """Readings from where hidden states were estimated."""
+    """Readings of a simulation that starts at the estimated hidden states."""
     rows, states = slice(begun.at, shot.window.stop), shot.states
     gains = pull(begun.model, states.q[begun.at])
     q, v, where = states.q[rows], states.v[rows], _touched(shot.log, rows)
@@ -115,9 +115,9 @@ def under_control(
     """Readings [rad or m] of the model under the controllers and references of the recording.
 
     Args:
-        shot: Where it starts.
-        model: What moves; its actuators state the controllers.
-        nudge: Added to position and velocity at the start.
+        shot: The window with its initial states.
+        model: The model; its actuators state the controllers.
+        nudge: Shift of position and velocity at the start.
         max_step: Longest step [s].
 
     Raises:
@@ -145,7 +145,7 @@ def under_control(
 
 
 def _led(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
-    """Controllers that lead joints along the recording while they carry a force that nobody measured."""
+    """Controllers plus feedback that keeps joints on the recording while they carry an unmeasured contact force."""
     where, states = _touched(shot.log, rows), shot.states
     if not where.any():
         return law
@@ -155,7 +155,7 @@ def _led(law: Tracking, shot: Shot, model: Model, rows: slice) -> Tracking:
 
 
 def controlled(robot: Robot) -> bool:
-    """True if the controller of every driven joint is stated, with a gain that stays one."""
+    """True if the controller of every driven joint is stated, with a constant gain."""
     driven = [a.controller for a in robot.actuators if a.actuated]
     return bool(driven) and all(
         controller is not None and controller.kp > 0 and np.isinf(controller.drops_beyond) for controller in driven

@@ -23,8 +23,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.simulate import Cause
 from phantom_dyn.simulation.stepping import longest_step, machine_of
 
-_LARGEST = 1e12  # of a parameter: beyond, it was divided by what is nothing but rounding
-LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]
+_LARGEST = 1e12  # largest parameter: a larger one comes from a division by rounding errors
+LEAD, _SPRING_LEAD = 0.15, 0.03  # times [s] along a recording until hidden states are known, in general and of springs
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +32,14 @@ class Model:
     """A robot with the effects that act besides its rigid-body model.
 
     Attributes:
-        robot: With all that only makes it another robot (friction, inertias, gravity).
+        robot: The robot with all effects that only change its parameters (friction, inertias, gravity).
         commands: Effects of the drives, from the controller on.
         causes: All other effects.
-        late: Samples by which the recorded torque acts later than it stands in the log.
-        late_references: Time [s] by which the references of each joint's controller arrive late, ``(nv,)``; None: none.
-        soft: Joints whose modelled friction turns over softly, each with how much of the softness.
+        late: Delay of the recorded torque against the log [samples].
+        late_references: Delay of the references of each joint's controller [s], ``(nv,)``; None without any.
+        soft: Joints with soft modelled friction, each with its share of the full softness.
         arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
-        base: Errors of the sensors on a base that is not bolted down, by name with their sizes.
+        base: Errors of the sensors on a floating base, by name with their sizes.
     """
 
     robot: Robot
@@ -53,7 +53,7 @@ class Model:
 
     @cached_property
     def parts(self) -> tuple[Simulated, ...]:
-        """How the causes enter a simulation of this robot."""
+        """The causes in the form that a simulation of this robot takes."""
         return tuple(self._part(cause) for cause in self.causes)
 
     @cached_property
@@ -63,7 +63,7 @@ class Model:
 
     @cached_property
     def transmissions(self) -> tuple[Transmission, ...]:
-        """Motors that are not rigidly tied to their links."""
+        """Transmissions between motors and links that are not rigid."""
         return tuple(part.transmission for part in self.parts if part.transmission is not None)
 
     def longest_step(self, q: Float[Array, " nv"]) -> float:
@@ -79,14 +79,14 @@ class Model:
 
     @cached_property
     def moving(self) -> Robot:
-        """The robot as simulations under a given torque take it: one, which keeps what they make of it."""
+        """The robot for simulations under a given torque: one object, so that computed models are kept with it."""
         return replace(self.robot, torque_hold="instant", torque_source="command")
 
     @property
     def settles(self) -> float:
-        """Seconds along a recording after which states that no encoder reads are what the recording makes them.
+        """Time [s] along a recording after which hidden states no longer depend on their start.
 
-        A spring's length is known from its load, and pulled for long it would only ring.
+        It is short for springs: their length is known from their load, and they would only ring with the feedback.
         """
         if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.parts):
             return LEAD
@@ -94,12 +94,12 @@ class Model:
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
-    """The model with effects in it, without those that leave noise alone: a rounded reading moves nothing.
+    """The model with effects, without those that only add noise: a rounded reading moves nothing.
 
     Args:
-        robot: Without them.
+        robot: The robot without them.
         causes: The effects, those of the drives from the controller on.
-        late: Samples by which the recorded torque acts later than it stands in the log.
+        late: Delay of the recorded torque against the log [samples].
 
     Raises:
         RobotError: If a link would weigh nothing or less.
@@ -127,13 +127,13 @@ def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, .
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit; structures that have no name and a load (see `loaded`) are left out.
+    """Effects with the coefficients of one fit, without unnamed structures and without a load (see `loaded`).
 
     Args:
         robot: The given model.
-        terms: In the fit.
+        terms: Effects in the fit.
         theta: Coefficients of all columns.
-        recording: Effects that act in other recordings only are left out.
+        recording: Index of the recording; effects that act only in others are left out.
 
     Raises:
         ParameterError: If a parameter is not finite.
@@ -152,10 +152,10 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
 
 
 def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> Robot:
-    """``robot`` with the load of one fit in a recording, as the inertial parameters that the fit has seen.
+    """``robot`` with the load of one fit in a recording, by the ten inertial parameters that the fit used.
 
-    The fit of a point mass is linearised: its mass alone need not be the one that its inertia is of, where the motion
-    tells the inertia and not the mass.
+    The fit of a point mass is linearised: where the motion shows the inertia and not the mass, the fitted mass need not
+    match the fitted inertia.
 
     Raises:
         RobotError: If a link would weigh nothing or less.
@@ -176,14 +176,14 @@ def corrected_model(
     theta: Float[Array, " K"],
     operation: Operation,
 ) -> Model:
-    """The model of one recording with its moves within tolerance made and with the effects of one fit.
+    """The model of one recording, moved within its tolerances and with the effects of one fit.
 
     Args:
         given: The given model.
-        known: What belongs to it besides.
+        known: Effects that belong to the given model.
         terms: Effects in the fit.
-        theta: Coefficients of all columns, moves within tolerance first.
-        operation: Of the recording; its robot may carry a load that is known.
+        theta: Coefficients of all columns, moves within the tolerances first.
+        operation: Motion of the recording; its robot may carry a known load.
 
     Raises:
         RobotError: If a link would weigh nothing or less.
@@ -202,5 +202,5 @@ def corrected_model(
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:
-    """The causes with their parameters as they are on average in an operation, where it moves them slowly."""
+    """The causes with their mean parameters over an operation, where these change slowly with it."""
     return tuple(replace(one, theta=one.effect.at_work(operation, one.joint, one.theta)) for one in causes)

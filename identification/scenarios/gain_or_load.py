@@ -1,9 +1,9 @@
-"""A low gain or a heavy robot: without torque and without stated gains, positions leave the scale of all torques open.
+"""A low gain or a heavy robot: without torque and stated gains, positions do not show the scale of all torques.
 
 The gain of a controller is estimated from the masses of the model. If the robot carries a load that the model lacks,
-the gain comes out too low, and with it every friction: less of it is found than the model states, even less than a
-damping gain could give back. The friction that the model states is the other measure of that scale: with a gain that
-makes it right, the load shows. Both readings are diagnosed then, and held-out samples say which is right, if they can.
+the estimated gain is too low, and so is all friction that is found: below the modelled one, by more than an error of
+the damping gain could explain. Then the gains can be scaled so that the friction is as modelled, and the load becomes
+visible. Recordings are diagnosed with both gains, and held-out samples decide between the two results if they can.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 
-_MOST = 10.0  # times the masses of the model: more is no load but another robot
-_BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent
+_MOST = 10.0  # largest scale of the gains: a load of more than so many times the robot's masses is implausible
+_BLOCKS = 30  # number of time blocks of a bootstrap: neighbouring samples are not independent
 
 
 def scales_by_friction(
     robot: Robot, recordings: tuple[Recording, ...], findings: tuple[Finding, ...]
 ) -> dict[str, float]:
-    """How many times higher the estimated gain of a joint is, if its friction is what the model states.
+    """Factors on the estimated gains with which the friction of each joint is as the model states.
 
     Args:
-        robot: With the gains that were estimated.
-        recordings: Say of which joints they were.
-        findings: Friction below the modelled one, beyond what a damping gain could give back.
+        robot: The robot with the estimated gains.
+        recordings: Recordings with the names of the joints whose gains were estimated.
+        findings: Findings, among them friction below the modelled one by more than an error of a damping gain explains.
     """
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     out: dict[str, float] = {}
-    # Viscous friction is felt at every speed, Coulomb friction where there is no other.
+    # Viscous friction comes last, so that its factor is used where both have one.
     for effect, modelled in (
         ("coulomb_friction", robot.coulomb_friction),
         ("viscous_friction", robot.viscous_friction),
@@ -59,12 +59,12 @@ def scales_by_friction(
 def with_scaled_gains(
     robot: Robot, recordings: tuple[Recording, ...], scales: Mapping[str, float]
 ) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with higher gains, without damping gain, and recordings with the torque that these ask for.
+    """The robot with higher gains, without damping gain, and recordings with the torque that these command.
 
     Args:
-        robot: With the gains that were estimated.
-        recordings: With references.
-        scales: Of each joint, see `scales_by_friction`.
+        robot: The robot with the estimated gains.
+        recordings: Recordings with references.
+        scales: Factor of each joint, see `scales_by_friction`.
     """
     actuators = list(robot.actuators)
     higher = []
@@ -85,15 +85,15 @@ def with_scaled_gains(
 
 
 def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
-    """Whether the reading with higher gains leads, and the leading one with what the other finds as its rivals.
+    """Whether the diagnosis with higher gains is preferred, and the preferred one with the other's findings as rivals.
 
-    Two readings that both leave no more than noise are not separated by what is left: each has half of the probability,
-    and the one with fewer findings leads. Else each has the probability that the held-out losses give it.
+    If both have a residual of noise only, each has half of the probability, and the one with fewer findings is
+    preferred. Else each has the probability that the held-out losses give it.
 
     Args:
-        first: With the gains as they were estimated.
-        second: With higher gains; its torques are as many times larger.
-        scales: Of each joint.
+        first: Diagnosis with the gains as they were estimated.
+        second: Diagnosis with higher gains and thus larger torques.
+        scales: Factor on the gains of each joint.
     """
     wins = _wins(first, second, scales)
     both = _leaves_noise(first) and _leaves_noise(second)
@@ -115,7 +115,7 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
 
 
 def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
-    """Probability of the second by the held-out losses of both, see `engine.resampling`."""
+    """Probability of the second diagnosis by the held-out losses of both, see `engine.resampling`."""
     if second.evidence.t.shape != first.evidence.t.shape or not len(first.evidence.t):
         return 0.5
     scale = np.array([scales.get(gap.joint, 1.0) for gap in first.joints])
@@ -126,12 +126,12 @@ def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> f
 
 
 def _leaves_noise(diagnosis: Diagnosis) -> bool:
-    """True if no joint keeps more than a residual that counts as explained."""
+    """True if the residual of every joint counts as explained."""
     return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
 def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) -> Finding:
-    """A finding that may be something else altogether; what it was sure of is shared."""
+    """A finding with the other diagnosis's effects as rivals, and its probabilities times ``sure``."""
     rivals = [Rival(rival.effects, sure * rival.probability) for rival in finding.rivals]
     rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= contract_levels.LISTED]
     rivals.sort(key=lambda rival: -rival.probability)

@@ -1,9 +1,9 @@
-"""Gains of position controllers that nobody has stated, from references and positions: least squares under the model.
+"""Unstated gains of position controllers, from references and positions by least squares with the given model.
 
-A controller asks for ``kp (q_ref - q) - kd v``, and the robot needs what its model says, less dry friction and a
-constant torque that the model lacks. Positions alone tell only ratios to ``kp``: as the scale of all torques it follows
-from what the model says of gravity and inertia, and is as wrong as these. Viscous friction that the model lacks is part
-of ``kd``.
+The torque ``kp (q_ref - q) - kd v`` of a controller is set equal to the modelled torque plus dry friction and a
+constant torque that the model lacks. Positions alone show only ratios to ``kp``, which is the scale of all torques: it
+follows from the model's gravity and inertia, and has the same relative error. Viscous friction that the model lacks
+becomes a part of ``kd``.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Controller, Robot
 
-_FEWEST = 100  # rows
-_LEAST = 1e-9  # [rad or m]: a reference that is nearer is the reading itself
-# Stretches of time of which each is left out in turn (jackknife): neighbouring samples are not independent.
+_FEWEST = 100  # smallest number of rows
+_LEAST = 1e-9  # position error [rad or m] below which the reference is the reading itself
+# Number of stretches of time; the jackknife leaves out one at a time, as neighbouring samples are not independent.
 _STRETCHES = 10
-# Relative deviation up to which a gain counts as known: findings are no better than it.
+# Relative deviation up to which a gain counts as known: findings are no more accurate than it.
 _KNOWN = 0.1
-# Share of what the model needs, beyond what friction could be, from which on a gain rests on gravity or on inertia.
+# Share of the modelled torque (without the part that friction could explain) from which gravity or inertia sets a gain.
 _RESTS_ON = 0.25
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Estimated gains of one joint; NaN where nothing tells them.
+    """Estimated gains of one joint; NaN where the motion does not show them.
 
     Attributes:
         joint: Its name.
@@ -45,7 +45,7 @@ class Gains:
         kd_std: Its deviation.
         ratio: ``kd / kp`` [s], which needs no model where its own friction is small.
         ratio_std: Its deviation.
-        rests_on: What of the model sets the scale: gravity, inertia or both.
+        rests_on: Part of the model that sets the scale: gravity, inertia or both.
     """
 
     joint: str
@@ -59,7 +59,7 @@ class Gains:
 
     @property
     def known(self) -> bool:
-        """True if the motion tells the gain to a tenth."""
+        """True if the gain is known to a tenth."""
         return self.kp > 0 and self.kp_std <= _KNOWN * self.kp
 
 
@@ -70,10 +70,10 @@ def unstated(robot: Robot) -> tuple[str, ...]:
 
 
 def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gains, ...]:
-    """Gains of every joint under which the given model moves most like the recordings.
+    """Gains of every joint with which the controllers' torque is closest to that of the given model.
 
     Args:
-        recordings: With references.
+        recordings: Recordings with references.
         robot: The given model.
 
     Raises:
@@ -81,7 +81,7 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     """
     for one in recordings:
         _require_references(one)
-    # Five minutes tell the gains of a recording of hours.
+    # Five minutes of a recording of hours are enough for the gains.
     parts_of = [busiest(one) for one in recordings]
     silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in parts_of)
     logs, _ = process_all(silent, robot)
@@ -101,14 +101,14 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
 
 
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with controllers where it states none, and recordings whose notes say what was estimated.
+    """The robot with controllers where it states none, and recordings with notes on the estimated gains.
 
     Args:
         robot: The given model.
-        recordings: With references.
+        recordings: Recordings with references.
 
     Raises:
-        LogError: If the motion does not tell the gain of a joint; it says what it does tell.
+        LogError: If the motion does not show the gain of a joint; the message has the estimate and its deviation.
     """
     lacking = unstated(robot)
     if not lacking:
@@ -154,7 +154,7 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], away: float) -
 
 
 def _nothing(joint: str) -> Gains:
-    """Gains of a joint whose motion tells none."""
+    """Gains of a joint whose motion shows none."""
     none = float("nan")
     return Gains(joint, none, none, none, none, none, none, ())
 
@@ -167,7 +167,7 @@ def _fitted(columns: Float[Array, "n 4"], needed: Float[Array, " n"]) -> tuple[f
 
 
 def _note(robot: Robot, one: Gains) -> Note:
-    """What was estimated of one joint, on what it rests, and what the positions tell without it."""
+    """A note on the gains of one joint, the part of the model they depend on, and their ratio, which needs no model."""
     tolerance = robot.tolerance.inertia * one.kp
     numbers = {
         "kp": one.kp,
@@ -184,7 +184,7 @@ def _note(robot: Robot, one: Gains) -> Note:
 
 
 def _refusal(file: str, robot: Robot, unknown: Sequence[Gains]) -> str:
-    """Why the gains of some joints cannot be used."""
+    """Message on why the gains of some joints cannot be used."""
     names = ", ".join(one.joint for one in unknown)
     found = [
         f"kp of {one.joint} is {one.kp:.2g} ± {one.kp_std:.2g} {stiffness_unit(robot, one.joint)}"

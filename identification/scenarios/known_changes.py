@@ -16,18 +16,18 @@ from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 
-# Where the model has what an effect is more of: place among the joint's friction, and name among what was adjusted.
+# Effects that change a modelled friction: its index among the joint's friction, and its name among the adjustments.
 _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1, "Coulomb friction")}
-# A level below so many of its deviations is nothing to compare with.
+# Number of its deviations below which a level is too uncertain for a ratio.
 _LEAST_LEVEL = 2.0
 
 
 def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
-    """The same judgement with the catalogue's names for effects of single recordings.
+    """The judgement with the catalogue's names for effects of single recordings.
 
     Args:
         judgement: The result of the fits.
-        session: Says how the recordings differ.
+        session: The recordings and their known differences.
     """
     own = {effect.name: effect for effect in session.differences.own}
     if not own:
@@ -82,7 +82,7 @@ def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
 def level_elsewhere(
     name: str, joint: str | None, judgement: Judgement, robot: Robot, known: tuple[KnownEffect, ...] = ()
 ) -> Value:
-    """Friction of one kind on one joint that all recordings have: modelled, moved within tolerance, known and found."""
+    """Friction of one kind on one joint in all recordings: the modelled one, its adjustment, known and found ones."""
     at, words = _MODELLED[name]
     modelled = modelled_friction_of(robot, joint)[at]
     moved = sum(entry.change for entry in judgement.adjusted if entry.quantity == f"{joint} {words}")
@@ -101,7 +101,7 @@ def level_elsewhere(
 
 
 def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
-    """How much each parameter of an effect of the catalogue counts as viscous (0) or Coulomb (1) friction."""
+    """Factor with which each parameter of an effect counts as viscous (0) or Coulomb (1) friction."""
     law = known_effect(effect, robot)
     if law is None:
         return {}
@@ -111,10 +111,10 @@ def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, 
 
 
 def growth(difference: Value, level: Value) -> Value | None:
-    """Level in one recording over that in the others; None where the others have nothing to compare with.
+    """Ratio of a level in one recording to that in the others; None where that in the others is too uncertain.
 
-    The difference of two recordings is as sure as both together, so that its variance less that of the level elsewhere
-    is the variance of the level in that recording.
+    The variance of the difference is the sum of both levels' variances, so that the variance of the level in that
+    recording is the difference of the two variances given.
     """
     more, more_std = _single(difference)
     base, base_std = _single(level)

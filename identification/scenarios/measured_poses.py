@@ -1,4 +1,4 @@
-"""Recordings with measured poses of frames: what they say of the geometry, beside torques or by themselves."""
+"""Findings of measured poses of frames on the geometry, together with torques or alone."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from phantom_dyn.model.robot import Robot
 if TYPE_CHECKING:
     from identification.geometry.result import GeometryResult
 
-_AGREE = 3.0  # standard deviations within which two estimates of a zero are the same
+_AGREE = 3.0  # standard deviations within which two estimates of an encoder's zero agree
 
 
 def with_poses(
     diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
 ) -> Diagnosis:
-    """A diagnosis of torques with what measured poses say; the same where there are none.
+    """A diagnosis of torques with the findings of measured poses added; unchanged where there are no poses.
 
     Args:
-        diagnosis: Of the torques.
+        diagnosis: Diagnosis of the torques.
         robot: The given model.
-        recordings: All of them.
+        recordings: All recordings.
         known: Places of a closed chain that earlier poses have shown.
     """
     if not has_poses(recordings):
@@ -58,11 +58,11 @@ def with_poses(
 
 
 def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None) -> Diagnosis:
-    """What poses alone say.
+    """A diagnosis of poses alone.
 
     Args:
         robot: The given model.
-        recordings: With poses and without torque.
+        recordings: Recordings with poses and without torque.
         known: Places of a closed chain that earlier poses have shown.
     """
     from identification.geometry.diagnose_poses import diagnose_poses
@@ -100,7 +100,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
 
 
 def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
-    """What the gates said of the poses, as entries of the ledger."""
+    """Results of the gates on effects of the geometry, as entries of the ledger."""
     return tuple(
         Claim(
             tuple(EffectAt(*at) for at in claim.effects),
@@ -118,8 +118,8 @@ def verdict_together(torques: str, poses: str) -> str:
     """The contract's verdict over joints and frames at once.
 
     Args:
-        torques: That of the torques.
-        poses: That of the poses.
+        torques: Verdict of the torques.
+        poses: Verdict of the poses.
     """
     both = {torques, poses}
     for silent in ("not_testable", "no_gap"):
@@ -129,7 +129,7 @@ def verdict_together(torques: str, poses: str) -> str:
 
 
 def zero_notes(findings: Sequence[Finding], poses: GeometryResult) -> list[Note]:
-    """Whether zeros of encoders that torques and poses both show are the same, a note each."""
+    """Notes on whether torques and poses agree on the encoder zeros that both show."""
     seen = {one.joint: one.parameters["offset"] for one in (*poses.findings, *poses.minor) if one.effect == ZERO}
     out = []
     for finding in findings:

@@ -15,7 +15,7 @@ from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
-# Without a gap a simulation under controllers comes as near as a few deviations of the readings.
+# Deviations of the readings: without a gap a simulation under controllers stays within a few of them.
 _STRAYS = 10.0
 _TWIN = (
     "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
@@ -38,15 +38,15 @@ def limited_to_motion(
 ) -> Judgement:
     """The judgement without claims on torque constants, which a controller's gain would explain as well.
 
-    A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding, of
-    the product of both, and a warning says so. Gains that were estimated take up any ratio, loads that scale a joint,
-    and viscous friction as far as a damping gain could give it back.
+    A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding on the
+    product of both, with a warning. Gains that were estimated from the same positions hide any ratio, loads that scale
+    a joint, and viscous friction within the damping gain: these are listed as not testable.
 
     Args:
-        judgement: Of the torque that controllers ask for.
-        recordings: Its recordings; where a torque was measured the judgement stays as it is.
+        judgement: Judgement of the torque that controllers command.
+        recordings: Its recordings; where a torque was measured the judgement is returned unchanged.
         rollout: Motion simulated under the controllers.
-        robot: States the gains, those that were estimated too.
+        robot: The robot with its gains, estimated ones included.
     """
     if not any(recording.controlled for recording in recordings):
         return judgement
@@ -55,7 +55,7 @@ def limited_to_motion(
     asked = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
     small = [one for one in constants if not asked[_place(one)].passed]
     large = [finding for finding in constants if finding not in small]
-    # Of a gain that was estimated kd has taken up what viscous friction there is, and may have to give some back.
+    # An estimated kd contains the viscous friction of the joint, so that it may be too large by that.
     damping = [
         one
         for one in judgement.findings
@@ -108,7 +108,7 @@ def _place(finding: Finding) -> tuple[str, str | None]:
 
 
 def _limited(claim: Claim[EffectAt], asked: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
-    """An entry of the ledger with what the gate of gains says of a finding."""
+    """An entry of the ledger with the result of the gate of gains for its effect."""
     result = asked.get((claim.effects[0].effect, claim.effects[0].joint))
     if result is None or claim.outcome != "claimed":
         return claim
@@ -128,7 +128,7 @@ def _strays(simulated: Rollout) -> tuple[Note, ...]:
 
 
 def _given_back(finding: Finding, robot: Robot) -> bool:
-    """True if a damping gain that is not negative leaves viscous friction like this."""
+    """True if the finding is viscous friction that an error of a non-negative damping gain could explain."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     kd = 0.0 if controller is None else controller.kd
@@ -139,7 +139,7 @@ def _given_back(finding: Finding, robot: Robot) -> bool:
 
 
 def _over_damping(finding: Finding, robot: Robot) -> float:
-    """Viscous friction over the damping gain that has taken it up; not finite where that gain is zero."""
+    """Ratio of the found viscous friction to the damping gain that contains it; not finite where that gain is zero."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     size = finding.parameters["coefficient"].value

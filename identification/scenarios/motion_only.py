@@ -1,6 +1,6 @@
-"""Recordings without torque: the torque that the position controllers ask for takes its place.
+"""Recordings without torque: the torque that the position controllers command is used instead.
 
-It follows from references, positions and gains; see `identification.scenarios.gains` where nobody has stated these.
+It follows from references, positions and gains; for unstated gains see `identification.scenarios.gains`.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ _LEAST_ROWS = 20
 
 
 def states_controllers(robot: Robot) -> bool:
-    """True if every driven joint has a controller, and one at least is driven."""
+    """True if every driven joint has a stated controller, and at least one joint is driven."""
     driven = [actuator for actuator in robot.actuators if actuator.actuated]
     return bool(driven) and all(actuator.controller is not None for actuator in driven)
 
 
 def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
-    """The recording as it is if it has a torque, else with the torque that the controllers asked for.
+    """The recording unchanged if it has a torque, else with the torque that the controllers command.
 
-    Velocities are the recorded ones, else differences of positions: the noise that this leaves is taken off with the
-    band of the torque, which filters both alike.
+    Velocities are the recorded ones, else differences of positions, whose noise the low-pass of the torque removes
+    later.
 
     Args:
-        recording: With references if it has no torque.
-        robot: States the controllers in force.
+        recording: A recording, with references if it has no torque.
+        robot: The robot with the controllers used.
 
     Raises:
         LogError: If there is neither torque nor a reference of every driven joint, or the references never move the
@@ -57,11 +57,11 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
 
 
 def _computed(recording: Recording, robot: Robot) -> Recording:
-    """The recording whose torque its controllers have computed, with how that depends on references and speed."""
+    """The recording with the torque of its controllers, and with its derivatives by references and speed."""
     stated = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
     supplied = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
     limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supplied
-    # What is late as a whole is not computed anew.
+    # A torque that is delayed as a whole has no such derivatives.
     at_once = np.array([controller.delay == 0 for controller in stated])
     slowing = np.array([controller.kd for controller in stated]) * at_once if recording.v is None else None
     gain = np.array([controller.kp for controller in stated]) * supplied
@@ -75,7 +75,7 @@ def _computed(recording: Recording, robot: Robot) -> Recording:
 
 
 def _bound(actuator: Actuator) -> float:
-    """Where the torque that follows a reference is clipped: at the largest voltage, or as the drive's torque is."""
+    """Limit of the torque that follows a reference: that of the largest voltage, or the drive's torque limit."""
     voltage = voltage_bound(actuator)
     if actuator.controller is not None:
         voltage = min(voltage, actuator.controller.limit)
@@ -83,10 +83,10 @@ def _bound(actuator: Actuator) -> float:
 
 
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """``kp (q_ref - q) - kd v``, late by the controller's own delays; zeros for joints without a drive.
+    """``kp (q_ref - q) - kd v`` with the controller's own delays; zeros for joints without a drive.
 
-    The first part is within the controller's limits; it is a voltage where the drive states its largest one, and no
-    more than that.
+    The first part is limited as the controller states. Where the drive states a largest voltage, it is a voltage and
+    limited by that.
     """
     assert recording.q_ref is not None
     t = recording.t
@@ -106,7 +106,7 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
 
 
 def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
-    """Voltage of the supply as a share of the one that a drive states, where it puts a share of it on its motor."""
+    """Supply voltage relative to the stated one, for a drive whose output is a share of its supply; else one."""
     duty = actuator.controller is not None and actuator.controller.kind == "duty"
     if not duty or recording.supply is None or actuator.voltage_limit is None:
         return 1.0
@@ -124,16 +124,16 @@ def gains_of_file(robot: Robot) -> dict[str, tuple[float, float]]:
 
 
 def motion_robot(robot: Robot) -> Robot:
-    """The robot whose torque is a command, whatever was said of torque columns: there are none."""
+    """The robot with a command as torque source, as there are no torque columns to which another one could apply."""
     return replace(robot, torque_source="command")
 
 
 def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the torque ``kp (q_ref - q) - kd v`` of its controllers, late and limited as stated.
+    """The recording with the torque ``kp (q_ref - q) - kd v`` of its controllers, delayed and limited as stated.
 
     Args:
-        recording: With references, or with voltages that give a torque.
-        robot: States the controllers.
+        recording: A recording with references, or with voltages that give a torque.
+        robot: The robot with its controllers.
 
     Raises:
         LogError: If a controller, its gain or the references are missing, and no voltage gives the torque.
@@ -166,14 +166,14 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
 
 
 def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
-    """Torque [N m or N] that the stated controllers ask for, zero without a drive; read-only.
+    """Torque [N m or N] that the stated controllers command, zero without a drive; read-only.
 
     Args:
-        recording: With references.
-        robot: States the controllers.
+        recording: A recording with references.
+        robot: The robot with its controllers.
 
     Raises:
-        LogError: If the recording is too short, or a reference is not finite, or no torque is asked for.
+        LogError: If the recording is too short, or a reference is not finite, or the torque is zero throughout.
     """
     q_ref, rows = recording.q_ref, len(recording.t)
     if q_ref is None or rows < _LEAST_ROWS:

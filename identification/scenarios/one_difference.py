@@ -1,8 +1,8 @@
-"""Bare and loaded: a model of what recordings have in common, so that the difference is judged and not the given model.
+"""Recordings with and without a load: a model fitted to those without it, so that only the difference is diagnosed.
 
-The recordings that carry nothing say what the robot is: links, friction and constant torques of all joints are fitted
-to them, among bodies that can exist, drawn to the given ones where nothing is shown. The diagnosis of all recordings
-then begins at that model, and what a weak model lacks in each of them is no part of what changed.
+Links, friction and constant torques of all joints are fitted to the recordings without an unknown load, among bodies
+that can exist, with a prior at the given ones. The diagnosis of all recordings then starts from that model, so that
+errors which a weak given model has in all of them do not count as a change.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# One sigma of the links as a share of the given ones: a weak model, where the recordings show nothing else.
+# Prior deviation of the links' parameters as a share of the given ones: wide, as the given model is weak.
 _WEAK = 0.5
 _OFFSET = "torque_offset"
 _FRICTION = ("viscous_friction", "coulomb_friction")
 
 
 def judged_by_difference(changes: tuple[Change, ...]) -> bool:
-    """True if a load without a value is what changed between recordings."""
+    """True if an unknown load is the change between recordings."""
     return any("payload" in change.unknown for change in changes)
 
 
 def beside_the_model_in_common(given: Prepared) -> Prepared:
-    """The same recordings, judged against the model that those without an unknown load show; raises as below."""
+    """The same recordings with the model fitted to those without an unknown load; raises as `model_in_common`."""
     robot, offsets, note = model_in_common(given.robot, given.seen, given.changes)
     return replace(given, robot=robot, known=(*given.known, *offsets), notes=(note, *given.notes))
 
@@ -45,17 +45,17 @@ def beside_the_model_in_common(given: Prepared) -> Prepared:
 def model_in_common(
     robot: Robot, recordings: tuple[Recording, ...], changes: tuple[Change, ...]
 ) -> tuple[Robot, tuple[KnownEffect, ...], Note]:
-    """The robot as the recordings without an unknown load show it, constant torques of its joints, and a note on it.
+    """The robot fitted to recordings without an unknown load, constant torques of its joints, and a note on it.
 
     Args:
         robot: The given model.
-        recordings: Of the diagnosis, in the order of the changes.
-        changes: What is known of each.
+        recordings: Recordings of the diagnosis, in the order of the changes.
+        changes: Known changes of each.
 
     Raises:
         LogError: If every recording carries an unknown load.
     """
-    # With all that solves convex programs, which few runs need.
+    # Imports the solvers of convex programs, which few runs need.
 
     pairs = zip(recordings, changes, strict=False)
     bare = tuple(one for one, change in pairs if "payload" not in change.unknown and change.payload is None)

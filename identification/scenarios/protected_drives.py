@@ -1,8 +1,8 @@
-"""Drives that give less than their controllers ask for beyond a position error, by the torque that the model needs.
+"""Drives that limit their output beyond a position error, found from the torque that the model needs.
 
-Where the torque was computed from references, no output of the drive was recorded. What the model needs along the
-motion stands in its place, and a loop is read from it as from a voltage: gain, lateness, and the error beyond which the
-drive protects itself. A wrong mass changes the gain and not that error.
+Where the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion
+is used instead, and the control loop is estimated from it as from a voltage: gain, delay, and the error beyond which
+the drive reduces its output to protect itself. A wrong mass changes the gain but not that error.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ def protection_notes(session: Session) -> tuple[Note, ...]:
 
 
 def needed_loop(log: Log, recording: Recording, needed: Float[Array, "N nv"], j: int) -> DriveLoop | None:
-    """The loop by which a joint's torque follows its reference, read from the torque that a model needs.
+    """The control loop from a joint's position error to its torque, estimated from the modelled torque.
 
     Args:
-        log: Gives motion and references.
-        recording: Says what its torque loses with speed.
+        log: Motion and references.
+        recording: The recording, with the dependence of its torque on speed.
         needed: Torque of the model [N m or N].
-        j: The joint.
+        j: Index of the joint.
     """
     references = log.references
     if references is None or log.q_ref is None or not references.gain[j]:

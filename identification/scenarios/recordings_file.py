@@ -26,13 +26,13 @@ CONTROLLER_KEYS = ("kind", *_GAINS)
 def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
     """Known changes of each recording from a ``recordings.yaml``, in the order of the recordings.
 
-    A recording that the file does not name is like the given model in all. Of one in several files, side by side, the
-    first is that of the diagnosis. A file is found as it is written there,
-    seen from the folder of the ``recordings.yaml`` or from the working folder, or by its name alone.
+    A recording that the file does not name has no change against the given model. A recording in several files with the
+    same samples is named by the first of them. Paths are relative to the folder of the ``recordings.yaml`` or to the
+    working folder, or names alone.
 
     Args:
         path: The file.
-        logs: The recordings of the diagnosis, those held out at the end.
+        logs: The recordings of the diagnosis, held-out ones last.
         joints: Names of the robot's joints.
 
     Raises:
@@ -65,8 +65,8 @@ def changed_from_first(names: str, logs: Sequence[str | Path]) -> tuple[Change, 
     """Changes of recordings that differ from the first one by unknown amounts.
 
     Args:
-        names: What differs, separated by commas.
-        logs: The recordings of the diagnosis, those held out at the end.
+        names: Kinds of change, separated by commas.
+        logs: The recordings of the diagnosis, held-out ones last.
 
     Raises:
         UsageError: If there is nothing to compare the first one with, or a name is no kind of change.
@@ -86,7 +86,7 @@ def changed_from_first(names: str, logs: Sequence[str | Path]) -> tuple[Change, 
 
 
 def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
-    """Which recording a file is."""
+    """Index of the recording with a file."""
     places = {(folder / file).resolve() for folder in (path.parent, Path())}
     exact = [k for k, log in enumerate(logs) if Path(log).resolve() in places]
     found = exact or [k for k, log in enumerate(logs) if Path(log).name == file]
@@ -119,7 +119,7 @@ def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
 
 
 def _files(entry: Mapping[Any, Any], file: str, key: str) -> list[str]:
-    """The files of a recording, of which the first names it."""
+    """The files of a recording; the first one identifies it."""
     if ("file" in entry) == ("files" in entry):
         raise ParameterError(
             f"{file}: {key} wants either file, the recording that the entry is about, or files, several of one "
@@ -136,7 +136,7 @@ def _files(entry: Mapping[Any, Any], file: str, key: str) -> list[str]:
 
 
 def _place(file: str, path: Path, key: str) -> str:
-    """A further file, seen from the folder of the ``recordings.yaml`` or from the working folder."""
+    """Path of a further file, relative to the folder of the ``recordings.yaml`` or to the working folder."""
     for folder in (path.parent, Path()):
         if (folder / file).exists():
             return str(folder / file)
@@ -238,19 +238,19 @@ def read_changed(
     excluded: Sequence[tuple[float, float]] = (),
     anyway: bool = False,
 ) -> Recording:
-    """A recording, checked against the robot with the load that it carried there.
+    """A recording, checked against the robot with the load that it carried.
 
-    Where its controllers are known and it has references, it needs no torque: that is what the controllers asked for.
+    With references and known controllers it needs no torque: that is computed from these.
 
     Args:
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
         robot: The given model.
-        change: What is known of this recording.
+        change: Known changes of this recording.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
         ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
-        anyway: Let it be judged although it is certainly wrong.
+        anyway: True to accept it although checks show that it is certainly wrong.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.

@@ -1,4 +1,4 @@
-"""Recordings with torque, or those of positions and references or measured poses alone: which way a diagnosis goes."""
+"""Choice between a diagnosis of torques, and one of positions and references or of measured poses alone."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 Reader = Callable[[bool], tuple[Recording, ...]]
-"""Reads the recordings, by whether a torque is needed."""
+"""Function that reads the recordings; its argument is True if they need a torque."""
 
 
 def torque_or_motion(
     robot: Robot, read: Reader, *, motion_only: bool = False
 ) -> tuple[Robot, tuple[Recording, ...], bool]:
-    """The robot and its recordings, and whether motion alone is judged; poses without torque are judged as they are.
+    """The robot, its recordings, and True if the diagnosis uses motion alone; poses without torque count as such.
 
     Args:
         robot: The given model.
-        read: The recordings, by whether a torque is needed.
-        motion_only: True if a torque that was recorded is not to be used.
+        read: Reads the recordings.
+        motion_only: True to ignore a recorded torque.
 
     Raises:
         LogError: If a recording has neither torque nor references, or some have a torque and others none.
@@ -48,22 +48,22 @@ def torque_or_motion(
 
 
 def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
-    """The robot with gains of all its controllers, and recordings with the torque that these ask for.
+    """The robot with gains of all its controllers, and recordings with the torque that these command.
 
     Args:
         robot: The given model; gains that it does not state are estimated.
-        recordings: With references, or with voltages that give a torque.
+        recordings: Recordings with references, or with voltages that give a torque.
 
     Raises:
-        LogError: If references are missing, or the motion does not tell a gain.
+        LogError: If references are missing, or the motion does not show a gain.
     """
     if all(one.q_ref is not None for one in recordings):
         robot, recordings = with_estimated_gains(robot, recordings)
-    return robot, _told_once(tuple(with_commanded_torque(one, robot) for one in recordings))
+    return robot, _with_one_note(tuple(with_commanded_torque(one, robot) for one in recordings))
 
 
-def _told_once(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
-    """The recordings with one note on their torque in the place of several that differ in the file alone."""
+def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
+    """The recordings with one note on their torque instead of several that differ only in the file."""
     first, *others = recordings
     own = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if own is None:
@@ -75,5 +75,5 @@ def _told_once(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
 
 
 def _same(one: Note, other: Note) -> bool:
-    """True of two notes that differ in the file alone."""
+    """True if two notes differ only in the file."""
     return one.code is other.code and one.with_numbers(file="") == other.with_numbers(file="")

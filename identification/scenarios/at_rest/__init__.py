@@ -1,1 +1,1 @@
-"""Slow recordings of positions and references: how far a joint gives way under loads of either sign, at rest."""
+"""Backlash and compliance of joints from slow recordings of positions and references, at rest under known loads."""

@@ -1,6 +1,6 @@
-"""A diagnosis in positions: of recordings that are too slow for torques, or whose controllers state no gain.
+"""Diagnosis of positions at rest: for recordings too slow for torques, or controllers without a stated gain.
 
-Its ledger says which gates each way in which a joint may give way has passed.
+It finds backlash and compliance. Its ledger lists the gates that each of them has passed.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ _AT_REST = (
 
 
 def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
-    """True if nothing but rests can be judged: no torque, no gain of a controller, but references and rests.
+    """True if only rests can be used: there are references, but neither torque nor gains of controllers.
 
-    A joint whose encoder sits on its link has to rest under loads of either sign.
+    A joint whose encoder is on its link has to rest under loads of either sign.
     """
     gains = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
     if gains or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
@@ -62,14 +62,14 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
 
 
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
-    """How the joints give way under load, judged in positions at rest; each rest by fits that have not seen it.
+    """Diagnosis of backlash and compliance from positions at rest; each rest is predicted by fits without it.
 
     The load is that of the model: weight and measured external forces. No torque is used: that of a position
-    controller is its own law of the error, and says nothing of the transmission.
+    controller is a function of the position error, and says nothing about the transmission.
 
     Args:
-        robot: Gives loads and readings.
-        recordings: With references.
+        robot: The robot, with its masses and encoders.
+        recordings: Recordings with references.
 
     Raises:
         LogError: If a recording has no references, or one that is not finite, or is certainly wrong.
@@ -132,7 +132,7 @@ def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
 
 
 def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Finding]:
-    """What explains the rests of a joint: one finding for each effect of the most probable way."""
+    """Findings on one joint: one for each effect of the most probable model of its rests."""
     if not found.ways:
         return []
     joint, best = robot.joint_names[row], found.ways[0]
@@ -141,7 +141,7 @@ def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[
         for way, probability in zip(found.ways[1:], found.probabilities[1:], strict=True)
         if probability >= contract_levels.LISTED
     )
-    # What is not listed is shared among those that are.
+    # Probabilities of models that are not listed are distributed over the listed ones.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
     rivals = tuple(Rival(rival.effects, rival.probability / listed) for rival in rivals)
     gap = max(_square(found.before) - stills.repeat**2, 1e-300)
@@ -202,7 +202,7 @@ def _gap(robot: Robot, row: int, stills: Stills, found: GivingWay | None) -> Joi
 
 
 def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) -> Unexplained:
-    """Share of the residual at rest beyond repeatability, and the joint that leaves most."""
+    """Share of the residual at rest beyond repeatability, and the joint with the largest residual."""
     found = {row: way for row, way in ways.items() if way.ways}
     if not found:
         return Unexplained(0.0, False, None, None)
@@ -224,7 +224,7 @@ def _verdict(ways: dict[int, GivingWay], findings: tuple[Finding, ...], rest: Un
 
 
 def _evidence(robot: Robot, every: list[Stills], ways: dict[int, GivingWay], rows: list[int]) -> Evidence:
-    """Samples at rest of the joint that gives way most, with its error in the place of a torque."""
+    """Samples at rest of the joint that gives way most, with its position error instead of a torque."""
     row = rows[0] if rows else 0
     stills, found = every[row], ways.get(row)
     count = (len(stills.t), robot.nv)
@@ -255,15 +255,15 @@ def _square(values: Array) -> float:
 
 
 def claims_at_rest(joint: str, found: GivingWay, repeat: float) -> tuple[Claim[EffectAt], ...]:
-    """One claim for each way of giving way, or for each effect of the way that is named.
+    """Entries of the ledger: one for each model of the rests, or for each effect of the named model.
 
     Args:
-        joint: The joint.
-        found: What its rests say.
+        joint: Name of the joint.
+        found: Fits to its rests.
         repeat: Deviation of the samples within a rest.
     """
     named = found.ways[0].effects if found.ways else ()
-    # Loads of one size, or few rests, do not say whether both together are there: nobody asked.
+    # With loads of one size, or few rests, both effects together cannot be tested, and have no entry.
     asked = WAYS if found.both is not None or not found.ways else WAYS[:2]
     names = [(effect,) for effect in named] + [way for way in asked if not set(way) <= set(named)]
     return tuple(_claim(joint, found, way, repeat) for way in names)
@@ -277,7 +277,7 @@ def _claim(joint: str, found: GivingWay, effects: tuple[str, ...], repeat: float
     claimed = set(effects) <= set(first.effects)
     gates = until_failed((found.shown, *_against_rivals(found, first.effects if claimed else effects)))
     own = next((way for way in found.ways if way.effects == effects), None)
-    if own is None:  # both together, which are not sure beside each other
+    if own is None:  # both together, of which one does not differ from zero
         return Claim(at, gates, "not_claimed", judged_by="rests")
     figures = {"closes": _closes(found, own, repeat)}
     if claimed:
@@ -288,7 +288,7 @@ def _claim(joint: str, found: GivingWay, effects: tuple[str, ...], repeat: float
 
 
 def _against_rivals(found: GivingWay, way: tuple[str, ...]) -> tuple[GateResult, ...]:
-    """What decides between ways: whether both together are there at all, and then which is the likeliest."""
+    """Gates between the models: whether both effects together are needed, and then which model is most probable."""
     odds = {one.effects: share for one, share in zip(found.ways, found.probabilities, strict=True)}
     asked = (found.both,) if len(way) > 1 and found.both is not None else ()
     if way not in odds:
@@ -298,7 +298,7 @@ def _against_rivals(found: GivingWay, way: tuple[str, ...]) -> tuple[GateResult,
 
 
 def _closes(found: GivingWay, way: Way, repeat: float) -> float:
-    """Share of the gap of the joint that a way closes by itself."""
+    """Share of the joint's gap that a model of the rests explains."""
     before = _rms(found.before) ** 2
     return (before - _rms(way.left) ** 2) / max(before - repeat**2, 1e-300)
 

@@ -1,9 +1,9 @@
-r"""Play, stiffness, or both, of a joint from its positions at standstill under load.
+r"""Backlash, stiffness, or both, of a joint from its positions at standstill under load.
 
-A motor that is where its reference says moves the link by :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`, with
-the load :math:`\tau_l` that the transmission passes to the link, its sign :math:`s`, a play of full width :math:`g`, a
-stiffness :math:`k` and a constant :math:`c` of reading and reference. Loads of one size do not separate play from
-spring.
+With the motor at its reference, the link is at :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`, with the load
+:math:`\tau_l` that the transmission passes to the link, its sign :math:`s`, the full width :math:`g` of the backlash,
+the stiffness :math:`k`, and a constant :math:`c` of reading and reference. Loads of one size do not separate backlash
+from a spring.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from identification.scenarios.at_rest.rests import Stills
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# Rests that are needed under each sign of load: fewer do not show how well they repeat.
+# Smallest number of rests under each sign of load: fewer do not show how well they repeat.
 LEAST_RESTS = 3
-# Share by which loads have to differ in size to separate play from spring: model and forces are not better known.
+# Relative difference in size that loads need to separate backlash from a spring: model and forces are no more accurate.
 _ALIKE = 0.2
 
-# Least standard deviation, for rests that are equal to the last bit; a number divided by it can be squared.
+# Smallest standard deviation, for rests that are exactly equal; a number divided by it can still be squared.
 _NO_DEVIATION = 1e-150
 
-# Effects of the catalogue by which a joint gives way; the last has both, and one parameter more.
+# The models of the rests, by their effects in the catalogue.
 WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
 
 
 @dataclass(frozen=True)
 class Way:
-    """One way of giving way, fitted to the rests.
+    """One model of how a joint gives way, fitted to the rests.
 
     Attributes:
-        effects: Their names in the catalogue.
-        values: Full width of the play [rad or m], or compliance [rad/(N m) or m/N], one for each effect.
+        effects: Names of its effects in the catalogue.
+        values: Full width of the backlash [rad or m], or compliance [rad/(N m) or m/N], one for each effect.
         std: Their standard deviations.
         left: Residual of each rest by the fit to all others, ``(R,)``.
     """
@@ -53,19 +53,19 @@ class Way:
 
 @dataclass(frozen=True)
 class GivingWay:
-    """What the rests of one joint say.
+    """Fits to the rests of one joint.
 
     Attributes:
-        before: Error of each rest less the mean of all others, ``(R,)``.
-        ways: What explains them, the most probable first; empty where nothing is beyond chance.
-        probabilities: Of each way, see `engine.resampling`.
-        replicates: Share of the gap that the first way closes, in each bootstrap replicate.
+        before: Error of each rest minus the mean of all others, ``(R,)``.
+        ways: Fitted models, the most probable first; empty where nothing is beyond chance.
+        probabilities: Probability of each model, see `engine.resampling`.
+        replicates: Share of the gap that the first model explains, in each bootstrap replicate.
         shift: Distance of the rests under loads of opposite sign [rad or m].
         shift_std: Its standard deviation.
         detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
         shown: Whether the shift is larger than by chance; both numbers are squares in units of its deviation.
-        both: Whether play and spring each differ from zero beside the other; None where loads of one size, or few
-            rests, cannot show that.
+        both: Whether backlash and compliance, fitted together, both differ from zero; None where loads of one size, or
+            few rests, cannot show that.
     """
 
     before: Float[Array, " R"]
@@ -86,10 +86,10 @@ def testable(stills: Stills) -> bool:
 
 
 def giving_way(stills: Stills) -> GivingWay:
-    """How a joint gives way; each rest is judged by fits that have not seen it.
+    """Fits of backlash and compliance to the rests of a joint; each rest is predicted by fits without it.
 
     Args:
-        stills: Rests under loads of either sign.
+        stills: Samples at rest under loads of either sign.
     """
     from scipy.special import stdtr, stdtrit
 
@@ -110,7 +110,7 @@ def giving_way(stills: Stills) -> GivingWay:
     ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
     both = None
     if len(error) > 6 and not alike:
-        # Both together are a way of their own only if each differs from zero beside the other.
+        # Both together are a model only if each differs from zero when fitted together.
         certain = stdtr(len(error) - 3, ways[2].values / np.maximum(ways[2].std, 1e-300))
         both = both_are_there(float(certain.min()))
     ways = ways if both is not None and both.passed else ways[:2]
@@ -134,13 +134,13 @@ def giving_way(stills: Stills) -> GivingWay:
 
 
 def _probabilities(losses: Float[Array, "R m"]) -> Float[Array, " m"]:
-    """Probability of each way; the noise of a rest is taken from the residuals of the best one."""
+    """Probability of each model; the noise of a rest is taken from the residuals of the best one."""
     noise = max(float(losses.mean(axis=0).min()), 1e-300)
     return probabilities(losses / noise, (np.zeros(losses.shape[1]),), lead=share_by_likelihood)
 
 
 def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> Way:
-    """Least squares with a constant; the residual of each rest is by the fit to all others."""
+    """Least squares with a constant; the residual of each rest is that of the fit to all others."""
     x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
     every, rests = list(range(x.shape[1])), np.arange(len(error))
     products = block_products(x, error, np.ones(len(error)), rests, len(error))

@@ -1,4 +1,4 @@
-"""Where a joint stands still, how far it is from its reference there, and which load its transmission holds."""
+"""Samples at standstill, with the distance of a joint from its reference and the load on its transmission."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# Share of the largest load below which a loose joint may rest anywhere: friction holds it, not the load.
+# Share of the largest load below which friction and not the load decides where a joint with backlash rests.
 LOADED = 0.2
-# A load of rounding errors (a vertical axis that gravity does not turn) is none [N m or N].
+# Load [N m or N] below which it is rounding, as on a vertical axis.
 _LEAST_LOAD = 1e-6
 
 
@@ -28,9 +28,9 @@ class Stills:
     Attributes:
         t: Time [s], recordings one second apart.
         q: Positions of all joints [rad or m].
-        error: Position less reference of the joint [rad or m].
+        error: Position minus reference of the joint [rad or m].
         load: Torque [N m or N] that its transmission has to pass to the link, from the model and measured forces.
-        rest: Number of the rest that a sample belongs to: a stretch of stillness under one sign of load.
+        rest: Number of the rest that a sample belongs to: a stretch of standstill under one sign of load.
         quantum: Step of the joint's reading [rad or m].
     """
 
@@ -42,7 +42,7 @@ class Stills:
     quantum: float
 
     def middles(self, values: Float[Array, " N"]) -> Float[Array, " R"]:
-        """Median over each rest: at its begin and end the load comes and goes."""
+        """Median over each rest, as the load changes at its start and end."""
         return np.array([np.median(values[self.rest == k]) for k in range(self.rests)])
 
     @property
@@ -52,7 +52,7 @@ class Stills:
 
     @property
     def repeat(self) -> float:
-        """Deviation of the samples within a rest, at least that of the rounding of the reading."""
+        """Standard deviation of the samples within a rest, at least that from rounding of the readings."""
         within = self.error - self.middles(self.error)[self.rest]
         freedom = max(len(within) - self.rests, 1)
         return max(float(np.sqrt((within @ within) / freedom)), self.quantum / np.sqrt(12.0))
@@ -61,13 +61,13 @@ class Stills:
 def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int) -> Stills:
     """Samples in which the robot stands still while a joint is under load, by rests.
 
-    A joint stands still where it moves by one step of its reading at most from either neighbour. After its reference
-    has changed it has to have moved first: a servo answers late.
+    A joint stands still where it differs by at most one step of its reading from both neighbouring samples. After a
+    change of its reference it has to have moved first, as a servo responds late.
 
     Args:
-        robot: Gives weights and steps of readings.
-        recordings: With references.
-        row: The joint.
+        robot: The robot, with its masses and steps of readings.
+        recordings: Recordings with references.
+        row: Index of the joint.
 
     Raises:
         LogError: If a recording has no references, or one that is not finite.
@@ -76,7 +76,7 @@ def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int)
     steps = np.array([_quantum(robot, recordings, k) for k in range(robot.nv)])
     for recording in recordings:
         q_ref = _references(recording, row)
-        still = _still(recording, steps) & _answered(recording.q[:, row], q_ref, steps[row]) & ~_left_out(recording)
+        still = _still(recording, steps) & _responded(recording.q[:, row], q_ref, steps[row]) & ~_left_out(recording)
         load = (gravity_torque(robot, recording.q) - external_torque(robot, recording.q, recording.forces))[:, row]
         parts.append((recording.t - recording.t[0] + start, recording.q, recording.q[:, row] - q_ref, load, still))
         start = float(parts[-1][0][-1]) + 1.0
@@ -110,7 +110,7 @@ def _references(recording: Recording, row: int) -> Float[Array, " N"]:
 
 
 def _quantum(robot: Robot, recordings: tuple[Recording, ...], row: int) -> float:
-    """Step of a reading: what is stated, else what the recordings show; 0 where they show none."""
+    """Step of a joint's readings: the stated one, else that of the recordings; 0 without either."""
     stated = stated_step(robot, row)
     if stated is not None:
         return stated
@@ -123,7 +123,7 @@ def _still(recording: Recording, steps: Float[Array, " nv"]) -> Bool[Array, " N"
     return ~(np.concatenate([[False], moves]) | np.concatenate([moves, [False]]))
 
 
-def _answered(q: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> Bool[Array, " N"]:
+def _responded(q: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> Bool[Array, " N"]:
     """False from a change of the reference, or the start, until the joint has moved."""
     out = np.zeros(len(q), dtype=bool)
     changes = [0, *(np.flatnonzero(np.diff(q_ref) != 0) + 1), len(q)]
