@@ -164,14 +164,15 @@ class Diagnosis:
         """Measured less modelled torque [N m or N] in the judged band, over ``time``, ``joint`` and ``model``.
 
         ``model`` is ``before`` for the given and ``after`` for the corrected one, each sample of which is predicted by
-        a fit that has not seen it. Several recordings follow each other with a gap in time.
+        a fit that has not seen it, NaN where something touches what a joint carries. Several recordings follow each
+        other with a gap in time.
 
         Raises:
             UsageError: If the diagnosis was read from a file, which holds no samples, or xarray is missing.
         """
         xarray = optional_library("xarray")
         evidence = self._evidence()
-        left = np.stack([evidence.tau_measured - tau for tau in (evidence.tau_before, evidence.tau_after)], axis=-1)
+        left = np.stack([evidence.residual(tau) for tau in (evidence.tau_before, evidence.tau_after)], axis=-1)
         joints = [gap.joint for gap in self.joints]
         return xarray.DataArray(
             left,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from phantom_dyn.array_types import Array, Bool, Float
 
 
@@ -63,6 +65,15 @@ class Evidence:
     followed: Followed | None = None
     valid: Bool[Array, " N"] | None = None
     touched: Bool[Array, "N nv"] | None = None
+
+    def residual(self, tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+        """Measured less modelled torque [N m or N], NaN where the row of a joint is not used, ``(N, nv)``.
+
+        Args:
+            tau: Of the model.
+        """
+        left = self.tau_measured - tau
+        return left if self.touched is None else np.where(self.touched, np.nan, left)
 
     @property
     def drawn(self) -> Evidence:

@@ -303,7 +303,7 @@ def evidence_of(
         for log, operation in zip(logs, columns.operations, strict=True)
     )
     splits = [regime_split(problem, given, row) for row in range(len(columns.rows))]
-    touched = [log.touched[log.samples] for log in logs if log.touched is not None]
+    touched = [~log.untouched_in_band for log in logs if log.touched is not None]
     return Evidence(
         t=np.concatenate(times),
         q=np.concatenate([log.motion.q[log.samples] for log in logs]),

@@ -73,7 +73,7 @@
     const stands = given.touched ?? [];
     let view = [...given.view];
     place.innerHTML = `<p class="tools"><span class="keys">${KINDS.map((kind) => `<span><i class="${kind}"></i>${kind === "measured"
-      ? kind : `${kind} model`}</span>`).join(" ")}${stands.length ? ' <span><i class="stance"></i>touches something: not judged</span>' : ""}</span><span><button aria-label="earlier">◀</button><button
+      ? kind : `${kind} model`}</span>`).join(" ")}${stands.length ? ' <span><i class="stance"></i>contact within the filter’s reach: not judged</span>' : ""}</span><span><button aria-label="earlier">◀</button><button
       aria-label="later">▶</button><button aria-label="closer">+</button><button aria-label="further away">−</button><button>whole
       recording</button></span></p><div class="drawing" tabindex="0"></div><p class="soft reading"></p>`;
     const drawing = place.querySelector(".drawing"), reading = place.querySelector(".reading");

@@ -29,6 +29,7 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
 _WINDOWS = 12  # of simulated motion that are seen at first, where they are short: each has to be seen
+_SWINGS = 6  # the same of swings of a leg, with what lies between them
 FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
 
@@ -81,7 +82,8 @@ def shown_motion(evidence: Evidence, joint: int) -> slice:
     if followed is None:
         return slice(0, len(evidence.t))
     error = evidence.q[:, joint] - followed.before[:, joint]
-    return eventful_stretch(evidence.t, error, min(STRETCH_S, _WINDOWS * followed.seconds))
+    windows = _WINDOWS if evidence.touched is None else _SWINGS
+    return eventful_stretch(evidence.t, error, min(STRETCH_S, windows * followed.seconds))
 
 
 def position_unit(diagnosis: Diagnosis, joint: int) -> str:
@@ -137,8 +139,8 @@ def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], jo
 
 
 def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
-    """Measured less modelled torque of one joint."""
-    return evidence.tau_measured[:, joint] - tau[:, joint]
+    """Measured less modelled torque of one joint, NaN where its row is not used."""
+    return evidence.residual(tau)[:, joint]
 
 
 def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable) -> str:

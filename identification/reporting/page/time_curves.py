@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis
 from identification.reporting.charts.thinning import gap_starts, thinned
 from identification.reporting.page.gap_figures import (
@@ -18,7 +19,7 @@ from identification.reporting.page.gap_figures import (
     shown_stretch,
     torque_label,
 )
-from phantom_dyn.array_types import Array, Bool, Float, Int
+from phantom_dyn.array_types import Array, Float, Int
 
 SAMPLES = 30_000
 """Of all joints together: ten bytes each, so that the page stays small."""
@@ -65,19 +66,22 @@ def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
 def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
-    rows = _kept((evidence.tau_measured[:, joint], before, after), (), most)
+    measured = np.where(np.isfinite(before), evidence.tau_measured[:, joint], np.nan)
+    rows = _kept((measured, before, after), (), most)
     # At rest there are few samples, far apart.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     said = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
-    curves = evidence.tau_measured[:, joint], before, after
-    touched = [] if evidence.touched is None else _spans(evidence.t, evidence.touched[:, joint])
+    curves = measured, before, after
     numbers = _numbers(evidence.t, stretch, rows, curves)
-    return {**said, "unit": gap.unit, "floor": floor, "touched": touched, **numbers}
+    return {**said, "unit": gap.unit, "floor": floor, "touched": _stands(evidence, joint), **numbers}
 
 
-def _spans(t: Float[Array, " N"], there: Bool[Array, " N"]) -> list[list[float]]:
-    """First and last time of every stretch in which something is so."""
+def _stands(evidence: Evidence, joint: int) -> list[list[float]]:
+    """First and last time of every stretch in which the row of a joint is not used, as its leg stands."""
+    if evidence.touched is None:
+        return []
+    t, there = evidence.t, evidence.touched[:, joint]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
     return np.round(np.column_stack([t[edges[::2]], t[edges[1::2] - 1]]), 4).tolist()
 
@@ -88,7 +92,7 @@ def _numbers(
     """The kept rows of a curve that was measured and of two errors, and the stretch that is shown first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
     kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
-    return {"view": view, "t": _packed(t[rows], "<f4"), "starts": _starts(t, rows), **kept}
+    return {"view": view, "t": _packed(t[rows], "<f4"), "starts": _starts(t, rows, curves[0]), **kept}
 
 
 def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
@@ -106,12 +110,17 @@ def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[
     chosen = [thinned(curve[finite], most // len(curves)) for curve in curves]
     there = [np.isfinite(part[finite]).astype(int) for part in parts]
     ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in there]
+    within = [np.flatnonzero(one) for one in there]
+    # Where little was simulated, as in a few short swings, all of it is drawn.
+    ends += [one for one in within if len(one) <= most // len(curves)]
     return finite[np.unique(np.concatenate([*chosen, *(one.ravel() for one in ends)]))]
 
 
-def _starts(t: Float[Array, " N"], rows: Int[Array, " n"]) -> list[int]:
+def _starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
     """Which of the kept rows begin anew, behind a gap of all samples: of those alone steps are uneven."""
-    return np.unique(np.searchsorted(rows, gap_starts(t))).tolist()
+    there = np.isfinite(measured)
+    begins = [gap_starts(t), np.flatnonzero(there[1:] & ~there[:-1]) + 1]
+    return np.unique(np.searchsorted(rows, np.concatenate(begins))).tolist()
 
 
 def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:

@@ -152,7 +152,7 @@ def shown(made_up, tmp_path_factory):
     diagnosis = made_up(("j1",), samples=4000)
     t = np.arange(4000) * 0.01
     wave = np.abs(t % 10.0 - 5.0)[:, None]
-    wave[2003] = 30.0  # a single sample, seen in the whole recording alone
+    wave[1003] = 30.0  # a single sample, seen in the whole recording alone
     same = dataclasses.replace(
         diagnosis.evidence, t=t, tau_measured=wave, tau_before=wave - 0.5, tau_after=0 * wave, v=wave, q=wave, a=wave
     )
@@ -211,6 +211,31 @@ def test_stance_is_shaded_from_its_first_sample_to_its_last(shown):
     start, width = map(float, rect)
     assert start == pytest.approx(64 + 600 * 16 / 39.99, abs=0.06)
     assert width == pytest.approx(600 * 8 / 39.99, abs=0.06)
+
+
+def test_nothing_is_drawn_of_a_torque_while_a_leg_stands(made_up):
+    # By hand: of 400 samples 100 to 199 are left out, and the curve begins anew behind them.
+    diagnosis = made_up(samples=400)
+    stands = np.zeros(diagnosis.evidence.q.shape, dtype=bool)
+    stands[100:200, 0] = True
+    evidence = dataclasses.replace(diagnosis.evidence, touched=stands)
+    diagnosis = dataclasses.replace(diagnosis, evidence=evidence)
+    one, other = json.loads(time_curves(diagnosis, [0, 1]))
+    assert times(one) == pytest.approx(np.delete(evidence.t, slice(100, 200)), rel=1e-6)
+    assert 100 in one["starts"]
+    assert len(times(other)) == 400
+    assert np.isnan(evidence.residual(evidence.tau_after)[100:200, 0]).all()
+    assert np.isfinite(evidence.residual(evidence.tau_after)[:, 1]).all()
+
+
+def test_of_a_few_simulated_swings_every_sample_is_drawn(made_up):
+    diagnosis = made_up(samples=40_000)
+    followed = np.full(diagnosis.evidence.q.shape, np.nan)
+    followed[20_000:20_100] = diagnosis.evidence.q[20_000:20_100]
+    evidence = dataclasses.replace(diagnosis.evidence, followed=Followed(followed, followed, 0.2, False))
+    entry = json.loads(time_curves(dataclasses.replace(diagnosis, evidence=evidence), [0]))[0]
+    assert entry["id"] == "positions-0"
+    assert np.isin(np.float32(evidence.t[20_000:20_100]), np.float32(times(entry))).all()
 
 
 def test_a_robot_of_which_nobody_knows_contacts_has_no_stance(made_up):
