@@ -33,9 +33,9 @@ class Change:
 
     Attributes:
         file: Name of the recording, for messages.
-        payload: A mass that the robot carries there, besides what the model has.
-        controllers: Position controllers by joint, where they are not those of the robot.
-        changed: What is different there by an amount that is to be found.
+        payload: A known mass that the robot carries in addition to the model.
+        controllers: Position controllers by joint, where they differ from those of the robot.
+        changed: Kinds of change whose size is unknown.
         exclude: Stretches of its time [s] to leave out of every fit.
         beside: Further files of the recording, row by row.
     """
@@ -80,7 +80,7 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
     """Centre of the mass [m] in the frame of the joint that moves its link, as findings state it."""
     center = np.array(payload.center, dtype=float)
-    # A frame that is called tip says which link carries the mass, and nobody has stated it as the place to count from.
+    # A frame named tip only selects the link that carries the mass; its origin is not stated as the payload's origin.
     if robot.payload_frame is None:
         return center
     frame = robot.model.frames[robot.model.getFrameId(robot.payload_frame)]

@@ -27,10 +27,10 @@ class CheckedRecording:
         file: Its name.
         joints: Its joints.
         samples, seconds: Its length.
-        wrong: What is certainly wrong; `diagnose` refuses such a recording.
-        warnings: Sentences on what was mended and what may be wrong.
-        frames: By name those whose poses were measured, and whether their orientations were.
-        with_robot: False if it was checked without a robot, which shows less.
+        wrong: Certain faults; `diagnose` refuses such a recording.
+        warnings: Sentences on corrected values and possible errors.
+        frames: Names of the frames with measured poses, and whether their orientations were measured.
+        with_robot: False if it was checked without a robot, which finds less.
         loops: A sentence on each drive whose loop the log shows.
     """
 
@@ -94,11 +94,11 @@ def checked_file(
 
     Args:
         path: A recording in any format that `identification.data.reading.read_recording` reads.
-        robot: The robot that was recorded; None: only what needs no model is checked.
+        robot: The robot that was recorded; with None only checks without a model are made.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
-        topic: Topic of a bag that has several.
-        ref_topic: Topic of a bag that has the references, where another one has them.
-        progress: Takes the stages.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of the references in a bag, if they have another one.
+        progress: Called with each stage.
 
     Raises:
         LogError: If the file is no recording at all.

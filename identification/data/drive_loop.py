@@ -1,9 +1,10 @@
 """The position loop of a drive, read from its log before any dynamics: regression of its output on the position error.
 
-A drive with a loop of its own puts out ``y = gain (q_ref(t - delay) - q) + offset``, clipped. Where its output is
-logged (voltage, share of the supply, current or torque), gain, limit, dead band, delay and hold of the reference follow
-without a model of the robot. Rows at the limit are censored: they say no more than that the loop asks for as much. An
-output that follows the loop up to rounding is no reading: somebody has computed it, and its delay is none of the drive.
+A drive with its own position controller has the output ``y = gain (q_ref(t - delay) - q) + offset``, clipped. Where
+this output is logged (voltage, share of the supply, current or torque), gain, limit, dead band, delay and hold of the
+reference are estimated without a model of the robot. Rows at the limit are censored: they only show that the loop
+commands at least that much. An output that follows the loop up to rounding was computed and not measured, so that it
+does not show the delay of the drive.
 """
 
 from __future__ import annotations
@@ -14,33 +15,33 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Reference delays that are tried [s], and how many there are in one step of the recording.
+# Longest delay of the reference that is tried [s], and number of delays per step of the recording.
 _LONGEST, _PER_STEP = 0.2, 4
-# Rows below which nothing is read, and stretches of which each is left out in turn (jackknife).
+# Smallest number of rows, and number of stretches of which the jackknife leaves out one at a time.
 _FEWEST, _STRETCHES = 100, 10
 # Share of the output's variance that the loop has to explain.
 _EXPLAINED = 0.9
-# Rows as near to the largest output as this share of it are at the limit (a supply changes by a per cent), if they are
-# more than so many of all.
+# Rows within this share of the largest output are at the limit (a supply varies by a per cent), if they are more than
+# this share of all rows.
 _NEAR, _SHARE_AT_LIMIT = 0.015, 0.01
-# Rest, as a share of the output's rms, up to which an output without delay is a computed column and no reading: it
-# leaves rounding, and what the supply changes by. Drives that were measured leave 5 to 10 %.
+# Residual, as a share of the output's rms, up to which an output without delay was computed and not measured: it has
+# rounding and variations of the supply only. Measured drives have 5 to 10 %.
 _ROUNDING = 0.015
 # Rows farther from the loop than so many robust deviations are bad readings; at most this share of all.
 _FAR, _MOST_BAD = 6.0, 0.02
 # Share of the rows without output from which on there may be a dead band.
 _SILENT = 0.02
-# Share of the steps of a moving reference that repeat it from which on it is held for longer than a sample.
+# Share of repeated samples of a moving reference from which on it is held for longer than a sample.
 _REPEATED = 0.3
-# A drive that protects itself beyond an error puts out less than this share of what its loop asks for there, in more
-# than so many rows; and two levels leave less than this share of the squares that one gain leaves.
+# A drive that protects itself beyond an error has less output than this share of the loop's command, in more than this
+# share of the rows; and a fit with two levels has less than this share of the squared residual of one gain.
 _DROPPED, _SHARE_DROPPED, _OF_ONE_GAIN = 0.7, 0.01, 0.3
-# Rows that are enough to see about which delay a loop has.
+# Number of rows that are enough for a first estimate of the delay.
 _ROWS_OF_DELAY = 4000
-# Rows that are enough to see a drop in, and usual steps of a position beyond which one row away from both its
-# neighbours is a bad reading.
+# Number of rows that are enough to find a drop of the output; and ratio to the usual step of a position from which on a
+# row that differs from both neighbours is a bad reading.
 _ROWS_OF_DROP, _JUMP = 4000, 10.0
-# Deviations to either side of a delay that was read, beyond which it is not.
+# Half width, in standard deviations, of the interval of an estimated delay.
 _DEVIATIONS = 3.0
 
 
@@ -49,7 +50,7 @@ class DriveLoop:
     """What regression says of the loop of one drive; deviations are of a jackknife over stretches of time.
 
     Attributes:
-        output: Quantity that was read: ``u``, ``duty``, ``i`` or ``tau``.
+        output: Quantity that was logged: ``u``, ``duty``, ``i`` or ``tau``.
         gain: Output per position error [V/rad, 1/rad, A/rad or N m/rad; per m of a linear joint].
         gain_std: Its deviation.
         delay: Time [s] by which the reference arrives later than it is recorded.
@@ -58,11 +59,11 @@ class DriveLoop:
         at_limit: Share of the rows that are clipped.
         dead_band: Position error [rad or m] below which there is no output; None where none is seen.
         hold: Time [s] for which one reference acts, longer than a sample; None where every sample has its own.
-        rest: Rms of what the loop leaves of the output, in rows that are not clipped.
+        rest: Rms of the output's residual, in rows that are not clipped.
         computed: True if the output is the loop itself up to rounding, so that it was computed and not measured.
         drops_beyond: Position error [rad or m] beyond which the drive protects itself; infinite where it never does.
-        drops_to: Output that is left then.
-        dropped: Share of the rows in which it does.
+        drops_to: Its output beyond that error.
+        dropped: Share of the rows beyond that error.
     """
 
     output: str
@@ -153,8 +154,8 @@ def _drop(
 ) -> tuple[float, float] | None:
     """Delay [s] and position error [rad or m] from which on a drive puts out little; None if it never does.
 
-    Output and error of one sign are a line through nothing up to the error and a level beyond. That is tried at every
-    error there is: sorted by it, sums give what both leave.
+    For one sign of the error, the output is a line through the origin up to that error and a constant beyond. Every
+    error in the data is tried: sorted by error, cumulative sums give the squared residuals of both parts.
     """
     rows = np.flatnonzero(use)
     rows = rows[:: max(len(rows) // _ROWS_OF_DROP, 1)]
@@ -174,7 +175,7 @@ def _drop(
             least, best = float(left[k]), (float(delay), float(0.5 * (e[k] + e[k + 1])))
     if best is None:
         return None
-    # It lasts, and single rows are bad readings.
+    # A drop lasts; single rows are bad readings.
     there = use & _beyond(t, q_ref, q, *best)
     return best if 2 * int(np.sum(there[1:] & there[:-1])) > there.sum() else None
 
@@ -189,12 +190,12 @@ def read_delays(
 ) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
     """Least and largest delay of each joint's reference [s] that its loop allows; zero and infinite if none was read.
 
-    A computed output says nothing of the drive.
+    A computed output does not show the delay of the drive.
 
     Args:
-        loops: Of each joint, or none at all.
+        loops: Loop of each joint; may be empty.
         nv: Number of joints.
-        frame: Time [s] for which a reference is held: the one that a reading is of came up to so much earlier.
+        frame: Time [s] for which a reference is held: it arrived up to this time before the reading.
     """
     least, most = np.zeros(nv), np.full(nv, np.inf)
     for j, loop in enumerate(loops):
@@ -313,7 +314,7 @@ def _hold(t: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> floa
     if len(changes) < _FEWEST // 4:
         return None
     spans = np.diff(t[changes])
-    # Where it rests nothing changes for long: the usual span is that of its motion.
+    # While the reference rests it does not change for long: the median is that of its motion.
     usual = float(np.median(spans))
     moving = spans < 5 * usual
     repeated = 1.0 - step * moving.sum() / max(float(spans[moving].sum()), 1e-300)

@@ -19,10 +19,10 @@ class Band:
     """The one filter that torque and every regressor column go through: linear phase, no delay, then decimation.
 
     Attributes:
-        rate_hz: Rate of the samples that go in.
+        rate_hz: Rate of the input samples.
         cutoff_hz: Edge of the band (-6 dB).
-        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` lets everything through.
-        step: Every ``step``-th sample comes out.
+        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` does not filter.
+        step: Decimation: every ``step``-th sample is an output.
     """
 
     rate_hz: float
@@ -52,8 +52,8 @@ class BaseSensors:
     """Sensors on a base that is not bolted down.
 
     Attributes:
-        gyroscope: Its frame.
-        accelerometer: Its frame.
+        gyroscope: Frame of the gyroscope.
+        accelerometer: Frame of the accelerometer.
         noise: White noise of both [rad/s, m/s^2].
     """
 
@@ -73,22 +73,23 @@ class Log:
         tau: Drive torque [N m or N] at the same instants, shape ``(N, nv)``.
         band: Filter for torque and regressor columns alike.
         valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
-        raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
+        raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None if not available.
         q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
-        external: Torque of the measured external forces on the joints [N m or N], ``(N, nv)``; None where none was.
-        reading_steps: Of the lattice that the readings of each joint lie on, as they were recorded [rad or m];
-            None where they lie on none. Empty where nobody looked.
-        temperature: Of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None if all are.
-        references: What controllers ask for, where the torque was computed from references; None where it was not.
-        touched: True where a joint carries something that touches its surroundings, or may, ``(N, nv)``: its row is not
-            judged then. None where nobody knows of contacts.
-        arrival: Torque more with references that arrive one sample later [N m or N], ``(N, nv)``, where voltages were
-            read once while each was held, see `identification.data.drives.arrivals`; None: nowhere.
+        external: Torque of measured external forces on the joints [N m or N], ``(N, nv)``; None without any.
+        reading_steps: Step of each joint's recorded readings [rad or m]; None where they have no common step. Empty
+            if not determined.
+        temperature: Temperature of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None
+            if no joint has one.
+        references: References of the controllers, where the torque was computed from them; None where it was measured.
+        touched: True where a joint carries a link that touches, or may touch, its surroundings, ``(N, nv)``: its row is
+            not used then. None without knowledge of contacts.
+        arrival: Change of the torque if references arrive one sample later [N m or N], ``(N, nv)``, where voltages were
+            read once while each was held, see `identification.data.drives.arrivals`; None without such joints.
         switching: Standard deviation of the torque where a drive drops its voltage between two readings [N m or N],
             ``(N, nv)``, with the sign of the change; None with ``arrival``.
-        noise_covariance: Of white torque readings of unit variance, at no, one and two steps, once they were brought to
-            a uniform rate, see `identification.data.signals.interpolated_noise`.
-        base_sensors: On a base that is not bolted down; None where it is.
+        noise_covariance: Covariance at lags of zero, one and two steps of white torque readings of unit variance after
+            interpolation to a uniform rate, see `identification.data.signals.interpolated_noise`.
+        base_sensors: Sensors on a floating base; None for a fixed one.
     """
 
     file: str

@@ -1,10 +1,10 @@
 """What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
 
 A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again, in
-radians, or in degrees where the unit is not known yet. A value that departs by far more than any change beside it and
-is back after at most five samples is neither motion nor torque: it is cut out, and a straight line takes its place. A
-torque is kept where the velocity of some joint jumps with it, as both do when a reference steps. Warnings say what was
-mended, with counts and times.
+radians, or in degrees where the unit is not known yet. A value that departs by far more than all changes near it and
+returns after at most five samples is neither motion nor torque: it is replaced by linear interpolation. A torque is
+kept where the velocity of some joint jumps with it, as both do when a reference steps. Warnings state the corrections
+with counts and times.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
-# A jump is a whole turn if its remainder is at most this [rad], and at most five times the largest ordinary step among
-# so many on either side of it.
+# A jump is a whole turn if its remainder is at most this [rad], and at most this many times the largest ordinary step
+# among so many before and after it.
 _REST, _STEPS, _AROUND = 0.5, 5.0, 20
-# Samples that a spike or dropout may last: longer, and nobody knows what happened meanwhile.
+# Largest number of samples of a spike or dropout: a longer one cannot be interpolated.
 _LONGEST = 5
-# A spike departs by this many times the change from sample to sample that 99 % of all changes stay below.
+# Smallest size of a spike, as a multiple of the 99 % quantile of all changes from sample to sample.
 _TIMES = 6.0
-# A spike ends where at most this share of the jump is left; before that at least the other share is.
+# A spike ends where at most the first share of the jump remains; until then at least the second share remains.
 _BACK, _AWAY = 0.2, 0.5
-# The least departure of a position [rad or m] and of a torque (in standard deviations of it) that is worth a cut.
+# Smallest spike of a position [rad or m] and of a torque (in its standard deviations) that is cut out.
 _LEAST_ANGLE, _LEAST_LENGTH, _LEAST_TORQUE = 0.02, 0.002, 0.5
-# A velocity jumps where it changes by this many times what 95 % of all changes stay below, each from the mean of this
-# many samples to that of the next ones.
+# A velocity jumps where it changes by this multiple of the 95 % quantile of all changes, each from the mean of so many
+# samples to that of the next ones.
 _JUMPS, _MEAN_OF = 3.0, 10
-# Share of the samples above which these are not just a few bad ones: then nothing is cut.
+# Share of bad samples above which they are no exceptions, so that nothing is cut out.
 _MOST = 0.01
 
 
@@ -118,7 +118,7 @@ def whole_turns(q: Float[Array, " N"], turn: float = _TURN) -> tuple[Float[Array
         around = np.abs(steps[max(k - _AROUND, 0) : k + _AROUND + 1])
         plain = around[around < turn / 2]
         usual = float(plain.max()) if len(plain) > len(around) / 2 else np.inf
-        # Where positions jump about anyway, a jump says nothing.
+        # Where positions are noisy throughout, a jump is not significant.
         real.append(rest[k] <= min(most, _STEPS * usual + 1e-3) and usual < most)
     at = at[np.array(real)]
     correction = np.zeros(len(q))
@@ -131,7 +131,7 @@ def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
 
     Args:
         x: Samples.
-        least: The least departure that counts, in units of ``x``.
+        least: Smallest size of a spike, in the unit of ``x``.
     """
     steps = np.abs(np.diff(x))
     threshold = max(least, _TIMES * float(np.percentile(steps, 99)))
@@ -168,8 +168,8 @@ def _without_spikes(
 
     Args:
         x: Samples.
-        least: The least departure of each column that counts.
-        real: Samples at which nothing is cut; None: none.
+        least: Smallest size of a spike in each column.
+        real: Samples that are kept in any case; None without any.
     """
     out, found = x, []
     for j in range(x.shape[1]):

@@ -36,11 +36,11 @@ from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only, side_by_side
 
-# A quaternion with three decimals has a length of one up to this; another is none of a rotation.
+# Largest deviation of a quaternion's length from one: rounding to three decimals.
 _UNIT = 2e-3
-# Times the largest of all values from which on one that is left out is bridged: others do no harm.
+# Excluded values beyond this multiple of the largest included one are interpolated; smaller ones do no harm.
 _WILD = 10.0
-# Fields of a recording by the quantity that they hold.
+# Fields of a recording by quantity.
 _OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
@@ -155,7 +155,7 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) -> Table:
     """The table without what is left out at its ends; in between, values far beyond all others are bridged.
 
-    What is left out sets no scale then, as a simulation that ran away would.
+    Excluded values, as of a diverged simulation, then do not set the scale of all.
     """
     if not excluded:
         return table
@@ -228,12 +228,12 @@ def recording(
 
     Args:
         table: Columns under the contract's names.
-        robot: Gives joints, their order, and the constants of its drives.
+        robot: The robot with its joints, their order, and the constants of its drives.
         excluded: Stretches of time [s] to leave out of every fit.
         torque_needed: False for work on motion alone: then ``tau`` may be None.
 
     Returns:
-        The recording, read-only; its warnings are those of the table, the data themselves are not checked here.
+        The recording, read-only, with the warnings of the table; the values are not checked here.
 
     Raises:
         LogError: Unknown or missing joint, no torque and nothing that gives one, torque zero on every joint, or an
@@ -266,7 +266,7 @@ def recording(
     loops = loops_of(table, joints)
     slowing = voltage_slowing(table, robot, torque_from)
     follows, follows_up_to = computed_from_references(table, robot, loops, torque_from)
-    # Where nobody else holds the table, its torques make room for the positions.
+    # Frees the memory of the torques before positions are read, unless the caller keeps the table.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
     if weightless and robot.floating:
@@ -320,8 +320,8 @@ def read_recording(
     """A recording from a file, checked: its warnings say what may be wrong with it, ``wrong`` what certainly is.
 
     Args:
-        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset; several files of one
-            recording stand side by side.
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset; several files are columns
+            of the same rows.
         robot: The robot that was recorded.
         columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
@@ -333,7 +333,7 @@ def read_recording(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    # An hour of samples is hundreds of megabytes: the table has no name here, so that it is held no longer than needed.
+    # An hour of samples is hundreds of megabytes: without a name here, the table is freed as early as possible.
     found = recording(
         table_of(path, robot, columns, topic, ref_topic), robot, excluded=excluded, torque_needed=torque_needed
     )
@@ -349,14 +349,14 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
         anyway: Let it be judged although it is certainly wrong.
     """
     if found.poses_alone:
-        # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
+        # Poses that are seconds or minutes apart are no motion, and are neither corrected nor compared with a model.
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
     clock = slow_clock(found)
     if clock is not None and anyway:
-        # Motion that lasts for days cannot be simulated or compared: it is judged in the unit that its clock has.
+        # A motion of days cannot be simulated: its time is taken in the unit that its clock usually has.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = without_unknown_torques(mended(found, robot.prismatic), robot)
-    # Loops first: where they do not close there is no model to check against.
+    # Loops first: if they do not close, there is no model to compare with.
     passive, rest = check_passive(found, robot), checked(found, robot)
     wrong = rest.wrong if clock is None or clock in rest.wrong else (clock, *rest.wrong)
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=wrong, anyway=anyway)

@@ -27,18 +27,18 @@ class RawTable:
         file: Name of the file, for messages.
         columns: One 1-D float array per column that could be read as numbers; lengths may differ.
         problems: For each other column the sentence to raise if somebody wants it.
-        place: Where a sample (from 0) stands in the file, as its reader would say it.
-        warnings: What was noticed while reading.
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
-            is all joints.
+        place: Words for the place of a sample (from 0) in the file, for messages.
+        warnings: Warnings from reading.
+        compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
+            both; ``""`` is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
-        joint_names: Of the joints that columns number, as in ``q[0]``, where the file states them.
-        numbered: True for a format that says what its numbered columns ``q[0]``, ``tau[0]``, ... are, so that no map is
+        joint_names: Names of the joints of numbered columns, as ``q[0]``, where the file states them.
+        numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
             needed.
-        asks_units: True for a format that does not say in which units its joints are, so that a map has to.
+        asks_units: True for a format that does not state the units of its joints, so that a map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
-        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
+        named: For each name of the contract the column of the file, by the user's map; empty without one.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
 
@@ -69,12 +69,12 @@ class Table:
     Attributes:
         file: Name of the file, for messages.
         columns: One 1-D float array per column, all of the same length.
-        warnings: What was noticed while reading (dropped repeated rows and the like).
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
-            is all joints.
+        warnings: Warnings from reading, such as dropped repeated rows.
+        compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
+            both; ``""`` is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
-        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
+        named: For each name of the contract the column of the file, by the user's map; empty without one.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
 
@@ -112,8 +112,8 @@ class Fault:
 
     Attributes:
         what: The end of a sentence, such as ``the positions of j1 and j2 are in degrees``.
-        why: What shows it, with figures.
-        mend: What to do; where entries of a column map mend it, they are in it ready to copy.
+        why: The evidence, with figures.
+        mend: Advice on a correction, with entries of a column map ready to copy where they correct it.
     """
 
     what: str
@@ -137,33 +137,33 @@ class Recording:
         q_ref: References of the position controllers.
         v_ref: References of the velocity controllers.
         x: Link-side positions of a second encoder.
-        temperature: Of the drives [deg C], NaN for joints without a column.
-        supply: Voltage that feeds the drives [V], ``(N,)``.
+        temperature: Temperature of the drives [deg C], NaN for joints without a column.
+        supply: Supply voltage of the drives [V], ``(N,)``.
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
-        positions: Measured positions [m] by frame, in the axes of whatever measured them, each ``(N, 3)``.
+        positions: Measured positions [m] by frame, in the axes of the measuring device, each ``(N, 3)``.
         orientations: Measured orientations by frame as unit quaternions x, y, z, w, each ``(N, 4)``; each frame has a
             position as well.
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
-        notes: What later stages have to say of it.
+        notes: Notes of later stages.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
-        controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
-        gains_estimated: Joints whose controller nobody has stated, so that its gains were estimated from the motion.
-        torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty where not known.
+        controlled: True if no torque was recorded, and ``tau`` is computed from the stated controllers.
+        gains_estimated: Joints with unstated controllers, whose gains were estimated from the motion.
+        torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty if unknown.
         slowing: Torque per velocity [N m s/rad or N s/m] by which ``tau`` falls with speed, where it was computed with
-            differences of positions (back-EMF, damping of a controller), ``(nv,)``: whoever filters the positions
-            computes it anew. None: nowhere.
-        loops: What regression says of each drive's own loop, None where nothing; empty where nobody looked.
+            differences of positions (back-EMF, damping of a controller), ``(nv,)``: it is computed again when the
+            positions are filtered. None without such joints.
+        loops: Estimated control loop of each drive, None where there is none; empty if not estimated.
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
         follows: Torque per unit of the reference [N m/rad or N/m] where ``tau`` was computed from references, zero
-            elsewhere, ``(nv,)``; None: nowhere.
-        follows_up_to: Where that part of the torque is clipped, ``(nv,)``; None with it.
-        friction_taken: Joints from whose torque a controller had taken friction: the model's is put back once the
-            velocities are known.
-        wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
-        anyway: True if it is to be judged although something is wrong with it.
-        named: By the contract's name, the column of the file that a map of the user's took; empty without one.
-        base: What the sensors on a base read that is not bolted down; None for one that is.
+            elsewhere, ``(nv,)``; None without such joints.
+        follows_up_to: Limit of that part of the torque, ``(nv,)``; None with it.
+        friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
+            again once the velocities are known.
+        wrong: Certain faults; such a recording is refused, see `identification.data.refusal`.
+        anyway: True if it is to be used in spite of certain faults.
+        named: For each name of the contract the column of the file, by the user's map; empty without one.
+        base: Readings of the sensors on a floating base; None for a fixed one.
     """
 
     file: str

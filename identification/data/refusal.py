@@ -17,10 +17,10 @@ def require_right(recordings: Iterable[Recording]) -> None:
     """Refuse the first recording that is certainly wrong, unless it is to be judged anyway.
 
     Args:
-        recordings: All that are to be judged.
+        recordings: All recordings of a diagnosis.
 
     Raises:
-        LogError: One sentence: what is wrong, what shows it, and what to do.
+        LogError: For a certain fault, in one sentence with evidence and advice.
     """
     for recording in recordings:
         if recording.wrong and not recording.anyway:

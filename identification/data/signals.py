@@ -1,10 +1,10 @@
 """From raw samples to a `Log`: uniform time, aligned torque, derivatives, and a band chosen from the data.
 
-The chain: resample to a uniform rate if the recording is not; take the known half sample of a held torque out; low-pass
-the positions far above the band (so that the filter leaves no trace inside it) and differentiate; filter torque and
-regressor columns with one linear-phase kernel at the edge of the band and decimate. Filtering only the torque, or
-filtering accelerations twice, biases friction by one to several per cent. The edge of the band is where power spectra
-of motion and torque end in noise.
+The chain: resample to a uniform rate if the recording has none; correct the known delay of half a sample of a held
+torque; low-pass the positions far above the band (so that the filter has no effect inside it) and differentiate; filter
+torque and regressor columns with the same linear-phase kernel at the edge of the band and decimate. Filtering only the
+torque, or filtering accelerations twice, biases friction by one to several per cent. The edge of the band is where the
+power spectra of motion and torque end in noise.
 """
 
 from __future__ import annotations
@@ -36,22 +36,21 @@ from phantom_dyn.signals.splines import quintic_derivatives
 # Positions, torques and rate of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
-# The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
+# Ratio of the cut-off of the positions' low pass to the edge of the band: attenuation at the edge is 0.1 %.
 _MOTION_BAND = 2.5
 # The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
 # recorders that log a held torque, its mean over a sample, or its value in between.
 _HIGHEST = 0.06
 _WIDEST_HZ = 50.0
-# Samples in the band per period of its edge: the least that loses nothing to aliasing.
+# Samples in the band per period of its edge: the smallest number without aliasing.
 _SAMPLES_PER_PERIOD = 2.5
-# Samples in the band below which nothing can be fitted.
+# Smallest number of samples in the band that can be fitted.
 _FEWEST = 20
-# Samples in the band that a slow motion is given at least, although part of what moves there is not its drive. A joint
-# moves in a third of them, and what a catalogue of fifty laws foresees has to be separated from chance on these.
+# Number of samples in the band that a slow motion gets at least, even if it is not driven at its highest frequencies. A
+# joint moves in about a third of them, which have to separate the gains of fifty laws from chance.
 _ENOUGH = 300
-# Median steps beyond which a stretch without a sample is a gap. Where steps differ, a quarter of them may be several
-# times as long: then it is as many of these, up to as many periods of the band's edge as five steps are in the widest
-# band.
+# Length of a gap, in median steps between samples. Where a quarter of the steps is several times as long, it is counted
+# in these instead, up to as many periods of the band's edge as five steps have in the widest band.
 _GAP_STEPS = 5
 _GAP_PERIODS = _GAP_STEPS * _HIGHEST
 _LONG_STEPS = 0.75
@@ -87,12 +86,12 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple[float, float, float]:
     """Autocovariance at no, one and two steps of readings with noise of unit variance, once lines are drawn between.
 
-    Neighbours on the grid share readings, so that noise which was white has less at high frequencies. The sum over all
-    steps is that at frequency zero.
+    Neighbours on the grid depend on the same readings, so that white noise loses power at high frequencies. The sum
+    over all lags is the power density at frequency zero.
 
     Args:
         t: Times of the readings [s].
-        grid: Times that the lines are read at [s].
+        grid: Times of the interpolated values [s].
     """
     if grid is t:
         return 1.0, 0.0, 0.0
@@ -119,8 +118,8 @@ def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[
 def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
 
-    The motion sees the held torque half a sample late and weakened by ``sinc(f T)``. The mean of two neighbours is as
-    late but too weak at high frequencies; the weights -1, 13, 13, -1 over 24 agree to fourth order in ``f T``.
+    A held torque acts on the motion half a sample late and attenuated by ``sinc(f T)``. The mean of two neighbours has
+    the same delay but is attenuated too much; the weights -1, 13, 13, -1 over 24 agree to fourth order in ``f T``.
     """
     before = np.vstack([tau[:1], tau[:-1]])
     earlier = np.vstack([tau[:1], before[:-1]])
@@ -162,7 +161,7 @@ def smoothed_where(
 ) -> Float[Array, "n ..."]:
     """``x`` without what lies above ``cutoff_hz``, each stretch of valid samples by itself; zero between them.
 
-    What stands where nothing was recorded is made up, and would be carried to the samples beside it.
+    Interpolated values in gaps must not spread to valid samples.
     """
     if valid.all():
         return smoothed(x, rate_hz, cutoff_hz)
@@ -199,8 +198,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
 
     Args:
         recording: Raw samples.
-        robot: Says how the torque was held.
-        cutoff_hz: Edge of the band [Hz], or None.
+        robot: The robot, which states how the torque was held.
+        cutoff_hz: Edge of the band [Hz]; None to choose it from the data.
 
     Raises:
         LogError: If the recording is too short for its band.
@@ -212,7 +211,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     if wanted is not None and held_references:
         held = align_held_torque(wanted)
         sent = _references(recording, robot, t, wanted, q, _on_grid(recording.t, differences(recording), t))
-        # The torque was computed with references that act at once.
+        # The torque was computed with references that act without delay.
         tau = tau if sent is None else tau + sent.with_references(held)
         wanted = held
     if robot.torque_hold == "zoh":
@@ -239,7 +238,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     references = None if wanted is None else _references(recording, robot, t, wanted, q, v)
     external = external_torque(robot, smooth, forces) if forces else None
-    # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
+    # From the recorded rows, as readings interpolated to even times have no common step any more.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
     motion = Motion(t, smooth, v, a, base=base)
@@ -290,19 +289,19 @@ def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
     """Logs of several recordings in one band that is wide enough for whitening, and the edge of the judged band [Hz].
 
-    The judged band is that of `choose_cutoff`; the logs reach up to four times as high (at most 50 Hz, 6 % of the
-    rate, and what the recorder has left of the torque), as sharp effects have content there that a fit can use if it
-    weighs each frequency by its noise.
+    The judged band is that of `choose_cutoff`; the logs have up to four times that band (at most 50 Hz, 6 % of the
+    rate, and the band of the recorder's own filter), as sharp effects have content there that a fit can use if it
+    weights each frequency by its noise.
     """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
     signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
-    # What controllers ask for no recorder has smoothed, and a servo of position asks for little that is fast.
+    # A computed torque was not smoothed by a recorder, and a position servo commands little at high frequencies.
     asked = all(recording.controlled for recording in recordings)
     smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    # Feet on the ground push as drives do.
+    # Contact forces on feet excite motion as drives do.
     driven = np.inf if asked or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     if (swings := band_of_swings(recordings, robot, judged)) is not None:
@@ -319,8 +318,8 @@ def _least_edge(recordings: tuple[Recording, ...]) -> float:
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
     """Edge [Hz] above which the drives move nothing: the median over joints of `driven_edge` on the longest recording.
 
-    What moves there is disturbance or encoder noise, which torque and acceleration share with opposite signs: a fit
-    would take it for a lack of inertia, or for a delay.
+    Motion above it comes from disturbances or encoder noise, which appear in torque and acceleration with opposite
+    signs: a fit would take them for a negative inertia, or for a delay.
     """
     q, tau, rate = max(signals, key=lambda signal: len(signal[0]))
     smooth, v, a = differentiate(q, rate, min(_MOTION_BAND * cutoff_hz, 0.4 * rate))
@@ -333,9 +332,9 @@ def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> floa
 def choose_cutoff(signals: list[Signals]) -> float:
     """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
 
-    The first is the median, over moving joints, of the frequency up to which the acceleration stands 10 dB above its
-    noise floor. The second is the frequency above which the torque carries less than 1 % of its amplitude: there the
-    recorder has smoothed it, while a step of friction in the model still has content.
+    The first is the median, over moving joints, of the frequency up to which the acceleration is 10 dB above its noise
+    floor. The second is the frequency above which the torque has less than 1 % of its amplitude: there the recorder has
+    smoothed it, while a step of friction in the model still has content.
     """
     torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     return _within_rate(min(_moving_edge(signals), torque), signals)

@@ -15,16 +15,16 @@ from phantom_dyn.motion import read_only
 LONGEST = 600.0
 """Seconds up to which a recording is used from end to end."""
 _STRETCH, _COUNT = 20.0, 15  # seconds of each stretch of a longer one, and how many there are
-# Samples that a stretch has at least. The band ends at 6 % of the rate at most, so that its filter takes two periods of
-# that, 33 samples, from either end, and the least that a fit needs fills another 133: a stretch has twice that.
+# Smallest number of samples of a stretch. The band ends at 6 % of the rate at most, so its filter needs two periods
+# of that, 33 samples, at either end, and the smallest fit another 133: a stretch has twice that.
 _SAMPLES = 400
 
 
 def stretches(recording: Recording) -> tuple[Recording, ...]:
     """The recording, or if it is long, stretches of it from its beginning to its end, mostly five minutes together.
 
-    The recording is cut into as many equal parts as there are stretches; of each part the stretch is taken in which the
-    joints move most. What a joint does counts relative to what it does in all, so that one that seldom moves is seen.
+    The recording is cut into as many equal parts as there are stretches; from each part the stretch with most motion is
+    taken. The motion of a joint is measured relative to all of its motion, so that a joint that seldom moves counts.
 
     Args:
         recording: Raw samples. Its warnings stay with the first stretch.

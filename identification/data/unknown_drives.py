@@ -1,6 +1,6 @@
 """Joints that something moves with a torque that nobody knows: the model's own torque stands in for it.
 
-Their motion drives the other joints. Their own row has no residual then, and no sample of it is judged.
+Their recorded motion acts on the other joints. Their own row gets no residual, and none of its samples is used.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def with_model_torque(robot: Robot, log: Log) -> Log:
 def without_unknown_torques(recording: Recording, robot: Robot) -> Recording:
     """The recording with the model's torque on joints whose drive is unknown, for checks of the others."""
     unknown = unknown_drives(robot)
-    # Of a base that floats nothing is compared with the model before the contacts are known.
+    # A robot with a floating base is compared with the model only once its contacts are known.
     if recording.tau is None or not unknown.any() or robot.floating:
         return recording
     smooth = smoothed(recording)

@@ -1,1 +1,1 @@
-"""What is wrong with a recording: one sentence each, with joint and place."""
+"""Checks for errors in a recording: one sentence each, with joint and place."""

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Checks of the torque against the model: signs, order of the joints, degrees.
 
-Each check compares how well two readings of the data fit the model by linear regression with friction left free: the
-data as they stand, and the data with a sign, a pair of joints or a unit changed.
+Each check compares how well two versions of the data fit the model by linear regression with free friction: the data as
+recorded, and the data with a sign, a pair of joints or a unit changed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from phantom_dyn.motion import Motion
 
 _ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
 _DEGREE = np.pi / 180  # [rad]
-_FAR = 4 * np.pi  # [rad]: two turns are what a joint without limits may well travel
+_FAR = 4 * np.pi  # [rad]: a joint without limits may well travel two turns
 _MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A few hundred samples of smooth motion and torque, and the sign of the velocity smoothed alike."""
+    """A few hundred samples of smooth motion and torque, and the sign of the velocity smoothed in the same way."""
 
     motion: Motion
     tau: Float[Array, "N nv"]
@@ -40,9 +40,9 @@ class TorqueRegression:
 
     Attributes:
         slope: Measured torque per modelled torque, in each half of the record.
-        friction: Correlation of the fitted friction with the torque that model and offset leave; positive where
-            friction opposes the motion.
-        unexplained: Share of the measured torque's variance that is left, with a slope that cannot be negative.
+        friction: Correlation of the fitted friction with the residual of model and offset; positive where friction
+            opposes the motion.
+        unexplained: Share of the measured torque's variance in the residual, with a slope that cannot be negative.
         model_share: Share of that variance that the model torque explains beyond friction, with any slope.
     """
 
@@ -107,20 +107,20 @@ def regress_joints(data: Sample, model: Float[Array, "N nv"]) -> tuple[TorqueReg
 
 
 def unexplained_shares(data: Sample, model: Float[Array, "N nv"]) -> Float[Array, " nv"]:
-    """Share of the variance of each joint's torque that model and friction leave; NaN where it does not vary."""
+    """Share of the variance of each joint's torque that model and friction do not explain; NaN without variance."""
     return np.array([np.nan if one is None else one.unexplained for one in regress_joints(data, model)])
 
 
 def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Torques whose sign is opposite to what the model or friction needs."""
+    """Sentences on torques with the opposite sign of the modelled torque or of friction."""
     out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
         if found is None:
             continue
-        # Friction that clearly opposes motion vouches for the sign, unless the model explains most of the torque.
+        # Friction that clearly opposes motion confirms the sign, unless the model explains most of the torque.
         vouched = found.friction > 0.3 and found.model_share < 0.5
         against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not vouched
-        # Of a joint that moves one way, friction and offset are one column, and the sign of either is chance.
+        # If a joint moves one way only, friction and offset are the same column, and their signs are arbitrary.
         against_friction = both_ways[j] and found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:
             what = "the model needs" if against_model else "friction needs"
@@ -132,7 +132,7 @@ def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"
 
 
 def check_unsigned(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Torques that are never negative although the model needs both signs."""
+    """Sentences on torques that are never negative although the model needs both signs."""
     if recording.tau is None:
         return ()
     out = []
@@ -163,19 +163,19 @@ def _permuted(data: Sample, i: int, j: int, motion: bool, torque: bool) -> Sampl
 
 
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
-    """Whether a reading fits each of ``joints`` far better, and no other joint much worse.
+    """Whether changed data fit each of ``joints`` far better, and no other joint much worse.
 
     Args:
-        before: Unexplained share of every joint as the data stand.
-        after: The same for the other reading.
-        joints: Those that the reading changes.
+        before: Unexplained share of every joint with the data as recorded.
+        after: The same for the changed data.
+        joints: Joints whose data are changed.
     """
     if np.isnan(before[joints]).any() or np.isnan(after[joints]).any():
         return False
     others = np.setdiff1d(np.arange(len(before)), joints)
     worse = float(np.nansum(after[others] - before[others]))
     gained = float(np.sum(before[joints] - after[joints]))
-    # Joints that move each other's load fit exchanged data fairly well: then the ratio decides, else the amount.
+    # Joints with coupled loads fit exchanged data fairly well: then the ratio decides, else the difference.
     ratio = float(np.max(after[joints] / before[joints]))
     return (ratio < 0.1 and gained > 0.02 and gained > 2 * worse) or (ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0))
 
@@ -183,7 +183,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
 def check_swapped(
     recording: Recording, robot: Robot, data: Sample, model: Float[Array, "N nv"]
 ) -> tuple[tuple[str, ...], bool]:
-    """Pairs of joints that fit far better when exchanged, and whether there are any."""
+    """Sentences on pairs of joints that fit far better when exchanged, and whether there are any."""
     before = unexplained_shares(data, model)
     out = []
     if not 2 <= robot.nv <= _MOST_JOINTS:
@@ -217,7 +217,7 @@ def _in_degrees(data: Sample, revolute: Array) -> Sample:
 def check_degrees(
     recording: Recording, robot: Robot | None, data: Sample | None, model: Float[Array, "N nv"] | None
 ) -> tuple[str, ...]:
-    """Positions that look like degrees: far outside the limits, or in degrees the torque fits far better."""
+    """Sentences on positions that look like degrees: far outside the limits, or with a far better fit in degrees."""
     q = recording.q
     revolute = ~robot.prismatic if robot is not None else np.ones(q.shape[1], dtype=bool)
     unlimited = np.full(q.shape[1], np.inf)

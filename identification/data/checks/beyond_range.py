@@ -11,18 +11,18 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot, position_limits
 
 _TURN = 2 * np.pi  # [rad]
-# Share of a recording that lies so far outside: less is a spike or a turn that was miscounted for a while.
+# Smallest share of a recording that lies so far outside: a smaller one is a spike or a turn miscounted for a while.
 _MOST = 0.05
 
 
 def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
-    """What is wrong with positions more than a turn outside a joint's range; no torque is needed to know it.
+    """Faults of positions more than a turn outside a joint's range; this needs no torque.
 
-    Where whole turns less are inside, the encoder counts turns, and nothing is wrong with the motion.
+    Positions that are inside after whole turns are subtracted are no fault: the encoder counts turns.
 
     Args:
         recording: Raw samples.
-        robot: Gives the ranges.
+        robot: The robot with the ranges of its joints.
     """
     lower, upper = position_limits(robot)
     q = recording.q[included(recording)]
@@ -51,7 +51,7 @@ def beyond_range(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
 
 
 def _outside(q: Float[Array, " N"], lower: float, upper: float) -> bool:
-    """True if a good part of the positions is more than a turn outside, and whole turns do not bring them inside."""
+    """True if many positions are more than a turn outside, and subtracting whole turns does not bring them inside."""
     far = (q > upper + _TURN) | (q < lower - _TURN)
     if far.mean() < _MOST:
         return False

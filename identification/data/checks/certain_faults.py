@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""What is certainly wrong with a recording or with the model beside it, so that a diagnosis would mean nothing.
+"""Certain faults of a recording or of the model, with which a diagnosis would be meaningless.
 
-A fault is certain where the data as they stand are explained by no plausible robot, and another reading of them is, in
-both halves of the record: see `identification.data.checks.plausible_fit`.
+A fault is certain if no plausible robot explains the data as recorded, but one explains another reading of them (with
+another unit, sign or order), in both halves of the recording: see `identification.data.checks.plausible_fit`.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, s
 from phantom_dyn.errors import ChainError, listed
 from phantom_dyn.model.robot import Robot
 
-# Share of a torque's variance below which a fit is as good as any: real laws of friction leave as much.
+# Unexplained share of a torque's variance below which a fit is good: real laws of friction differ by as much.
 _ENOUGH = 0.005
-# A reading is far better where it leaves a quarter of the share, half of the amplitude (the geometric mean over both
-# halves of the record), and where neither half sees less than half of that.
+# A reading is far better if the unexplained share falls to a quarter, half of the amplitude (geometric mean over both
+# halves of the recording), and to at most a half in either half.
 _FAR_BETTER, _EITHER_HALF = float(np.log(4.0)), float(np.log(2.0))
-# No joint may fit worse by this.
+# Largest increase of the unexplained share of any joint.
 _WORSE = float(np.log(1.5))
-# Share that the right reading may leave at most.
+# Largest unexplained share with the right reading.
 _RIGHT = 0.15
-# Sums of gains that differ by less are those of twins.
+# Difference of the summed gains of two readings below which they fit equally well.
 _TWINS = 0.5
-# Joints of a robot that is looked at: the readings of more would take longer than a diagnosis.
+# Largest number of joints: for more the readings would take longer than a diagnosis.
 _MOST_JOINTS = 12
 # Share of the needed torque below which a joint is not driven, or is driven by something else.
 _IDLE = 0.1
-# Readings are put right one after the other, up to this many.
+# Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Two mistakes at once are looked for where no robot explains this share, and leave no more than that together.
+# Unexplained share from which on two mistakes at once are looked for, and the largest one that both together may leave.
 _FOR_TWO, _BOTH_RIGHT = 0.2, 0.1
-# Signs that are tried first, and pairs that are looked at closely.
+# Number of signs that are tried first for pairs of mistakes, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
-# Signs and orders that a plain fit finds best are looked at closely, this many.
+# Number of the best signs and orders by a quick fit that are fitted in full.
 _TRIED = 6
 
 
@@ -69,12 +69,12 @@ def massless_model(robot: Robot) -> tuple[Fault, ...]:
 
 @dataclass(frozen=True)
 class Compared:
-    """A reading beside the data as they stand.
+    """Fit of a reading, compared with that of the data as recorded.
 
     Attributes:
-        suspect: What it changes.
-        gains: Logarithm of what is left as the data stand over what the reading leaves, ``(2, nv)``.
-        left: Share that the reading leaves, ``(2, nv)``.
+        suspect: The change that makes the reading.
+        gains: Logarithm of the ratio of unexplained shares, as recorded over as read, ``(2, nv)``.
+        left: Unexplained share of the reading, ``(2, nv)``.
     """
 
     suspect: Suspect
@@ -93,7 +93,7 @@ class Compared:
 
 
 def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
-    """Gain of each joint: the mean of both halves where both see it, else that of the worse; NaN where neither can."""
+    """Gain of each joint: the mean of both halves if both are large, else the smaller one; NaN without either."""
     said = ~np.isnan(gains).all(axis=0)
     out = np.full(gains.shape[1], np.nan)
     worse = np.nanmin(gains[:, said], axis=0)
@@ -102,21 +102,21 @@ def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
 
 
 def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspect: Suspect) -> Compared:
-    """How much better a suspect's reading fits than the data as they stand."""
+    """Comparison of a suspect's reading with the data as recorded."""
     read = suspect.read(reading)
     try:
         left = unexplained(robot, read)
     except ChainError:
-        # So read, the loops of a closed chain would not close: it is no reading.
+        # With this reading the loops of a closed chain do not close, so that it is excluded.
         left = np.full_like(before, np.inf)
     if suspect.kind == "gravity":
-        # What was put back and is the model's own is no merit: shares are of what was measured.
+        # Torque of the model that a reading adds must not lower the share, which is that of the measured torque.
         left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
     return Compared(suspect, np.log((before + _ENOUGH) / (left + _ENOUGH)), left)
 
 
 def is_certain(found: Compared) -> bool:
-    """Whether a reading is far better where it should be, and nowhere worse."""
+    """Whether a reading fits far better on the joints that it changes, and no joint worse."""
     gains = found.of_joints
     own = gains[list(found.suspect.joints)]
     if np.nanmin(gains, initial=0.0) < -_WORSE:
@@ -128,7 +128,7 @@ def is_certain(found: Compared) -> bool:
     mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
     if found.suspect.kind == "order":
         return bool(mended.any() and np.all(own >= _WORSE))
-    # Travels that nobody would ask about unless they were absurd need one witness.
+    # Readings that are tried only where the travel is absurd, or that only lead to an offer, need one joint.
     if found.suspect.says == "offer" or found.suspect.kind == "length":
         return bool(mended.any())
     if found.suspect.kind == "torque":
@@ -136,14 +136,14 @@ def is_certain(found: Compared) -> bool:
     if found.suspect.kind == "pair":
         return _pair_is_certain(found)
     if found.suspect.kind == "sign" and found.suspect.moves:
-        # A joint may need the same torque either way, where its position matters to the joints before it alone.
+        # A joint may need the same torque with both readings, if its position matters only to the joints before it.
         every = (gains >= _FAR_BETTER) & (worst <= _RIGHT)
         return bool(every.any() and np.all(np.nan_to_num(own) >= -_WORSE))
     return int(mended.sum()) >= min(2, len(own))
 
 
 def _pair_is_certain(found: Compared) -> bool:
-    """Whether two mistakes at once explain nearly all of what no robot explains without them."""
+    """Whether two mistakes at once explain nearly all of the torque that is unexplained without them."""
     left = found.left[~np.isnan(found.left)]
     better = np.nan_to_num(found.of_joints) >= _FAR_BETTER
     wanted = min(2, int((~np.isnan(found.of_joints)).sum()))
@@ -153,7 +153,7 @@ def _pair_is_certain(found: Compared) -> bool:
 def certain_faults(
     recording: Recording, robot: Robot, reading: Reading | None
 ) -> tuple[tuple[Fault, ...], tuple[str, ...]]:
-    """All that is certainly wrong with a recording or with the model beside it, and what the user may have to say.
+    """Certain faults of a recording or of the model, and sentences on statements that the user may have to add.
 
     Args:
         recording: Raw samples.
@@ -173,7 +173,7 @@ def certain_faults(
 
 
 def _offer(recording: Recording, found: Compared) -> str:
-    """The sentence on what was left out of a recording that is right, or on a unit of each joint's own."""
+    """The sentence on a torque without gravity, or on torques in a different unit for each joint."""
     if found.suspect.kind == "torque":
         return (
             f"{recording.file}: {found.suspect.what}: {_mend(recording, found.suspect)}. By the data sheet, state "
@@ -187,10 +187,10 @@ def _offer(recording: Recording, found: Compared) -> str:
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
-    """A sentence on torques that are all as many times what the model needs: a load, or a motor current.
+    """A sentence on torques that all exceed the modelled ones by the same factor: a load, or a motor current.
 
     Args:
-        recording: Says what its torques were computed from; of those nothing is said.
+        recording: The recording; torques that were computed from another quantity are left out.
         robot: The given model.
         reading: Some of its samples, smoothed.
     """
@@ -207,7 +207,7 @@ def load_or_current_words(recording: Recording, robot: Robot, reading: Reading |
 
 
 def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
-    """The sentence on a reading that is better than the data as they stand."""
+    """The fault that a better reading of the data shows."""
     if found.suspect.expected:
         step, speed = float(np.median(np.diff(recording.t))), other.highest_speed(robot, reading)
         why = (
@@ -227,10 +227,10 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared
 
 
 def _mend(recording: Recording, suspect: Suspect) -> str:
-    """What to do, with the entries of a column map; a torque that was computed from a current has none of its own."""
+    """Advice with entries of a column map; a torque that was computed from a current has no entry of its own."""
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
     if suspect.kind == "gravity":
-        # It is put back into the torque, whatever that was computed from.
+        # Gravity is added to the torque, whatever that was computed from.
         taken = {}
     computed = [column for column in suspect.entries if taken.get(column, column) != column]
     if computed or ("tau" in suspect.entries and set(taken.values()) - set(taken)):
@@ -243,11 +243,11 @@ def _mend(recording: Recording, suspect: Suspect) -> str:
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compared]:
-    """Readings that are certainly better than the data as they stand, one after the other, each beside the last.
+    """Readings that are certainly better than the data as recorded, each one compared with the one before it.
 
     Args:
         robot: The given model.
-        reading: The data as they stand.
+        reading: The data as recorded.
         step: Median time between two samples [s].
     """
     out: list[Compared] = []
@@ -262,7 +262,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         if not certain:
             return [*out, *_two_at_once(robot, reading, before, tried)]
         highest = max(one.score for one in certain)
-        # Of twins the one that is listed first: a torque is turned round more often than a position.
+        # Of readings that fit equally well the first one: a wrong sign of a torque is more frequent than of a position.
         best = next(one for one in certain if one.score > highest - _TWINS)
         if best.suspect.says == "rival":
             return out
@@ -282,9 +282,9 @@ def _two_at_once(
 
     Args:
         robot: The given model.
-        reading: The data as they stand.
-        before: What no plausible robot explains of them.
-        alone: Single readings that were looked at closely.
+        reading: The data as recorded.
+        before: Their share that no plausible robot explains.
+        alone: Single readings that were fitted in full.
     """
     worst = np.nanmin(before, axis=0, initial=np.inf, where=~np.isnan(before))
     if not (worst[np.isfinite(worst)] >= _FOR_TWO).any():
@@ -299,7 +299,7 @@ def _two_at_once(
             read = first.read(reading)
             ratio = common_ratio(robot, read)
             seconds = [*other.torque_suspects(robot, ratio), *other.all_signs(robot), *signs]
-            # Degrees are twice the mistake nowhere, and two signs of one joint are a third sign.
+            # Degrees are never a part of two mistakes, and two signs of one joint make a third single one.
             seconds = [one for one in seconds if not (one.kind == "sign" and one.joints == first.joints)]
             for second in seconds:
                 gain = _plain_gain(robot, plain, second.read(read))
@@ -316,20 +316,20 @@ def _two_at_once(
 
 
 def _plain_gain(robot: Robot, plain: Float[Array, " nv"], read: Reading) -> float:
-    """Sum over all joints of what a reading gains in a plain fit."""
+    """Sum over all joints of the gain of a reading in a quick fit."""
     return float(np.nansum(np.log((plain + _ENOUGH) / (plain_left(robot, read) + _ENOUGH))))
 
 
 def _most_promising(
     robot: Robot, reading: Reading, plain: Float[Array, " nv"], suspects: Sequence[Suspect], count: int
 ) -> list[Suspect]:
-    """Those of some readings that gain most in a plain fit of all joints."""
+    """The readings with the largest gain in a quick fit of all joints."""
     gains = [_plain_gain(robot, plain, suspect.read(reading)) for suspect in suspects]
     return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
 
 
 def _without_second_choice(certain: list[Compared]) -> list[Compared]:
-    """Without a unit of each joint's own, which fits as well as any unit, where something else is certain."""
+    """Readings without separate units for each joint, which fit as well as any unit, if another reading is certain."""
     firm = [one for one in certain if not (one.suspect.kind == "torque" and one.suspect.says == "offer")]
     return firm or certain
 
@@ -362,7 +362,7 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
 
 
 def _nearer(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """Other units in which the torques are as a whole nearer in size to what the model needs."""
+    """Other units in which the torques as a whole are closer in size to the modelled ones."""
     needed = (inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)).std(axis=0)
 
     def away(tau: Float[Array, "N nv"]) -> float:
@@ -375,7 +375,7 @@ def _nearer(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list
 
 
 def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
-    """True for joints whose torque has a size and signs that the motion can need; False for idle or unsigned ones."""
+    """True for joints whose torque has a plausible size and both signs; False for idle or unsigned ones."""
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     turns = np.ptp(np.sign(needed), axis=0) == 2
     unsigned = turns & ((reading.tau.min(axis=0) >= 0) | (reading.tau.max(axis=0) <= 0))
@@ -383,7 +383,7 @@ def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
 
 
 def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """Those of many suspects that a plain fit, quicker by far, finds better than the data as they stand."""
+    """Suspects that a quick fit finds better than the data as recorded."""
     before = plain_left(robot, reading)
     gains = np.full(len(suspects), -np.inf)
     for k, suspect in enumerate(suspects):

@@ -44,7 +44,7 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Checked:
-    """What was found: sentences on what may be wrong, and what certainly is."""
+    """Result of the checks: sentences on possible errors, and certain faults."""
 
     warnings: tuple[str, ...]
     wrong: tuple[Fault, ...] = ()
@@ -56,19 +56,19 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
 
 
 def checked(recording: Recording, robot: Robot | None) -> Checked:
-    """What may be wrong with a recording, and what certainly is.
+    """Possible errors and certain faults of a recording.
 
     Args:
         recording: Raw samples.
-        robot: Without it only what needs no model is checked, and nothing is certain.
+        robot: The given model; without it only checks without a model are made, and no fault is certain.
 
     Returns:
-        Warnings of one sentence each; a good recording gives none. Of a long one, what takes a comparison of columns
-        is looked for in the five minutes with most motion.
+        Warnings of one sentence each; a good recording gives none. In a long one, checks that compare columns use the
+        five minutes with most motion.
     """
     certain = slow_clock(recording) or ran_away(recording)
     if certain is not None:
-        # Whatever else is found is its echo.
+        # All other findings would be consequences of it.
         return Checked((), (certain,))
     prismatic = None if robot is None else robot.prismatic
     noise = position_noise(recording)
@@ -94,7 +94,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if robot.floating:
-        # Feet on the ground need torques that the model knows nothing of.
+        # Forces on feet cause torques that are not in the model.
         said, wrong = check_base(recording, robot)
         return Checked((*out, *check_degrees(recording, robot, None, None), *said), wrong)
     if smooth is None or recording.tau is None:
@@ -108,7 +108,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     wrong, offers = certain_faults(recording, robot, reading)
     wrong = wrong or beyond_range(recording, robot)
     if wrong or offers:
-        # What else a comparison with the model finds is mostly the echo of these.
+        # Other findings from a comparison with the model would mostly be consequences of these.
         return Checked((*out, *offers), wrong)
     out += load_or_current_words(recording, robot, reading)
     out += check_controllers(recording, robot)
@@ -127,14 +127,14 @@ def _external_torque(recording: Recording, robot: Robot) -> Array | None:
 def _check_against_model(
     recording: Recording, robot: Robot, smooth: Smooth, felt: Recording, filtered: tuple[str, ...]
 ) -> list[str]:
-    """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it.
+    """Checks of the torque against the model, up to the first that finds an error, which would disturb the next ones.
 
     Args:
         recording: Raw samples.
         robot: The given model.
-        smooth: The smoothed copy, its torque with that of measured forces.
-        felt: Raw samples, their torque with that of measured forces.
-        filtered: Joints whose torque was filtered otherwise than their position.
+        smooth: The smoothed copy, with the torque of measured forces added to its torque.
+        felt: Raw samples, with the torque of measured forces added to their torque.
+        filtered: Joints whose torque was filtered differently from their position.
     """
     data = spread_samples(smooth)
     if data is None:

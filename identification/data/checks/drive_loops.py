@@ -1,4 +1,4 @@
-"""What the log says of each drive's own loop, and whether a stated controller gives the torque that is logged."""
+"""Sentences on the control loop of each drive that a log shows, and checks of stated controllers against the torque."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from phantom_dyn.model.robot import Actuator, Controller, Robot
 
 _COLUMN = {"u": "voltage", "i": "current", "tau": "torque"}
 _UNIT = {"u": "V", "i": "A", "tau": "N m"}
-# A stated controller is doubted beyond this factor of its torque, or where it explains less than this share.
+# A stated controller is reported if its torque is wrong by more than this factor, or explains less than this share.
 _FACTOR, _EXPLAINED = 1.25, 0.5
-# Delays [s] at which it is compared, as a late reference is no other controller.
+# Delays [s] at which it is compared, as a late reference does not make the controller wrong.
 _DELAYS = np.arange(0.0, 0.1, 0.01)
 _FEWEST = 100
 
 
 def loop_sentences(recording: Recording) -> tuple[str, ...]:
-    """A sentence on each drive whose loop its log shows.
+    """A sentence on each drive whose control loop the log shows.
 
     Args:
-        recording: With loops that were read.
+        recording: A recording with estimated loops.
     """
     pairs = zip(recording.joint_names, recording.loops, strict=False)
     frame = float(np.median(np.diff(recording.t))) if recording.references_held else 0.0
@@ -31,11 +31,11 @@ def loop_sentences(recording: Recording) -> tuple[str, ...]:
 
 
 def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
-    """What a loop is, with references that are held for a frame [s]."""
+    """Description of a loop whose references are held for a frame [s]."""
     unit = _UNIT[loop.output]
     parts = [f"gain {loop.gain:.4g} ± {loop.gain_std:.2g} {unit} per rad or m of error"]
     if not loop.computed:
-        # Which reference a reading is of does not say when it came: within the frame before.
+        # The reference that belongs to a reading arrived at an unknown time within the frame before it.
         first = f"{1e3 * max(loop.delay - frame, 0.0):.3g} to " if frame else ""
         parts.append(f"its reference {first}{1e3 * loop.delay:.3g} ± {1e3 * loop.delay_std:.2g} ms late")
     if loop.limit is not None:
@@ -58,7 +58,7 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
 
 
 def check_computed(recording: Recording) -> tuple[str, ...]:
-    """Voltages that somebody has computed from reference and position: they hold no delay of the drive."""
+    """A warning on voltages that were computed from reference and position: they do not show the drive's delay."""
     if recording.follows is None or recording.controlled:
         return ()
     joints = [joint for joint, gain in zip(recording.joint_names, recording.follows, strict=True) if gain]
@@ -70,11 +70,11 @@ def check_computed(recording: Recording) -> tuple[str, ...]:
 
 
 def check_controllers(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """A sentence on each joint whose stated controller does not give the torque that was logged.
+    """A sentence on each joint whose stated controller does not give the logged torque.
 
     Args:
         recording: Raw samples.
-        robot: States the controllers.
+        robot: The robot with the stated controllers.
     """
     if recording.q_ref is None or recording.tau is None or recording.controlled or len(recording.t) < _FEWEST:
         return ()
@@ -99,7 +99,7 @@ def check_controllers(recording: Recording, robot: Robot) -> tuple[str, ...]:
 def _compared(
     recording: Recording, j: int, actuator: Actuator, controller: Controller, v: Array
 ) -> tuple[float, float]:
-    """Factor between logged torque and what a controller asks for, and the share of the torque that this explains."""
+    """Factor between logged and commanded torque, and the share of the logged torque that this explains."""
     assert recording.q_ref is not None
     assert recording.tau is not None
     t, q = recording.t, recording.q[:, j]

@@ -1,8 +1,8 @@
-"""Positions and torques in each other's columns, found by how well a plausible robot explains either order.
+"""Exchanged columns of positions and torques, found by how well a plausible robot explains either order.
 
 As with the other readings of `identification.data.checks.certain_faults`, no plausible robot may explain the data as
-they stand, and one has to explain them the other way round. The bars are higher: this reading has motion of its own, so
-that a torque which happens to look like the weight of something must not pass for a position.
+recorded, and one has to explain them after the exchange. The thresholds are stricter: this reading has another motion,
+and a torque must not be taken for a position because it happens to fit as one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from identification.data.recording import Fault, Recording
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Share of the torque that every joint leaves as the data stand, and that no joint leaves the other way round: of
-# recordings that were exchanged in tests 0.8 and more against 0.01 and less.
+# Unexplained share of the torque that every joint has to exceed as recorded, and no joint after the exchange. Exchanged
+# recordings in tests have 0.8 and more against 0.01 and less.
 _AS_IT_STANDS, _EXCHANGED = 0.5, 0.05
 
 
@@ -32,7 +32,7 @@ def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> F
         robot: The given model.
         reading: Some of its samples, smoothed.
     """
-    # Torques that were computed from a current, and forces, are not taken for positions.
+    # Torques that were computed from a current, and recordings with forces, are not tested.
     if recording.tau is None or recording.forces or set(recording.torque_from.values()) - {"tau"}:
         return None
     before = unexplained(robot, reading)

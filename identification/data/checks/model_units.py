@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Whether the numbers of a robot file can be metres and kilograms: exporters of drawings write millimetres and grams.
+"""Check whether numbers of a robot file can be metres and kilograms: some CAD exporters write millimetres and grams.
 
-Nothing of the recording is needed. Lengths in mm make a robot of hundreds of metres that is thinner than air; masses in
-g make bodies that are denser than any metal. Both are certain only where no robot, crane or antenna is like that.
+It needs no recording. With lengths in mm a robot is hundreds of metres long and less dense than air; with masses in g
+its bodies are denser than any metal. A fault is reported only where no robot, crane or antenna could be like that.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from identification.data.recording import Fault
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
-# Lengths from here on are suspect [m]: the small joints of a hand are 20 mm apart, robots of 20 m are rare.
+# Length [m] from which on it may be in mm: the small joints of a hand are 20 mm apart, robots of 20 m are rare.
 _LONG = 20.0
-# Lengths that no machine has in mm either [m]; with an inertia in g mm^2 a body seems 30 km wide.
+# Length [m] that is too large for a machine even in mm; with an inertia in g mm^2 a body seems 30 km wide.
 _ENDLESS = 1e6
-# Mass over the cube of the greatest length [kg/m^3]: a hundredth of the density of air. Of cranes it is a hundred times
-# as much; of arms in mm at most this, whether their masses are in kg or g.
+# Mass over the cube of the greatest length [kg/m^3]: a hundredth of the density of air. Cranes have a hundred times as
+# much; arms in mm have at most this, with masses in kg or g.
 _THIN = 0.01
 # Density of osmium, the densest of metals [kg/m^3].
 _DENSEST = 22.6e3
-# Densities that the same bodies then have in grams read as such [kg/m^3]: from foam to lead.
+# Range of densities that the bodies must have if their masses are taken as grams [kg/m^3]: from foam to lead.
 _LIGHTEST, _USUAL = 10.0, 11.5e3
-# Lighter robots may well be of lead and tungsten, as far as their files state inertias at all [kg].
+# Mass of a robot [kg] below which nothing is reported: small bodies may be of lead or tungsten.
 _HEAVY = 100.0
-# A radius of gyration [m] below which a body stands for a point mass.
+# Radius of gyration [m] below which a body is a point mass.
 _POINT = 1e-3
 _GRAM = 1e-3
 _SI = "lengths in m, masses in kg and inertias in kg m^2"
@@ -38,7 +38,7 @@ _SI = "lengths in m, masses in kg and inertias in kg m^2"
 
 @dataclass(frozen=True)
 class _Length:
-    """A length of the model [m], and what it is, as in ``the joint j2 lies 300 m from the joint before it``."""
+    """A length of the model [m] with its description, as ``the joint j2 lies 300 m from the joint before it``."""
 
     metres: float
     words: str
@@ -46,7 +46,7 @@ class _Length:
 
 @dataclass(frozen=True)
 class _Extended:
-    """A body that has a size: its name, mass [kg], and the least density [kg/m^3] that its inertia allows."""
+    """A body that is no point mass: its name, mass [kg], and the smallest density [kg/m^3] that its inertia allows."""
 
     name: str
     mass: float
@@ -54,7 +54,7 @@ class _Extended:
 
 
 def wrong_units(robot: Robot) -> tuple[Fault, ...]:
-    """The fault of a model whose lengths or inertias are in mm, or whose masses are in g; empty where it may be right.
+    """The fault of a model with lengths or inertias in mm, or masses in g; empty where it may be right.
 
     Args:
         robot: The given model.
@@ -113,15 +113,15 @@ def _lengths(robot: Robot) -> list[_Length]:
 
 def _gyration(inertia) -> float:
     """Radius of gyration [m] of a body about the axis about which it is largest."""
-    # Roots first: of a mass that is next to nothing the quotient is beyond all numbers.
+    # Roots first: with a tiny mass the quotient would overflow.
     return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0)) / np.sqrt(inertia.mass))
 
 
 def _extended(robot: Robot) -> list[_Extended]:
     """Bodies that are no point masses.
 
-    Of all bodies of a mass and a largest radius of gyration a ball is the least dense: two fifths of the square of its
-    radius are the square of that.
+    Among bodies of the same mass and largest radius of gyration a ball has the smallest density: the square of that
+    radius of gyration is two fifths of the square of its radius.
     """
     out = []
     for j in range(1, robot.model.njoints):
@@ -133,5 +133,5 @@ def _extended(robot: Robot) -> list[_Extended]:
 
 
 def _in_grams(body: _Extended) -> bool:
-    """True for a body that is denser than any metal in kg, and of usual stuff in g."""
+    """True for a body that is denser than any metal with a mass in kg, and of usual density with a mass in g."""
     return body.density > _DENSEST and _LIGHTEST < body.density * _GRAM < _USUAL

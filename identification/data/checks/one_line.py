@@ -1,7 +1,7 @@
-"""What a motion can tell of the links: joints that move along one line, and combinations of inertias that it separates.
+"""Observability of the links in a motion: joints that move along one line, and the inertias that the motion shows.
 
-If several joints follow one profile, their torques are functions of one variable: friction can be found, and of the
-inertias few combinations, as most of them leave the same torque there.
+If several joints follow one profile, their torques are functions of one variable: friction can be identified, but only
+a few combinations of inertias, as many different ones give the same torque.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ _ALONE, _LINE = 0.98, 3
 _STILL = 1e-3
 # Samples of the regressor.
 _ROWS = 400
-# Share of a joint's torque that a combination of parameters as large as the links' own makes, from which on it shows:
-# what links may be wrong by.
+# Share of a joint's torque from which on a combination of parameters, as large as the links' own, counts as shown:
+# about the error of modelled links.
 _SHOWN = 0.05
 # Share of the largest singular value below which a combination makes no torque in any motion.
 _STRUCTURAL = 1e-6
 
 
 class Separated(NamedTuple):
-    """Combinations of inertial parameters that a motion tells apart.
+    """Numbers of combinations of inertial parameters that a motion separates.
 
     Attributes:
-        shown: Those that change the torque of the joints by a twentieth, if they are as large as the links' own.
-        all: Those that make a torque in any motion (base parameters).
-        condition: Of the base parameters' columns, each divided by its norm.
+        shown: Number that change the torque of the joints by a twentieth, if they are as large as the links' own.
+        all: Number that cause a torque in any motion (base parameters).
+        condition: Condition number of the base parameters' columns, each divided by its norm.
     """
 
     shown: int
@@ -70,17 +70,17 @@ def lines_of(v: Float[Array, "N nv"]) -> tuple[tuple[int, ...], ...]:
 
 
 def is_one_sine(x: Float[Array, " N"]) -> bool:
-    """True for motion of one frequency, in which torque has two numbers: with the velocity, and with the position."""
+    """True for motion of one frequency, in which torque has two amplitudes: in phase with velocity and position."""
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
     peak = int(np.argmax(power[1:])) + 1 if len(power) > 1 else 0
-    # A motion of fewer periods than a line is wide may be anything that is slow.
+    # A motion with fewer periods than the width of the line may be any slow motion.
     return bool(peak > _LINE and power[peak - _LINE : peak + _LINE + 1].sum() > _ALONE * power[1:].sum())
 
 
 def separated(robot: Robot, motion: Motion) -> Separated:
     """Rank and condition of the base parameters on a motion.
 
-    How many there are in any motion is seen from the same motion with each joint moved at another time.
+    The number in any motion is found with the same motion shifted in time by a different amount for each joint.
 
     Args:
         robot: The given model.
@@ -104,7 +104,7 @@ def separated(robot: Robot, motion: Motion) -> Separated:
 
 
 def _units(robot: Robot) -> Float[Array, " p"]:
-    """Unit of each parameter: the mass of its link, times its radius of gyration about the joint, or its square."""
+    """Scale of each parameter: the mass of its link, times its radius of gyration about the joint, or its square."""
     bodies = standard_parameters(robot).reshape(-1, 10)
     mass = np.maximum(bodies[:, 0], 1e-3 * max(float(bodies[:, 0].max()), 1e-300))
     radius = np.sqrt(np.maximum(0.5 * (bodies[:, 4] + bodies[:, 6] + bodies[:, 9]), 0.0) / mass)

@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""How well any robot that is at all plausible explains a recording: a bounded regression of all joints at once.
+"""How well any plausible robot explains a recording: a bounded regression of all joints at once.
 
-The inertial parts of every link may be half to twice what is modelled, a payload of five kilograms and five times the
-mass of all links may hang at the last one, rotors may be thirty times as heavy as what they move, every drive's torque
-constant may be half to twice what was assumed, friction may be of any size as long as it opposes the motion, and
-offsets are free. What even this leaves is no property of a robot: the recording is wrong, if another reading of the
-same data leaves far less.
+Inertial parameters of every link may be half to twice the modelled ones, the last link may carry a payload of five
+kilograms plus five times the mass of all links, rotors may have thirty times the inertia of their load, every torque
+constant may be half to twice the assumed one, friction may have any size as long as it opposes the motion, and offsets
+are free. A large residual of this fit is no property of a robot: the recording is wrong if another reading of the same
+data has a far smaller one.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
 _ROTOR = 30.0
 # Samples over which the inertia at a joint is averaged.
 _POSTURES = 12
-# A half of the record in which a torque varies less than this share of its whole variance says nothing.
+# A half of the recording is not used if a torque varies in it by less than this share of its whole variance.
 _QUIET = 1e-3
-# Weight of the pull of every coefficient towards zero, in columns of length one: the fit loses a millionth.
+# Weight of the ridge on every coefficient, with columns of length one: the fit loses a millionth.
 _RIDGE = 1e-3
-# Torque constants and inertias are fitted in turns, this often: a product of the two has no linear fit.
+# Number of rounds of fitting torque constants and inertias in turn, as their product is not linear.
 _TURNS = 3
 _PARAMETERS = 10  # inertial parameters of a body
 _FIRST = 4  # of them: mass and first moments
@@ -57,7 +57,7 @@ def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
 
     Args:
         robot: The given model.
-        reading: The data.
+        reading: Samples of the recording.
 
     Returns:
         Shares from 0 on, NaN for a half in which the torque hardly varies.
@@ -86,7 +86,7 @@ def _columns(robot: Robot, reading: Reading) -> _Bounded:
         start = body * _PARAMETERS
         for part in (slice(start, start + _FIRST), slice(start + _FIRST, start + _PARAMETERS)):
             columns.append(regressor[:, :, part] @ modelled[part])
-            # A part that is modelled on the last link need not be mounted.
+            # A part of the modelled last link may be missing.
             low.append(0.0 if body >= carries else _LEAST)
             high.append(_MOST)
     load = (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
@@ -117,7 +117,7 @@ def _reach(robot: Robot) -> float:
 
 
 def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
-    """Mean square of each joint's torque that the best coefficients within their bounds leave."""
+    """Mean squared residual of each joint's torque with the best coefficients within their bounds."""
     count = columns.shared.shape[2]
     low = np.concatenate([columns.low, *(columns.own_low[j] for j in joints)])
     high = np.concatenate([columns.high, *([columns.rotor[j], np.inf, np.inf, np.inf] for j in joints)])
@@ -153,7 +153,7 @@ def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float
 def _own_fit(
     need: Float[Array, " n"], own: Float[Array, "n 4"], wanted: Float[Array, " n"], bounds: tuple[Array, Array]
 ) -> tuple[float, float]:
-    """Torque constant of one joint for what its links need, and the mean square that is left."""
+    """Torque constant of one joint for the torque that its links need, and the mean squared residual."""
     columns = np.column_stack([need, own])
     low = np.concatenate([[_LEAST], bounds[0][:_OWN]])
     high = np.concatenate([[_MOST], bounds[1][:_OWN]])
@@ -166,12 +166,12 @@ def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Arra
     size = np.linalg.norm(columns, axis=0)
     used = (size > 0) & (high > low)
     scale = size[used]
-    # A weak pull towards nothing keeps columns that are nearly the same from growing against each other.
+    # A weak ridge keeps the coefficients of nearly equal columns from growing with opposite signs.
     ridge = _RIDGE * np.eye(len(scale))
     padded = np.column_stack(
         [np.vstack([columns[:, used] / scale, ridge]), np.concatenate([target, np.zeros(len(ridge))])]
     )
-    # The factors of a triangular decomposition carry all that the fit needs, in as many rows as there are columns.
+    # The triangular factor has all information of the fit, in as many rows as there are columns.
     factor = np.asarray(np.linalg.qr(padded, mode="r"))
     out = np.zeros(len(size))
     out[used] = (

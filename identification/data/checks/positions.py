@@ -12,7 +12,7 @@ from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
-# No encoder is as noisy as this [rad or m]: what looks like more noise is motion that is sampled too slowly.
+# Noise [rad or m] that no encoder exceeds: apparent noise above it is motion that is sampled too slowly.
 _NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
 # Share of moving samples that repeat the one before, and run length, from which repeats are worth a warning.
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
@@ -20,13 +20,13 @@ _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
 _AROUND_REPEATS, _AS_FAST = 4, 0.5
 # A tail counts as standing still if it lasts this share of the record, and this long [s].
 _TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
-# Steps of the encoder, and changes of their number from sample to sample, below which nothing is read off them.
+# Smallest number of encoder steps, and of changes of their number between samples, from which a step is estimated.
 _FEWEST_STEPS = 20
-# A jump is this many times as fast as each of so many steps on either side, by which the joint moves the other way.
+# A jump is this many times as large as each of so many steps before and after it, and has the opposite direction.
 _JUMP, _BESIDE = 6.0, 5
-# It is no less than this [rad or m] and than a few steps of the encoder; it and the motion are so many times the noise.
+# Its smallest size [rad or m] and in encoder steps, and smallest ratio of jump and motion to the noise.
 _LEAST_ANGLE, _LEAST_LENGTH, _JUMP_STEPS, _BEYOND_NOISE = 0.02, 0.002, 5.0, 10.0
-# Samples that are looked at together, from the end of a recording on.
+# Number of samples that are searched at once, from the end of a recording on.
 _PIECE = 10_000
 # Ratios of measured velocity to the derivative of the position that a wrong unit gives.
 _UNIT_RATIOS = {
@@ -37,15 +37,15 @@ _UNIT_RATIOS = {
     1e3: "mm/s against m",
 }
 
-# Distance of a passive joint from where the loops put it, relative to its travel, that is worth a sentence: any encoder
-# is better than that.
+# Distance of a passive joint from its position by the loops, relative to its travel, from which on a warning is given:
+# any encoder is more accurate than that.
 _PASSIVE_SHARE = 0.01
 
 
 def quantum(q: Float[Array, " N"]) -> float:
-    """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step.
+    """Step of the encoder [rad or m] from the differences of ``q``; 0 where they are no multiples of one step.
 
-    Nor is there one where they hardly ever change: at constant speed all differences are the same without any encoder.
+    It is 0 as well where the differences hardly change: at constant speed they are equal without any encoder.
     """
     q = np.ascontiguousarray(q)
     differences = np.diff(q)
@@ -87,7 +87,7 @@ def _wander(
 
 
 def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
-    """The most that the noise of each joint's encoder may be [rad or m], shape ``(nv,)``."""
+    """Largest plausible noise of each joint's encoder [rad or m], shape ``(nv,)``."""
     linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
     return np.where(linear, _NOISIEST_LENGTH, _NOISIEST_ANGLE)
 
@@ -95,7 +95,7 @@ def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Flo
 def check_sampling(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """Joints that swing faster than they are sampled, so that their positions look like noise."""
+    """A warning on joints that oscillate faster than they are sampled, so that their positions look like noise."""
     fast = noise > _noisiest(recording, prismatic)
     if not fast.any():
         return ()
@@ -146,9 +146,9 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: int, due: float) -> bool:
-    """True if a joint moves as fast before and after some equal samples as it should have moved within them.
+    """True if a joint moves before and after some equal samples as fast as it should have moved during them.
 
-    One that rests, starts, stops or turns does not.
+    This excludes a joint that rests, starts, stops or reverses there.
     """
     rows = max(_AROUND_REPEATS, stop - start)
     first, last = start - rows, stop + 1 + rows
@@ -163,7 +163,7 @@ def _on_its_way(q: Float[Array, " N"], t: Float[Array, " N"], start: int, stop: 
 def check_jumps(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> tuple[str, ...]:
-    """Positions that jump back from one sample to the next, as behind a gear where the encoder of the motor wraps."""
+    """Warnings on positions that jump back from one sample to the next, as where a motor's encoder wraps around."""
     out, kept = [], included(recording)
     linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
     least = np.where(linear, _LEAST_LENGTH, _LEAST_ANGLE)
@@ -188,7 +188,7 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
     Args:
         t: Time [s].
         q: Position [rad or m].
-        least: Least jump that counts.
+        least: Smallest size of a jump [rad or m].
         noise: Standard deviation of the position.
     """
     steps = np.diff(q)
@@ -208,7 +208,7 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
 
 
 def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, ...]) -> tuple[str, ...]:
-    """Encoder steps that dominate: few in the whole range, or more acceleration than the motion's."""
+    """Warnings on coarse encoders: few steps in the whole range, or more acceleration by rounding than by motion."""
     out = []
     share_kept = min(1.0, 2 * smooth.cutoff_hz * smooth.step)
     for j, joint in enumerate(recording.joint_names):
@@ -216,7 +216,7 @@ def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, 
         extent = np.ptp(recording.q[:, j])
         if stated[j] or step == 0 or extent < 3 * step:
             continue
-        # White noise of a rounding, low-passed: its acceleration has the spectrum w^4.
+        # Rounding as low-passed white noise: the spectrum of its acceleration is proportional to w^4.
         noise = step / np.sqrt(12) * np.sqrt(share_kept / 5) * (2 * np.pi * smooth.cutoff_hz) ** 2
         motion = float(np.sqrt(np.mean(smooth.a[smooth.inside, j] ** 2))) if smooth.inside.any() else 0.0
         if extent < 100 * step or noise > 0.5 * motion:
@@ -253,25 +253,25 @@ def _included_part(recording: Recording) -> tuple[Float[Array, "n nv"], Float[Ar
 def _still_below(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, tolerance: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Range of positions up to which each joint stands [rad or m], shape ``(nv,)``."""
+    """Range of positions up to which each joint counts as standing still [rad or m], shape ``(nv,)``."""
     return np.maximum(_least_motion(recording, prismatic), 2 * tolerance)
 
 
 def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
-    """Least motion of each joint that counts as one [rad or m], shape ``(nv,)``."""
+    """Smallest motion of each joint that counts as motion [rad or m], shape ``(nv,)``."""
     return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
 
 
 def _tolerance(
     recording: Recording, prismatic: Bool[Array, " nv"] | None, noise: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """How far each joint may be from where it stands and still stand there [rad or m], shape ``(nv,)``."""
+    """Distance from its resting position within which each joint counts as at rest [rad or m], shape ``(nv,)``."""
     least_motion = _least_motion(recording, prismatic)
     return np.maximum(_wander(recording, prismatic, noise), 0.1 * least_motion)
 
 
 def _last_away(q: Float[Array, "N nv"], place: Float[Array, " nv"], far: Float[Array, " nv"]) -> int:
-    """The last sample at which some joint is away from a place; looked for from the end on, a piece at a time."""
+    """The last sample at which some joint is away from a position; searched from the end, a piece at a time."""
     for stop in range(len(q), 0, -_PIECE):
         first = max(stop - _PIECE, 0)
         away = np.flatnonzero((np.abs(q[first:stop] - place) > far).any(axis=1))
@@ -343,7 +343,7 @@ def _velocity_sentence(ratio: float, agreement: float) -> str | None:
 
 
 def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Passive joints that were measured elsewhere than the loops put them.
+    """Warnings on passive joints whose measured position differs from that which follows from the loops.
 
     Raises:
         LogError: If the loops do not close at the recorded positions of the active joints.

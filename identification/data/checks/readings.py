@@ -17,7 +17,7 @@ from phantom_dyn.signals.recursive import low_passed
 
 _ROWS = 400  # samples in a regression: enough for its thirty coefficients in each half, and quick for many readings
 _FEWEST = 60
-# The band reaches twice as high as this share of each joint's velocity: above, accelerations are mostly noise.
+# The band ends at twice the frequency below which this share of each joint's velocity is: above, there is mostly noise.
 _MOVING, _MARGIN = 0.99, 2.0
 # Standard deviation of a torque over its largest value up to which it is constant: a low pass rounds to 1e-13.
 _CONSTANT = 1e-9
@@ -25,15 +25,15 @@ _CONSTANT = 1e-9
 
 @dataclass(frozen=True)
 class Reading:
-    """Samples of motion and torque as one reading of the data has them.
+    """Samples of motion and torque by one reading of the data.
 
     Attributes:
         motion: Samples of smooth motion.
         sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
         tau: Torque of the drives, shape ``(N, nv)``.
-        external: Torque of measured forces, shape ``(N, nv)``; it is right in every reading.
-        late_by_speed, late_by_acceleration: Torque per speed, and per acceleration, by which the torque of each joint
-            may be wrong to either side, as it was computed from a voltage: shape ``(nv,)``; None: by nothing.
+        external: Torque of measured forces, shape ``(N, nv)``, the same in every reading.
+        late_by_speed, late_by_acceleration: Possible error of each joint's torque per speed, and per acceleration, if
+            it was computed from a voltage, shape ``(nv,)``; None without any.
     """
 
     motion: Motion
@@ -45,15 +45,15 @@ class Reading:
 
 
 def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], step: float) -> Reading:
-    """The data with what they are wrong by where torques were computed from voltages.
+    """The data with the possible errors of torques that were computed from voltages.
 
-    A servo's voltage is nearly its back-EMF, which the torque is what is left without: a few per cent more of it, or
-    a voltage that is read half a sample late, are as large as friction or the rotor.
+    Most of a servo's voltage is its back-EMF, and the torque follows from the small rest: an error of a few per cent of
+    the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of the rotor.
 
     Args:
-        reading: The data as they stand.
-        robot: With the constants of its motors.
-        torque_from: The quantity that gave the torque of each joint.
+        reading: The data as recorded.
+        robot: The robot with the constants of its motors.
+        torque_from: The quantity from which the torque of each joint was computed.
         step: Time between two samples [s].
     """
     back_emf = np.array(
@@ -66,7 +66,7 @@ def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], 
 
 
 def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:
-    """The data as they stand, in the band in which the robot moves; None without torque or with too few samples.
+    """The data as recorded, in the band in which the robot moves; None without torque or with too few samples.
 
     Args:
         smooth: The low-passed copy.
@@ -101,12 +101,12 @@ def _moving_edge(smooth: Smooth) -> float:
 
 
 def varies(tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for torques that vary; one that is constant to its rounding says nothing of what the joint needs."""
+    """True for torques that vary by more than rounding."""
     return tau.std(axis=0) > _CONSTANT * np.abs(tau).max(axis=0)
 
 
 def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:
-    """Positions of each joint times a factor; one below zero turns the joint's direction round."""
+    """Positions of each joint times a factor; a negative one reverses the joint's direction."""
     m = reading.motion
     return replace(
         reading,
@@ -127,7 +127,7 @@ def with_torques_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading
 
 
 def with_torques_plus(reading: Reading, torque: Float[Array, "N nv"]) -> Reading:
-    """Torques of the drives with what was taken out of them."""
+    """Torques of the drives plus a torque that was removed from them."""
     return replace(reading, tau=reading.tau + torque)
 
 

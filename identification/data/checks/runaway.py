@@ -1,7 +1,7 @@
-"""Simulations that ran away: motion or torque that grows without bound, which no robot and no sensor does.
+"""Diverged simulations: motion or torque that grows without bound, as that of no robot and no sensor does.
 
-A joint that honestly spins keeps its speed; what runs away leaves the size of all the rest of its record behind, in
-speed and in distance alike, or doubles it again and again.
+A joint that spins keeps its speed. A diverging one exceeds the rest of its recording by far in both speed and distance,
+or doubles both again and again.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from identification.data.recording import Fault, Recording
 from identification.data.times import time_text
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Pieces into which a recording is cut; the usual size of a motion is that of the middle one.
+# Number of pieces into which a recording is cut; the usual size of a motion is the median over them.
 _PIECES = 24
-# Speed [rad/s or m/s] and distance [rad or m] that are at least reached, in numbers and over the usual ones.
+# Smallest speed [rad/s or m/s] of a diverged motion, as a number and relative to the usual one, and smallest distance
+# [rad or m] likewise.
 _LEAST_SPEED, _TIMES_SPEED, _LEAST_WAY, _TIMES_WAY = 100.0, 100.0, 30.0, 20.0
-# Pieces in a row of which each is so many times as fast as the one before.
+# Number of consecutive pieces of which each is faster than the one before by a factor.
 _DOUBLING, _GROWS = 4, 2.0
 # A torque [N m or N] that no machine has in any unit.
 _NO_TORQUE = 1e10
-# From so many times the usual speed on the motion counts as part of what ran away.
+# Ratio to the usual speed from which on samples count as diverged.
 _BEYOND = 5.0
 
 
@@ -58,7 +59,7 @@ def ran_away(recording: Recording) -> Fault | None:
 
 
 def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, " N"] | None) -> int | None:
-    """First row of what ran away on one joint."""
+    """First diverged row of one joint; None without any."""
     if tau is not None and np.abs(tau).max() > _NO_TORQUE:
         return int(np.argmax(np.abs(tau) > np.sqrt(_NO_TORQUE)))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -82,19 +83,19 @@ def _by_piece(x: Float[Array, " N"]) -> Float[Array, " n"]:
 
 
 def _lasts(beyond: Bool[Array, " N"]) -> bool:
-    """True where more than a few rows are beyond, as a jump of an encoder is not."""
+    """True if more than a few rows are beyond a limit, unlike at a jump of an encoder."""
     return int(beyond.sum()) >= 6
 
 
 def _doubles(speeds: Float[Array, " n"], ways: Float[Array, " n"]) -> bool:
-    """True where speed and distance are multiplied from piece to piece, to where no robot goes."""
+    """True if speed and distance multiply from piece to piece, up to values that no robot reaches."""
     if speeds.max() < 10 * _LEAST_SPEED or ways.max() < 10 * _LEAST_WAY:
         return False
     return _first_doubling(speeds) < len(speeds) and _first_doubling(ways) < len(ways)
 
 
 def _first_doubling(sizes: Float[Array, " n"]) -> int:
-    """First of several pieces in a row that grow; the number of pieces where there are none."""
+    """First of several consecutive growing pieces; the number of pieces if there are none."""
     grows = sizes[1:] > _GROWS * sizes[:-1]
     for k in range(len(grows) - _DOUBLING + 1):
         if sizes[k] > 0 and grows[k : k + _DOUBLING].all():

@@ -1,4 +1,4 @@
-"""Low-passed copy of a recording on a uniform grid, shared by the checks; the diagnosis filters the recording anew."""
+"""Low-passed copy of a recording on a uniform grid for the checks; the diagnosis filters the recording itself."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Smooth:
 
     Attributes:
         t: Time [s], shape ``(N,)``.
-        step: Of the grid [s].
-        cutoff_hz: Of the low pass.
+        step: Sampling time of the grid [s].
+        cutoff_hz: Cut-off frequency of the low pass.
         q, v, a: Motion, shape ``(N, nv)``.
-        sign: Low-passed sign of the velocity, shape ``(N, nv)``: what Coulomb friction leaves in a smoothed torque.
+        sign: Low-passed sign of the velocity, shape ``(N, nv)``, as Coulomb friction appears in a smoothed torque.
         tau: Smoothed torque, or None.
         v_measured: Smoothed measured velocity, or None.
         inside: False at the ends of the record, where the filter settles, and in excluded stretches.

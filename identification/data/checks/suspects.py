@@ -1,4 +1,4 @@
-"""What may be wrong with a recording: other readings of its columns, with the sentence and the entry that mends each.
+"""Possible mistakes in a recording: other readings of its columns, each with a sentence and the entry that corrects it.
 
 Nothing is decided here: `identification.data.checks.certain_faults` compares how well the readings fit.
 """
@@ -31,26 +31,27 @@ from phantom_dyn.model.robot import Robot
 
 _DEGREE = np.pi / 180  # [rad]
 _MILLIMETRE = 1e-3  # [m]
-# Times between samples [s] that recorders of robots have.
+# Range of the sampling time of robots' recorders [s].
 _FASTEST, _SLOWEST = 2e-5, 0.2
-# Travel [m] and speed [m/s] that no linear axis has: in mm, they are 20 mm and 50 mm/s.
+# Travel [m] and speed [m/s] that no linear axis exceeds; taken as mm they are 20 mm and 50 mm/s.
 _FARTHEST, _FASTEST_AXIS = 20.0, 50.0
-# Nobody records motion more slowly than this [s], save motion so slow that its inertia would show in another unit.
+# Sampling time [s] above which the unit of time is doubted if in another unit the inertia would show.
 _PATIENT = 1.0
-# Nobody records a motion as slowly as this [s].
+# Sampling time [s] that no recording of a motion has.
 _NEVER = 100.0
-# The same for all joints together, whose median is what names the unit: a tenth lies between two of them.
+# Logarithm of the largest factor between the joints' median torque and the needed one for a unit to be named: units
+# differ by at least ten.
 _NEAR_UNIT = float(np.log(2.5))
-# Share of a measured torque from which on the weight of the links would show in it.
+# Share of a measured torque from which on the weight of the links would be visible in it.
 _MATTERS = 0.2
-# Share of gravity from which on the weight is there, if perhaps from elsewhere: torque constants may halve it.
+# Share of gravity from which on a torque contains the weight: wrong torque constants may halve it.
 _FELT = 0.3
 # Logarithm of a gear ratio from which on the two sides of a gear can be distinguished.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
 _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
 _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Logarithm of a ratio of torques that wrong inertias and torque constants may still add to that of a unit.
+# Logarithm of the factor that wrong inertias and torque constants may add to that of a unit.
 _SAME_UNIT = float(np.log(4.0))
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
 _TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
@@ -63,11 +64,11 @@ class Suspect:
     """One other reading of the data.
 
     Attributes:
-        kind: What it changes.
-        joints: Joints whose fit it changes directly; a reading that is right mends them.
-        what: What would be wrong, as in ``the time is in ms``.
-        entries: The entries of a column map that mend it, by their keys.
-        read: Makes the reading.
+        kind: The quantity that it changes.
+        joints: Joints whose fit it changes directly; the right reading improves them.
+        what: The possible mistake, as ``the time is in ms``.
+        entries: The entries of a column map that correct it, by their keys.
+        read: Function that makes the reading.
         expected: True where the reading is by far the more usual one, so that it need only fit.
         moves: True where it changes positions, and with them the torque of every joint.
         says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
