@@ -26,7 +26,7 @@ GUARDS: Mapping[str, str] = {
     "torque is there": "for recordings in which no drive works; the sets hold none",
     "plausible size": "the contract states these ranges; without it loads of a real servo become torque constants",
     "closes for sure": "keeps a cause from a repetition of a real servo, where none may be named",
-    "shown above noise": "for now: it keeps a cause from a null, and the given cases were not run without it",
+    "shown above noise": "keeps causes from nulls and from loads within the tolerances",
     "differs from simpler": "names the special case that a law has come to; without it a diagnosis may fail",
     "both are there": "asked of rests alone, of which the sets hold none",
     "more than a missing part": "asked of models with parts on a payload's link, of which the sets hold none",

@@ -32,8 +32,8 @@ REASONS: dict[str, str] = {
     "the noise it gains {value} where {needed} is needed",
     "closes for sure": "in one of forty draws of held-out blocks it closes {value} of what it closes in all, where "
     "{needed} is allowed",
-    "shown above noise": "noise may make it: without it no joint is left with more than its noise ({value} where "
-    "{needed} is needed)",
+    "shown above noise": "noise may make it: without it no joint is left with structure or more than its noise "
+    "({value} where {needed} is needed)",
     "differs from simpler": "its size differs from nothing, or from a simpler law, with a probability of {value} only, "
     "where {needed} is needed",
     "both are there": "not each of them is sure beside the other: the less certain one is more than nothing with a "

@@ -23,7 +23,7 @@ from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.judge.file_numbers import model_numbers
-from identification.diagnosis.judge.findings.bench import Bench, Shown, State
+from identification.diagnosis.judge.findings.bench import Bench, Leftover, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_sound
@@ -73,8 +73,8 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
-    bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, left.floor.allowed)
-    left_over = unexplained(shown, judge, residual, whole, left.floor.discrepancy)
+    bursts = _events(problem, left)
+    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.discrepancy)
     joints = joint_gaps(problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left))
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
@@ -137,7 +137,17 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     def left_by_all(chosen: frozenset[Term]) -> _Left:
         return _left(explanation, plain, chosen, noise, sensed)
 
-    bench = Bench(explanation.search, plain, noise, lambda chosen: left_by_all(chosen).judge)
+    def over_allowed(chosen: frozenset[Term]) -> Float[Array, " nv"]:
+        left = left_by_all(chosen)
+        return sums(plain.problem, left.residual).rms() / left.floor.allowed
+
+    def has_structure(chosen: frozenset[Term]) -> bool:
+        left = left_by_all(chosen)
+        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.discrepancy)
+        return over.structured or bool(_events(plain.problem, left))
+
+    left_over = Leftover(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
+    bench = Bench(explanation.search, plain, noise, left_over)
     state = in_band(bench, State.of(explanation.chosen))
     left = left_by_all(state.shown)
     torque = torque_is_there(_torque_over_noise(left))
@@ -207,6 +217,11 @@ def _located(left: Unexplained, problem: Problem, residual: Series, joints: tupl
         return left
     row = int(np.argmax(above))
     return replace(left, joint=joints[row].joint, regime=regime_shares(problem, residual, row)[1])
+
+
+def _events(problem: Problem, left: _Left) -> tuple[Burst, ...]:
+    """Short times at which far more is left than elsewhere."""
+    return from_quiet(bursts_of(problem, left.whole, left.doubt), problem, left.whole, left.floor.allowed)
 
 
 def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:

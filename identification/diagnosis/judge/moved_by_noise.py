@@ -8,7 +8,7 @@ milliseconds on a soft joint. Where the torque of the motion is many times the r
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from identification.diagnosis.search.claims import asked
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.gates import moved_joints
-from identification.gates.moved_joints import shown_above_noise, shown_by_motion
+from identification.gates.moved_joints import shown_by_motion
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import power_density
 
@@ -91,27 +91,6 @@ def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:
 def _of(there: Mapping[Term, Term], chosen: frozenset[Term]) -> frozenset[Term]:
     """Terms of the same effects in the search with fewer columns."""
     return frozenset(there[term] for term in chosen)
-
-
-def noise_results(
-    judge: Judge, search: Search, chosen: frozenset[Term], asked: Iterable[Term]
-) -> dict[Term, GateResult]:
-    """Results of the gate of noise for effects that noise may imitate.
-
-    Noise up to the floor's upper end moves joints, which looks like an effect that depends on the motion, and makes
-    friction uncertain at reversals.
-
-    Args:
-        judge: Upper end of each joint's floor.
-        search: Plain fits in the judged band.
-        chosen: Effects that are shown.
-        asked: Those of them that noise may imitate.
-    """
-    left, out = np.maximum(left_by(judge, search, chosen).rms(), 1e-300), {}
-    for term in asked:
-        without = left_by(judge, search, chosen - {term}).rms()
-        out[term] = shown_above_noise((without / left) ** 2 - 1.0, without, judge.highest)
-    return out
 
 
 def noise_may_make(term: Term) -> bool:

@@ -7,16 +7,16 @@ import numpy as np
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.nuisances import Nuisance
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.columns.terms import ordered
+from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained, noise_is_all
+from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import body_name
@@ -81,21 +81,27 @@ def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
 
 
 def unexplained(
-    shown: Shown, judge: Judge, residual: Series, whole: Series, discrepancy: Float[Array, " nv"] | None = None
+    plain: Search,
+    chosen: frozenset[Term],
+    judge: Judge,
+    residual: Series,
+    whole: Series,
+    discrepancy: Float[Array, " nv"] | None = None,
 ) -> Unexplained:
     """Share of the explainable gap that is not explained, and where it is if it has structure.
 
     Args:
-        shown: The effects that are shown.
+        plain: Plain fits in the judged band.
+        chosen: The effects that are shown.
         judge: Problem and floor of the gap.
         residual: Residual after the named effects, in the judged band.
         whole: Residual after all effects, structures without a name included.
         discrepancy: Error of a sound model on each joint, ``(nv,)``; None: zero.
     """
-    floor, problem, nameless = judge.floor, shown.problem, shown.chosen - shown.named
+    floor, problem, nameless = judge.floor, plain.problem, frozenset(term for term in chosen if not term.named)
     flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
-    moved = held_out_torque(problem, frozenset(), shown.plain.evaluate(frozenset()))
+    moved = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
     within, after, smooth = (
         sums(problem, series) for series in (judge.narrow(residual_after(problem, moved)), residual, flexible)
     )

@@ -129,9 +129,15 @@ def test_what_is_claimed_where_the_motion_is_loud_is_shown_whatever_its_scatter(
     assert (found.passed, found.value, found.needed) == (True, 30.0, 20.0)
 
 
-def test_one_joint_has_to_be_above_its_noise_and_to_grow():
-    # By hand: the first joint grows within its noise, the second is above it and does not grow.
-    apart = shown_above_noise(np.array([1.0, 0.02]), np.array([0.8, 5.0]), np.array([1.0, 1.0]))
-    assert not apart.passed
-    assert (apart.value, apart.needed, apart.unit) == (0.8, 1.0, "floors")
-    assert shown_above_noise(np.array([1.0, 0.04]), np.array([0.8, 5.0]), np.array([1.0, 1.0])).passed
+@pytest.mark.parametrize(
+    ("growth", "without", "has_structure", "passed"),
+    [
+        ([1.0, 0.02], [0.8, 5.0], False, False),  # the first grows within its noise, the second does not grow
+        ([1.0, 0.04], [0.8, 5.0], False, True),
+        ([1.0, 0.02], [0.8, 5.0], True, True),  # structure is no noise
+        ([0.02, 0.02], [5.0, 5.0], True, False),
+    ],
+)
+def test_a_joint_has_to_grow_beyond_its_noise_or_to_be_left_with_structure(growth, without, has_structure, passed):
+    found = shown_above_noise(np.array(growth), np.array(without), lambda: has_structure)
+    assert found.passed is passed

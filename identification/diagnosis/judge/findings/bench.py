@@ -18,6 +18,7 @@ from identification.diagnosis.search.record import Place, Record
 from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from identification.diagnosis.search.squares_left import squares_left
+from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,21 @@ class State:
         return replace(self, found=found, shown=found, nothing=frozenset())
 
 
+@dataclass(frozen=True)
+class Leftover:
+    """Residuals of sets of effects, each with its own noise floor.
+
+    Attributes:
+        judge_of: Noise floors of the joints beside a set of effects.
+        over_allowed: Residual of each joint, over the largest that may be noise and the error of a sound model.
+        has_structure: Whether the state predicts a part of the residual, or events make a part of it.
+    """
+
+    judge_of: Callable[[frozenset[Term]], Judge]
+    over_allowed: Callable[[frozenset[Term]], Float[Array, " nv"]]
+    has_structure: Callable[[frozenset[Term]], bool]
+
+
 @dataclass(frozen=True, eq=False)
 class Bench:
     """Searches and fits by which claims are judged; the fit of a set is computed once.
@@ -100,13 +116,13 @@ class Bench:
         search: Rivals, with fits to whitened torques.
         plain: The same with plain fits in the judged band.
         noise: Of each log's torque.
-        judge_of: Noise floors of the joints beside a set of effects.
+        left_over: Residuals of sets of effects.
     """
 
     search: Search
     plain: Search
     noise: Series
-    judge_of: Callable[[frozenset[Term]], Judge]
+    left_over: Leftover
     _fits: dict[frozenset[Term], JointFit] = field(default_factory=dict)
 
     @property

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,9 +20,8 @@ from identification.diagnosis.judge.moved_by_noise import (
     accelerates,
     motion_results,
     noise_may_make,
-    noise_results,
 )
-from identification.diagnosis.judge.shares import least_closed
+from identification.diagnosis.judge.shares import least_closed, left_by
 from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.rival_sets import Standing, stand
@@ -31,6 +31,7 @@ from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
 from identification.gates.in_band import closes_for_sure
+from identification.gates.moved_joints import shown_above_noise
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
@@ -65,29 +66,44 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 
 
 def _without_exchanges(bench: Bench, before: State, after: State) -> State:
-    """The state with replaced effects back in the set, where one of several rivals in their place has failed a gate.
+    """The state with replaced effects back in the set, where a rival in their place has failed a gate.
 
-    Several rivals explained more together; the remaining ones need not. A single rival that fails was more probable by
-    itself than the effects that it replaced, so these do not come back.
+    Several rivals explained more together; the remaining ones need not, and the one that failed is no rival any more. A
+    single rival was more probable by itself. It may be there and too small to pass, so that it stays a rival, as
+    probable as the effects that come back. They come back if no other rival was more probable.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
         return after
     for gone, rivals in after.exchanged:
-        if len(rivals) == 1 or not rivals & fallen:
+        single = len(rivals) == 1
+        if not rivals & fallen or (single and not _likeliest_but_for(rivals, gone, after.looked_at)):
             continue
         found = after.found - rivals
         for term in ordered(gone):
             found = with_term(found, term) if possible(found, term) else found
-        for term in ordered(rivals & fallen):
+        places = frozenset(term.place for term in rivals & fallen)
+        for term in ordered(rivals & fallen) if rivals - fallen else ():
             bench.record.lost(rivals - fallen, *bench.record.met(term.place)[-1:], instead=gone)
+        outdone = after.outdone - {term.place for term in gone}
         return replace(
             after.with_others(found),
-            barred=after.barred | {term.place for term in rivals & fallen},
-            outdone=after.outdone - {term.place for term in gone},
+            barred=after.barred if single else after.barred | places,
+            outdone=outdone | places if single else outdone,
             exchanged=tuple(pair for pair in after.exchanged if pair[1] != rivals),
         )
     return after
+
+
+def _likeliest_but_for(rivals: frozenset[Term], gone: frozenset[Term], looked_at: tuple[Shown, ...]) -> bool:
+    """True if no rival but these was more probable than an effect that they replaced."""
+    places = {term.place for term in rivals}
+    compared = next((shown.standings for shown in reversed(looked_at) if gone & shown.standings.keys()), {})
+    for standing in (compared[term] for term in gone & compared.keys()):
+        others = [one for one in standing.rivals if {(at.effect, at.joint) for at in one.effects} != places]
+        if any(one.probability > standing.probability for one in others):
+            return False
+    return True
 
 
 def _take_away(bench: Bench, state: State, results: dict[Term, GateResult], without: Without) -> State:
@@ -119,16 +135,21 @@ def _sure(bench: Bench, state: State) -> State:
     if not state.shown:
         return state
     left = bench.left(state.found | state.shown)
-    least = least_closed(left, state.shown, bench.judge_of(state.shown).floor)
+    least = least_closed(left, state.shown, bench.left_over.judge_of(state.shown).floor)
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, _hide)
 
 
 def _noise(bench: Bench, state: State) -> State:
     # The special case of another law may be an effect that is barred: that has failed before.
     made = [term for term in ordered(state.shown) if noise_may_make(term) and term.place not in state.barred]
-    if not made:
-        return state
-    return _take_away(bench, state, noise_results(bench.judge_of(state.shown), bench.plain, state.shown, made), _bar)
+    judge, results = bench.left_over.judge_of(state.shown), dict[Term, GateResult]()
+    left = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
+    for term in made:
+        others = state.shown - {term}
+        growth = (left_by(judge, bench.plain, others).rms() / left) ** 2 - 1.0
+        has_structure = partial(bench.left_over.has_structure, others)
+        results[term] = shown_above_noise(growth, bench.left_over.over_allowed(others), has_structure)
+    return _take_away(bench, state, results, _bar)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:

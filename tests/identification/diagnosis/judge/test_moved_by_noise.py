@@ -8,15 +8,15 @@ from scipy.signal import lfilter
 
 from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
+from identification.diagnosis.judge.findings.bench import Bench, Leftover, State
+from identification.diagnosis.judge.findings.shown import _noise
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import (
     _loud_until,
     foreseen_noise,
     loud_search,
     noise_may_make,
-    noise_results,
 )
-from identification.diagnosis.judge.shares import left_by
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
@@ -115,23 +115,24 @@ def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     np.testing.assert_array_equal(foreseen_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
 
 
-@pytest.mark.parametrize("name", ["rotor_inertia", "coulomb_friction"])
-@pytest.mark.parametrize(("factor", "hidden"), [(0.9, False), (1.1, True)])
-def test_what_noise_may_make_has_to_lift_a_joint_above_its_noise(lab, planar2, name, factor, hidden):
-    # By hand: the upper end of the floor is just below or above what is left without the effect. Noise makes no dry
-    # friction, so that is shown all the same.
+@pytest.mark.parametrize(("over", "has_structure"), [(0.9, False), (1.1, False), (0.9, True)])
+def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_without_it(
+    lab, planar2, over, has_structure
+):
+    # By hand: what is left without it is just below or above what is allowed, or has structure.
     motion = lab.motion(2)
-    made = lab.prepared(planar2, (lab.recording(planar2, motion, lab.acting(planar2, motion, name, "elbow", 0.2)),))
-    term, search = made.term(name, "elbow"), made.search
-    floor = np.full(2, 0.01)
-    high = factor * left_by(Judge(made.problem, floor, floor), search, frozenset()).rms()
-    chosen = frozenset([term])
-    result = noise_results(Judge(made.problem, floor, high), search, chosen, chosen)[term]
-    assert result.passed is not hidden
-    assert noise_may_make(term) is (name == "rotor_inertia")
-    if hidden:
-        # The friction closes the whole gap: the residual grows many times, and to 1 / 1.1 of the highest noise.
-        assert (result.value, result.needed, result.unit) == (pytest.approx(1.0 / 1.1), 1.0, "floors")
+    effect = lab.acting(planar2, motion, "rotor_inertia", "elbow", 0.2)
+    made = lab.prepared(planar2, (lab.recording(planar2, motion, effect),))
+    chosen = frozenset([made.term("rotor_inertia", "elbow")])
+    judge = Judge(made.problem, np.full(2, 0.01), np.full(2, 0.01))
+    left_over = Leftover(lambda _: judge, lambda _: np.full(2, over), lambda _: has_structure)
+    after = _noise(Bench(made.search, made.search, made.noise, left_over), State.of(chosen))
+    assert after.shown == (chosen if over > 1.0 or has_structure else frozenset())
+
+
+@pytest.mark.parametrize(("name", "made"), [("rotor_inertia", True), ("coulomb_friction", False)])
+def test_noise_makes_no_dry_friction(quiet, name, made):
+    assert noise_may_make(quiet.term(name, "elbow")) is made
 
 
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):

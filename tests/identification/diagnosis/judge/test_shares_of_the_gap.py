@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
-from identification.diagnosis.judge.findings.bench import Bench, State
+from identification.diagnosis.judge.findings.bench import Bench, Leftover, State
 from identification.diagnosis.judge.findings.findings import (
     findings_without,
     remarks,
@@ -31,7 +31,8 @@ def judged(lab, planar2):
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
-    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, lambda _: judge), State.of(chosen))
+    left_over = Leftover(lambda _: judge, lambda _: np.full_like(judge.floor, np.inf), lambda _: True)
+    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, left_over), State.of(chosen))
     return shown, judge, left_by(judge, plain, frozenset())
 
 

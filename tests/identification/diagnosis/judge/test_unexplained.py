@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regimes
 from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_by, unexplained
@@ -35,8 +34,8 @@ class Case:
         foretold = tuple(a - b for a, b in zip(rest, self.series(smooth), strict=True))
         self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: foretold)
         self.patch.setattr(PLACE + "held_out_torque", lambda *_: columns.model_torque)
-        shown = Shown(replace(search, problem=problem), nameless, None, {})
-        return unexplained(shown, Judge(problem, FLOOR, FLOOR), self.series(residual), rest)
+        plain = replace(search, problem=problem)
+        return unexplained(plain, nameless, Judge(problem, FLOOR, FLOOR), self.series(residual), rest)
 
 
 @pytest.fixture

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.joint_fit import joint_fit
-from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, unexplained
 from identification.diagnosis.noise.noise_floor import noise_floor
@@ -19,13 +17,13 @@ def nothing(quiet):
     session = replace(quiet.session, cutoff_hz=1e3)
     problem = replace(quiet.problem, session=session)
     search = replace(quiet.search, problem=problem)
-    fitted = joint_fit(problem, (), search.evaluate(frozenset()))
     floor = noise_floor(session, quiet.columns, quiet.noise)
-    return Shown(search, frozenset(), fitted, {}), Judge(problem, floor, floor)
+    return search, Judge(problem, floor, floor)
 
 
 def left_over(quiet, nothing, residual):
-    return unexplained(*nothing, residual, residual)
+    plain, judge = nothing
+    return unexplained(plain, frozenset(), judge, residual, residual)
 
 
 def waves(quiet, size: float, joint: int = 1):
@@ -55,12 +53,12 @@ def test_what_returns_with_position_is_structure_of_its_joint(quiet, nothing, jo
 
 def test_all_of_a_gap_that_nothing_explains_is_left(quiet, nothing):
     # Known truth: the given residual is the wave, so that all that could be explained is left.
-    shown, judge = nothing
+    plain, judge = nothing
     residual = waves(quiet, 5.0 * judge.floor[1])
     columns = replace(quiet.columns, residual=residual)
-    problem = replace(shown.problem, columns=columns)
-    plain = replace(shown.plain, problem=problem)
-    found = unexplained(replace(shown, plain=plain), replace(judge, problem=problem), residual, residual)
+    problem = replace(plain.problem, columns=columns)
+    plain, judge = replace(plain, problem=problem), replace(judge, problem=problem)
+    found = unexplained(plain, frozenset(), judge, residual, residual)
     assert found.fraction_of_explainable == pytest.approx(1.0, abs=0.1)
 
 

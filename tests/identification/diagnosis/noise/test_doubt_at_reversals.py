@@ -65,14 +65,17 @@ def test_columns_and_noise_count_as_the_residual_does(quiet, rng):
     np.testing.assert_allclose(whitened_noise(doubted, noise, like=noise)[0], white_noise[0])
 
 
-def test_friction_that_passes_through_zero_two_milliseconds_late_is_no_finding(lab, pendulum):
+def test_friction_that_passes_through_zero_two_milliseconds_late_is_no_certain_finding(lab, pendulum):
     # Known truth: nothing but the modelled friction, in steps that come later; noise of a hundredth of it.
     robot = replace(pendulum, coulomb_friction=np.array([0.5]))
     motion = lab.motion(1, 1, seconds=20.0, rate=500.0)
     late = lab.motion(1, 1, seconds=20.0, rate=500.0, ahead=-0.002)
     torque = 0.5 * (np.sign(motion.v) - np.sign(late.v))
     recording = replace(lab.recording(robot, motion, torque, noise=0.005), q=motion.q)
-    assert not diagnose(robot, (recording,)).findings
+    for finding in diagnose(robot, (recording,)).findings:
+        # The lateness that it is has to be among its rivals, and as likely.
+        assert finding.probability <= 0.5
+        assert any(one.effect == "input_delay" for rival in finding.rivals for one in rival.effects)
 
 
 def test_a_drive_that_is_late_is_still_found_beside_modelled_friction(lab, pendulum):

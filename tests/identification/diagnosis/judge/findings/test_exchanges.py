@@ -1,12 +1,14 @@
-"""What gave way to a set of rivals is asked again where one of these falls. Oracle: the sets, written by hand."""
+"""What gave way to rivals is asked again where one of these falls. Oracle: the sets, written by hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from identification.diagnosis.judge.findings.bench import State
+from identification.diagnosis.judge.findings.bench import Shown, State
 from identification.diagnosis.judge.findings.shown import _without_exchanges
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.rival_sets import Standing
 
 
 @pytest.fixture
@@ -47,9 +49,20 @@ def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place)
     assert _without_exchanges(bench, before, after) is after
 
 
-def test_it_stays_away_where_the_only_rival_falls(exchanged, place):
+@pytest.mark.parametrize(("spring", "offset", "back"), [(0.6, 0.1, True), (0.4, 0.5, False)])
+def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exchanged, place, spring, offset, back):
     bench, before, gone, _ = exchanged
     rival = frozenset([place("parasitic_spring", "elbow")])
-    before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),))
-    after = replace(before, shown=frozenset())
-    assert _without_exchanges(bench, before, after) is after
+    likelier = (
+        Rival((EffectAt("parasitic_spring", "elbow"),), spring),
+        Rival((EffectAt("torque_offset", "elbow"),), offset),
+    )
+    standing = Standing(1.0 - spring - offset, likelier)
+    shown = Shown(None, gone, None, dict.fromkeys(gone, standing))
+    # What fails to be shown by motion is hidden, and still found.
+    before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),), looked_at=(shown,))
+    after = _without_exchanges(bench, before, replace(before, shown=frozenset()))
+    assert after.shown == (gone if back else frozenset())
+    assert after.barred == frozenset()
+    # It may not take the place of what is back once more.
+    assert ({term.place for term in rival} <= after.outdone) is back
