@@ -132,7 +132,7 @@ def rollout_errors(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
     tree = tree_motion(robot, motion)
-    order, active = mujoco_joints(model, robot), list(robot.tree_rows)
+    (_, order), active = mujoco_joints(model, robot), list(robot.tree_rows)
     driven = [j for j, actuator in enumerate(robot.actuators) if actuator.actuated]
     hidden = model.nq > len(order) or model.na > 0 or bool(_histories(model).any())
     lead, count = _LEAD if hidden else 0, round(horizon / _STEP)

@@ -66,11 +66,13 @@ def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -
     bodies = {str(body.get("name")): body for body in root.iter("body")}
     world = root.find("worldbody")
     assert world is not None
+    trunk = world.find("body[freejoint]")
+    ground = world if trunk is None else trunk
     assets: dict[tuple[Path, str], str] = {}
     shown = {shape.link for shape in shapes if shape.visual}
     for shape in shapes:
         frame = robot.model.frames[robot.model.getFrameId(shape.link, pin.BODY)]
-        owner = bodies[body_name(robot, frame.parentJoint)] if frame.parentJoint else world
+        owner = bodies[body_name(robot, frame.parentJoint)] if frame.parentJoint else ground
         place = frame.placement * shape.place
         turn = pin.Quaternion(place.rotation).normalized()
         geom = {**(_VISUAL if shape.visual else _COLLISION), **shape.geom, "mass": "0"}

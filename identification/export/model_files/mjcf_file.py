@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from identification.export.model_files.mjcf_loops import add_followers
-from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
+from identification.export.model_files.tree import LinkInertia, TreeBody, TreeFrame, bodies, frames
 from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.model.inertia import breaks_triangle
+from phantom_dyn.model.inertia import breaks_triangle, central_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
@@ -34,11 +34,15 @@ def mjcf_text(robot: Robot) -> str:
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", gravity=attribute_text(robot.model.gravity.linear))
     world = ElementTree.SubElement(root, "worldbody")
+    if robot.floating:
+        world = _trunk(world, robot)
     tree = bodies(robot)
     elements: list[Element] = []
     for body in tree:
         elements.append(_body(elements[body.parent] if body.parent >= 0 else world, body))
     for site in frames(robot):
+        if site.name == world.get("name"):
+            continue
         _site(elements[site.body] if site.body >= 0 else world, site)
     _loops(root, robot, [*elements, world])
     add_followers(root, robot)
@@ -70,6 +74,11 @@ def _body(parent: Element, body: TreeBody) -> Element:
     if body.limits is not None:
         joint["range"] = attribute_text(body.limits)
     ElementTree.SubElement(element, "joint", joint)
+    _inertial(element, inertia)
+    return element
+
+
+def _inertial(element: Element, inertia: LinkInertia) -> None:
     entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     ElementTree.SubElement(
         element,
@@ -78,7 +87,18 @@ def _body(parent: Element, body: TreeBody) -> Element:
         mass=repr(inertia.mass),
         fullinertia=attribute_text(entries),
     )
-    return element
+
+
+def _trunk(world: Element, robot: Robot) -> Element:
+    """The body of a base that is not bolted down, with its mass as it was given; the world where it has none."""
+    mass, center, inertia = central_parameters(robot.model.inertias[0].toDynamicParameters())
+    if mass < _LEAST or np.linalg.eigvalsh(inertia)[0] < _LEAST or breaks_triangle(inertia):
+        return world
+    own = [f.name for f in robot.model.frames if f.parentJoint == 0 and f.type == pin.FrameType.BODY]
+    trunk = ElementTree.SubElement(world, "body", name=own[0] if own else "trunk")
+    ElementTree.SubElement(trunk, "freejoint")
+    _inertial(trunk, LinkInertia(mass, center, inertia))
+    return trunk
 
 
 def _site(parent: Element, site: TreeFrame) -> None:

@@ -121,12 +121,13 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
     # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
-    order = mujoco_joints(model, robot)
+    places, order = mujoco_joints(model, robot)
     out = np.empty_like(tree.v)
     for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
-        for values, own in ((data.qpos, q), (data.qvel, v), (data.qacc, a)):
+        # A base that is not bolted down is held upright.
+        for values, own, at in ((data.qpos, q, places), (data.qvel, v, order), (data.qacc, a, order)):
             values[:] = 0.0
-            values[order] = own
+            values[at] = own
         for name, position in held.items():
             data.qpos[model.joint(name).qposadr[0]] = position
         mujoco.mj_inverse(model, data)
@@ -151,12 +152,13 @@ def load_mujoco(text: str) -> Any:
         raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
 
 
-def mujoco_joints(model: Any, robot: Robot) -> list[int]:
-    """Where MuJoCo keeps each joint of the robot's tree."""
+def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
+    """Where MuJoCo keeps position and velocity of each joint of the robot's tree."""
     import mujoco
 
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
-    return [names.index(name) for name in list(robot.model.names)[1:]]
+    joints = [names.index(name) for name in list(robot.model.names)[1:]]
+    return model.jnt_qposadr[joints].tolist(), model.jnt_dofadr[joints].tolist()
 
 
 def some_motion(motion: Motion, most: int = 200) -> Motion:

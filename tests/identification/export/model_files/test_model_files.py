@@ -1,17 +1,22 @@
+# pyright: reportAttributeAccessIssue=false
 """Model files as written: URDF and MJCF."""
 
 import io
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 import yourdfpy
 
+from floating_leg import written_leg
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import mujoco_difference, urdf_difference
 from identification.export.model_files.urdf_file import edited_urdf, new_urdf
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.effects.support.changed_robot import with_parameters, with_rotor_inertia
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.loading import load_robot
@@ -44,6 +49,20 @@ def test_our_own_reader_needs_the_same_torques(robots, changed, some, tmp_path):
     motion = some(robot)
     again = inverse_dynamics(load_robot(file), motion)
     np.testing.assert_allclose(again, inverse_dynamics(robot, motion), rtol=0, atol=1e-9)
+
+
+def test_the_base_of_a_robot_on_legs_is_a_body_that_moves_freely(some, tmp_path, rng):
+    # By hand: trunk, thigh and shank of 4, 1 and 0.4 kg, of which 0.4 are on the last joint.
+    robot = load_robot(written_leg(tmp_path))
+    text = mjcf_text(robot)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.jnt_type.tolist() == [mujoco.mjtJoint.mjJNT_FREE, *2 * [mujoco.mjtJoint.mjJNT_HINGE]]
+    assert model.body_mass.sum() == pytest.approx(5.4)
+    assert mujoco_difference(text, robot, some(robot)) < 1e-12
+    (tmp_path / "again.xml").write_text(text)
+    again = load_robot(tmp_path / "again.xml", config=tmp_path / "robot.yaml")
+    motion = replace(some(robot), base=any_base_motion(rng, len(some(robot).t)))
+    np.testing.assert_allclose(inverse_dynamics(again, motion), inverse_dynamics(robot, motion), rtol=0, atol=1e-9)
 
 
 def test_a_loop_that_keeps_two_frames_together_is_closed_again(robots, some, tmp_path):
