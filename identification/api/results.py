@@ -1,4 +1,4 @@
-"""Identifications, reference motions, simulated recordings and checks as users of Python hold them."""
+"""Results of the Python interface: identifications, reference motions, simulated recordings and checks."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Identification:
     """Parameters of a robot that were estimated from recordings; ``print`` shows the summary of the command line.
 
     Attributes:
-        result: All that was found, as ``identification.json`` has it.
-        robot: The model that was given.
+        result: All results, as in ``identification.json``.
+        robot: The given model.
     """
 
     result: IdentifiedModel
@@ -79,10 +79,10 @@ class Identification:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Reference:
-    """A motion for a robot to follow, from rest to rest; ``print`` says how well it excites and what limits it.
+    """A motion for a robot to follow, from rest to rest; ``print`` shows how well it excites and its limits.
 
     Attributes:
-        design: How the motion was found.
+        design: The design of the motion.
         rate_hz: Rows per second.
     """
 
@@ -96,7 +96,7 @@ class Reference:
 
     @property
     def robot(self) -> Robot:
-        """What is to move."""
+        """The robot that is to move."""
         return self.design.robot
 
     def __str__(self) -> str:
@@ -128,11 +128,11 @@ class Reference:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class SimulatedRecording:
-    """What a recording of a simulated robot holds: times, position readings and drive torques.
+    """A simulated recording: times, position readings and drive torques.
 
     Attributes:
-        robot: The model, without the effects that were put in.
-        simulation: The motion, the true one included.
+        robot: The model, without the simulated effects.
+        simulation: The simulation, with the true motion.
     """
 
     robot: Robot
@@ -169,7 +169,7 @@ class SimulatedRecording:
 
     @takes(position_noise=NUMBER, torque_noise=NUMBER, seed=SEED)
     def recording(self, *, position_noise: float = 0.0, torque_noise: float = 0.0, seed: int = 0) -> Recording:
-        """The same as a recording to diagnose, with white noise of these standard deviations [rad or m, N m or N].
+        """A recording to diagnose, with added white noise of these standard deviations [rad or m, N m or N].
 
         Raises:
             UsageError: If a deviation is negative.

@@ -18,7 +18,7 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
 _LOG_HELP = "CSV, Parquet, NPZ, ROS bag, MCAP or the folder of a LeRobot dataset"
 EXAMPLES = "examples:"
-"""What the examples at the end of a help begin with."""
+"""First line of the examples at the end of a help."""
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -29,7 +29,7 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises `UsageError` where argparse would print its usage and leave the process.
+    """An argument parser that raises `UsageError` where argparse would print its usage and exit.
 
     Its help ends with examples, one a line, without the name of the program in front.
     """
@@ -75,7 +75,7 @@ def _add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help: str, dest: str | None = None) -> None:
-    """An option with one value or more that may be given again: all values stand in one list."""
+    """An option with one value or more that may be given again: all values are collected in one list."""
     dest = dest or option.removeprefix("--").replace("-", "_")
     parser.add_argument(option, dest=dest, metavar=metavar, action="extend", nargs="+", default=[], help=help)
 
@@ -114,7 +114,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def expand_episodes(arguments: argparse.Namespace) -> None:
-    """Put the episodes of LeRobot datasets in the place of their folders."""
+    """Replace the folders of LeRobot datasets in the arguments by their episodes."""
     hold_out = getattr(arguments, "hold_out", [])
     if arguments.episodes is None and not any(map(is_lerobot, map(Path, (*arguments.logs, *hold_out)))):
         return
@@ -125,10 +125,10 @@ def expand_episodes(arguments: argparse.Namespace) -> None:
 
 
 def expand_one_episode(arguments: argparse.Namespace) -> None:
-    """Put the episode of a LeRobot dataset that is meant in the place of its folder.
+    """Replace the folder of a LeRobot dataset in the arguments by the chosen episode.
 
     Raises:
-        UsageError: If several are meant.
+        UsageError: If several are chosen.
     """
     if arguments.episodes is None and not is_lerobot(Path(arguments.log)):
         return
@@ -141,16 +141,16 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
 
 
 def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
-    """Everything of a command that may name a file that is read."""
+    """Arguments of a command that may be files to be read."""
     lists = (getattr(arguments, name, ()) for name in ("logs", "hold_out", "known", "effect_files"))
     one = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
     return (*one, *(path for paths in lists for path in paths or ()))
 
 
 def require_files(arguments: argparse.Namespace) -> None:
-    """Refuse a robot or log that is not there, and a log given twice, before anything heavy is loaded.
+    """Refuse a missing robot or log, and a log given twice, before slow imports.
 
-    Blocks of a recording that is there twice would be judged by fits that have seen their copy.
+    Blocks of a recording given twice would be predicted by fits that have seen their copy.
     """
     require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)

@@ -1,1 +1,1 @@
-"""What a diagnosis gives back: models in files, ranges for training, laws for control."""
+"""Files from a diagnosis: models, ranges for training, and laws for control."""

@@ -1,4 +1,4 @@
-"""All models and laws of a diagnosis, each loaded back and run over the recordings before it is handed out.
+"""All models and laws of a diagnosis, each loaded back and run over the recordings before it is written.
 
 They are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
 """
@@ -66,12 +66,12 @@ from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_POSTURES = 3  # on which a model without findings is compared with its file
-_COMPLETE = 2  # model files: URDF and MJCF
+_POSTURES = 3  # number of postures in which a model without findings is compared with its file
+_COMPLETE = 2  # number of model files: URDF and MJCF
 
 
 def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
-    """Names of files that a diagnosis has as a rule and that are not among those that were written into a folder.
+    """Names of the usual files of a diagnosis that were not written into a folder.
 
     Args:
         out: The folder.
@@ -82,15 +82,15 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
 
 
 def not_held(notes: Iterable[Said]) -> tuple[Note, ...]:
-    """Notes on files that were not written, and on findings that a model file does not hold.
+    """Notes on files that were not written, and on findings that a model file does not contain.
 
     Args:
-        notes: That `export_texts` added.
+        notes: Notes of `export_texts`.
     """
     return tuple(note for note in notes if isinstance(note, Note) and note.code in NOT_HELD)
 
 
-# With more threads sums come in another order, and the last digits would depend on the machine.
+# With more threads the order of sums, and so the last digits, would depend on the machine.
 @one_blas_thread()
 def export_texts(
     diagnosis: Diagnosis,
@@ -100,12 +100,12 @@ def export_texts(
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
 ) -> tuple[dict[str, str], Diagnosis]:
-    """Texts by file name, of those that can be written; and the diagnosis with notes on them.
+    """Texts of all files that can be written, by name, and the diagnosis with notes on them.
 
     Args:
-        diagnosis: What was found.
-        robot: The robot as it was given.
-        folder: Where the files will lie.
+        diagnosis: The diagnosis.
+        robot: The given model.
+        folder: Folder into which the files will be written.
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
@@ -113,7 +113,7 @@ def export_texts(
         texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
     if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
-        # The findings are beside a model that was fitted, which is not the one whose files would be changed.
+        # The findings belong to a fitted model, and not to the given one whose files would be changed.
         return {}, diagnosis
     stated = _written(diagnosis, robot, folder, known, config)
     best = stated
@@ -137,7 +137,7 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
 
 @dataclass(frozen=True)
 class _Written:
-    """Texts of one set of numbers that may be handed out, with all records, notes, and the names of the others."""
+    """Texts with one set of numbers that passed their check, all records and notes, and names of the others."""
 
     texts: dict[str, str]
     files: tuple[WrittenFile, ...]
@@ -163,7 +163,7 @@ def _written(
     try:
         models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, proof_of)
     except PhantomDynError as error:
-        # The laws of corrected.yaml need no possible bodies, and are tried all the same.
+        # The laws of corrected.yaml need no possible bodies, and are written in any case.
         texts, files, refused = proved(texts, proof_of(corrected_model(robot, known_torques)))
         lacking = tuple(name for name in NAMES if name not in texts)
         return _Written(texts, files, (_not_written(NAMES[1:], error), *refused), lacking)
@@ -206,7 +206,7 @@ def _written(
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
-    """Joints whose zeros the torques show, so that the corrected model has them already."""
+    """Joints whose encoder zeros are findings of the torques, so that the corrected model has them already."""
     return {one.joint or "" for one in diagnosis.findings if one.effect == ZERO}
 
 
@@ -221,7 +221,7 @@ def _places_not_in(file: str, names: Iterable[str], *, given: bool) -> Note:
 def _with_moved_joints(
     texts: dict[str, str], diagnosis: Diagnosis, robot: Robot, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], list[Note]]:
-    """Model files with their joints where measured poses put them, and what is not in them."""
+    """Model files with their joints moved by the findings of measured poses, and notes on findings not in them."""
     moves = moves_of_files(robot, joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known))
     notes = [*not_in_files(diagnosis.geometry, known), *moves.notes]
     out = dict(texts)
@@ -242,7 +242,7 @@ def _with_moved_joints(
 def _of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
-    """The known model with its joints moved, where poses alone were judged; nothing without a finding."""
+    """The known model with its joints moved, for a diagnosis of poses alone; no files without a finding."""
     if not joint_moves(diagnosis.geometry, (), known):
         return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
@@ -267,7 +267,7 @@ class _Models:
     corrected: CorrectedModel
     files: tuple[ModelFile, ...]
     notes: tuple[Note, ...] = ()
-    count: int = 0  # of files that may be handed out
+    count: int = 0  # number of files that passed their check
 
 
 def _models(
@@ -280,9 +280,9 @@ def _models(
 ) -> tuple[_Models, tuple[Note, ...]]:
     """The corrected model and its files, and a note on the moves within tolerance.
 
-    The findings are added to the given model with these moves; where no body can be so, possible bodies that need the
-    same torques along the recording take their place, or else the nearest possible ones. Where none of these gives all
-    files that may be handed out, the same is tried without the moves.
+    The findings are added to the given model with these moves. Bodies that cannot exist are replaced by possible ones
+    with the same torques along the recording, or else by the nearest possible ones. If some files still fail their
+    check, the same is tried without the moves.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
@@ -324,7 +324,7 @@ def _models(
 
 
 def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
-    """The robot with bodies that can be, and notes on them."""
+    """The robot with bodies that can exist, and notes on them."""
     nearest, body_notes = with_nearest_bodies(robot, given)
     if nearest is robot:
         return robot, ()
@@ -344,10 +344,10 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 def _others(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
-    """Texts to make by name, beside some model files; what goes with a model file needs one.
+    """Functions that make the other texts, by file name; texts that need a model file are left out without one.
 
     Raises:
-        PhantomDynError: Of a text that cannot be made, where it is made.
+        PhantomDynError: By a function, if its text cannot be made.
     """
 
     def with_links(make: Callable[[CorrectedModel, str], str]) -> str:

@@ -13,17 +13,17 @@ from identification.export.file_names import FEEDFORWARD, YAML
 from identification.words.numbers_and_names import number
 from phantom_dyn.errors import listed
 
-_LATE = 0.05  # of a sample: less is hardly seen in the figures
+_LATE = 0.05  # delay in samples below which it is not mentioned, as it hardly changes the figures
 
 
 def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: FittedNumbers) -> str:
     """The text of a file with its residual on each joint in the header; unchanged where the file was not checked.
 
     Args:
-        text: Of the file.
+        text: Text of the file.
         record: Its residuals.
-        diagnosis: Gives units and the measured torque.
-        fitted: How late the recorded torque and references are.
+        diagnosis: The diagnosis, with units and the measured torque.
+        fitted: Numbers of the fit, with the delays of the recorded torque and references.
     """
     if not record.rms_left:
         return text
@@ -48,20 +48,20 @@ def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: Fi
 
 
 def with_comment(text: str, lines: Sequence[str]) -> str:
-    """The text of a URDF or MJCF with a comment behind the start of its root element.
+    """The text of a URDF or MJCF with a comment after the start tag of its root element.
 
     Args:
-        text: Of the file.
-        lines: Of the comment.
+        text: Text of the file.
+        lines: Lines of the comment.
     """
-    # A comment may not hold two dashes, nor end with one.
+    # A comment must not contain two dashes, nor end with one.
     comment = "\n    ".join(re.sub("-(?=-)", "- ", line) for line in lines)
     start = text.index(">", root_of(text)) + 1
     return f"{text[:start]}\n  <!-- {comment}\n  -->{text[start:]}"
 
 
 def root_of(text: str) -> int:
-    """Where the root element of a URDF or MJCF begins, whatever comments before it say."""
+    """Index at which the root element of a URDF or MJCF begins; comments before it are skipped."""
     found = re.search(
         r"<(?:robot|mujoco)\b", re.sub(r"<!--.*?-->", lambda part: " " * len(part[0]), text, flags=re.DOTALL)
     )

@@ -54,8 +54,8 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
 
     Args:
         result: The map.
-        folder: Made if it is missing; files that are not ours stay.
-        progress: Takes the stages.
+        folder: The folder, which is created if it is missing; other files in it are kept.
+        progress: Called with each stage.
 
     Returns:
         The files.

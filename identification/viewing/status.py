@@ -1,4 +1,4 @@
-"""What the page of a replay says in words: what is shown, what the colours mean, and the numbers of the moment."""
+"""Texts on the page of a replay: its contents, the meaning of the colours, and the values at the current time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identification.words.numbers_and_names import number, percent
 
 
 def legend(replay: Replay) -> str:
-    """What the colour of a joint means."""
+    """Explanation of the colours of joints."""
     return (
         f"Joints are grey without a torque residual and orange where it is {percent(replay.full)} of the joint's usual "
         "torque or more (root mean square over 0.2 s). Click a joint for its curves."
@@ -25,7 +25,7 @@ def curve_names(chart: Chart) -> str:
 
 
 def summary(replay: Replay) -> str:
-    """What is simulated and how, and what is to be known of the recording."""
+    """Lines on the recording, the models and the simulation."""
     lines = [f"{replay.robot.name}, {replay.file}, {number(float(replay.t[-1] - replay.t[0]))} s."]
     if replay.horizon_s is not None:
         lines.append(f"Simulated motion starts again from the recorded one every {replay.horizon_s:g} s.")
@@ -42,7 +42,7 @@ def now_table(replay: Replay, moment: float, frame: int) -> str:
     """Position, torque and residuals of each joint at a moment, as a table in Markdown.
 
     Args:
-        replay: Holds the curves.
+        replay: The replay with its curves.
         moment: Time [s].
         frame: Index of its frame.
     """

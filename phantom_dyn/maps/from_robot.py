@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """From a `Robot` to a `MapModel`: tip, limits, stiffness, posture and the branches of its inverse kinematics.
 
-Of the built-in devices more is known than their robot files say: inverse kinematics in closed form, published stiffness
-and the usual posture.
+Built-in devices also have data that their robot files lack: inverse kinematics in closed form, published stiffness and
+the usual posture.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Device:
 
     Attributes:
         branches: Candidates ``(B, N, 3)`` [rad] of tip positions ``(N, 3)`` [m], NaN where there is none.
-        posture: Configuration [rad] that the branch is chosen by when nothing else is said.
-        stiffness: Gives that of the joints [N m/rad], or None where nothing is published.
-        stiffness_note: How the source is read, for captions.
+        posture: Configuration [rad] that selects the branch by default.
+        stiffness: Function for the stiffness of the joints [N m/rad]; None where none is published.
+        stiffness_note: Remark on the source of the stiffness, for captions.
     """
 
     branches: Callable[[Array], Array]

@@ -34,8 +34,8 @@ def power_density(
         x: Samples at a uniform rate, shape ``(N,)`` or ``(N, k)``.
         rate_hz: Samples per second.
         length: Samples of a segment.
-        window: What each segment is multiplied with.
-        linear: Take a straight line off each segment, not only its mean.
+        window: Window function of each segment.
+        linear: True to subtract a straight line from each segment instead of its mean.
 
     Returns:
         Frequencies, shape ``(F,)`` with ``F = length // 2 + 1``, and densities, shape ``(F,)`` or ``(F, k)``.
@@ -59,7 +59,7 @@ def _density(x: Array, y: Array, rate_hz: float, length: int, window: Window, li
         total += np.sum(_transformed(of_x, shape, linear).conj() * _transformed(of_y, shape, linear), axis=0)
         segments += len(of_x)
     density = total / (segments * rate_hz * np.sum(shape**2))
-    # What negative frequencies hold is counted with the positive ones; 0 and half the rate stand alone.
+    # One-sided: the power of negative frequencies is added to that of positive ones, except at 0 and half the rate.
     density[1 : (length + 1) // 2] *= 2
     return density
 

@@ -1,8 +1,8 @@
 """Column maps that are shipped, by name: ``--columns ur_rtde``. They are the YAML files in the folder ``presets``.
 
-They are column maps with three liberties: a list of entries is alternatives of which the first that the file has is
-taken, an entry that the file has not is left out (time and position are needed), and a name may hold ``{topic}`` for
-any text. ``{only}`` in a key stands for the only joint of the robot.
+They are column maps with three extensions: a list of entries has alternatives, of which the first that the file has is
+used; an entry that the file lacks is ignored (time and position are required); and a name may contain ``{topic}`` for
+any text. ``{only}`` in a key is the only joint of the robot.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.model.files.settings_file import read_settings
 
 _FOLDER = Path(__file__).parent / "presets"
 PRESETS = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
-"""Names of the maps that are shipped."""
+"""Names of the shipped maps."""
 _TOPIC, _ONLY = "{topic}", "{only}"
 _PLACES = {_TOPIC: "(.*)", "{joint}": "[^/]+", "{number}": "[0-9]{1,4}"}
 _ORDERS = {"lowstate": MOTOR_ORDERS}
@@ -29,11 +29,11 @@ _ORDERS = {"lowstate": MOTOR_ORDERS}
 
 @dataclass(frozen=True)
 class Preset:
-    """A map that is shipped.
+    """A shipped column map.
 
     Attributes:
-        name: Given by the user.
-        entries: Alternatives by key, as they stand in its file.
+        name: Name for ``--columns``.
+        entries: Alternatives by key, as in its file.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers.
     """
 
@@ -62,7 +62,7 @@ def preset_of(columns: str | Path) -> Preset | None:
 
 
 def usable_columns(columns: str | Path) -> str | Path:
-    """What ``--columns`` names, known to be usable, and valid in any working folder.
+    """The value of ``--columns``, checked, and with an absolute path so that it is valid in any working folder.
 
     Raises:
         LogError: If it is neither a preset nor the file of a column map that can be used.
@@ -88,12 +88,12 @@ def fitting_presets(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def map_of(preset: Preset, raw: RawTable, joints: Sequence[str] | None) -> ColumnMap:
-    """The column map that a preset is for one file.
+    """The column map of a preset for one file.
 
     Args:
-        preset: What the user named.
-        raw: The file.
-        joints: Of the robot; None where there is none.
+        preset: The preset.
+        raw: The columns of the file.
+        joints: Joints of the robot; None without a robot.
 
     Raises:
         LogError: If the file has no time or no position as the preset names them, or several topics fit.
@@ -133,7 +133,7 @@ def _key(label: str, key: str, joints: Sequence[str] | None) -> str:
 
 
 def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | None:
-    """The column, or the name with its place, that an entry means in a file; None where it has none."""
+    """The column of a file that an entry refers to, or name and position in it; None where the file lacks it."""
     name = _name(value)
     if _TOPIC in name:
         topics = _topics(name, raw.names)
@@ -153,7 +153,7 @@ def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | Non
 
 
 def _topics(name: str, names: Sequence[str]) -> list[str]:
-    """What may stand for the topic."""
+    """Texts with which ``{topic}`` in a name fits the columns of a file."""
     parts = re.split(r"(\{\w+\})", name)
     pattern = re.compile("".join(_PLACES.get(part, re.escape(part)) for part in parts))
     return list(dict.fromkeys(m.group(1) for column in names if (m := pattern.fullmatch(column))))

@@ -136,7 +136,7 @@ class SolvedSet:
         return self.whole.joined(*self.pieces(columns), square)
 
     def pieces(self, columns: Int[Array, " m"]) -> tuple[Array, Array, Array, Array]:
-        """The same without the products among them: see `Tableau.pieces`."""
+        """Parts of `entering` without the products among the columns: see `Tableau.pieces`."""
         known = self._entering
         new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
         if len(new):
@@ -147,7 +147,7 @@ class SolvedSet:
         return _together(self.whole, [known[k] for k in columns.tolist()], 0)
 
     def fold_entering(self, columns: Int[Array, " m"]) -> list[Entering]:
-        """The same for the fit without each fold."""
+        """Columns that are not in the set, as they enter the fit without each fold."""
         problem, known = self.problem, self._fold_entering
         new = np.array([k for k in columns.tolist() if k not in known], dtype=int)
         whole = problem.total_a[np.ix_(columns, columns)] + np.diag(problem.precision[columns])
@@ -173,7 +173,7 @@ class SolvedSet:
 
 
 def marked(columns: Int[Array, " k"], count: int) -> Bool[Array, " K"]:
-    """Which of all columns are among some."""
+    """True for the given ones among all columns, ``(K,)``."""
     out = np.zeros(count, dtype=bool)
     out[columns] = True
     return out

@@ -45,9 +45,9 @@ class ModelFile:
     """One file of a corrected model.
 
     Attributes:
-        name: Of the file.
+        name: Name of the file.
         text: Its content, empty if it cannot be written.
-        notes: What it leaves out, how it was checked, or why it was not written.
+        notes: Notes on what it lacks, on its check, or on why it was not written.
     """
 
     name: str
@@ -62,8 +62,8 @@ def model_files(
 
     Args:
         corrected: The model.
-        motion: On which torques are compared.
-        folder: Where the files will lie.
+        motion: Motion on which torques are compared.
+        folder: Folder into which the files will be written.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
 
     """
@@ -90,7 +90,7 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
     """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty where they do.
 
     Args:
-        text: Of the URDF.
+        text: Text of the URDF.
         robot: The given model.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
@@ -121,16 +121,16 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
     Args:
         corrected: The model.
         text: Its MJCF, empty if there is none.
-        motion: Of the recordings.
+        motion: Motion of the recordings.
         tau: Logged torque at the same times.
 
     Returns:
-        The note; nothing without MuJoCo, where the motion is too short, or where nothing holds the base.
+        The note; nothing without MuJoCo, with too short a motion, or with a floating base.
     """
     if not text or corrected.given.floating:
         return ()
     try:
-        # The file that is written may hold servos: here the logged torque drives the joints.
+        # The written file may have servos, but here the logged torque has to drive the joints.
         text = corrected_mjcf(corrected)
         if mujoco_problem(text) is not None:
             return ()
@@ -168,7 +168,7 @@ def _not_written(name: str, error: Exception) -> Note:
 
 
 def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
-    """The text with a comment behind the start of its root element; without sentences as it is."""
+    """The text with a comment after the start tag of its root element; unchanged without sentences."""
     if not sentences:
         return text
     lines = ["What this file cannot say of the corrected model (corrected.yaml has all of it):", *sentences]

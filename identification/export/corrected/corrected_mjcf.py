@@ -1,8 +1,8 @@
 """A corrected model as MJCF, with all that MuJoCo can express beyond links, damping, dry friction and rotors.
 
-Springs are ``stiffness`` and ``springref``, encoder zeros ``ref``, plays and springs of transmissions a second joint
+Springs are ``stiffness`` and ``springref``, encoder zeros ``ref``, backlash and springs of transmissions a second joint
 on the same axis, couplings fixed tendons, constant torques the bias of an actuator, torque constants its ``gear``,
-limits its ``forcerange``, delays its ``delay``, lags its ``dyntype``. Cogging is a ``dcmotor`` that takes no command.
+limits its ``forcerange``, delays its ``delay``, lags its ``dyntype``. Cogging is a ``dcmotor`` without a command.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{
 """Names of the elements that are added for a joint, or for two."""
 
 SHORTEST_STEP = 1e-4
-"""Shortest step of a simulation [s] for which the file holds enough past commands to make its delays."""
-# MuJoCo wants a motor constant above zero [N m/A]: with a resistance of one ohm this gives no torque to speak of.
+"""Shortest step of a simulation [s] for which the buffers of past commands are long enough for the delays."""
+# MuJoCo needs a motor constant above zero [N m/A]: with a resistance of one ohm this one gives a negligible torque.
 _NO_MOTOR = 1e-9
-# A rotor behind a play or a spring needs inertia: where none is known, this share of the inertia of the link.
+# Inertia of an unknown rotor behind backlash or a spring, which needs one, as a share of the link's inertia.
 _LEAST_ROTOR = 0.01
-# Time constant [s] of the ends of a play, twice MuJoCo's usual step: as stiff as it can be.
+# Time constant [s] of the ends of backlash: twice MuJoCo's usual step is the stiffest possible.
 _STOP = 0.004
 
 
 def corrected_mjcf(corrected: CorrectedModel) -> str:
-    """The text of a MJCF file with one actuator per active joint, named as it is, and cogging actuators after them.
+    """The text of a MJCF file with one actuator per active joint and of its name, then the actuators of cogging.
 
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
@@ -63,7 +63,7 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF holds: not those of joints in a loop, which change how it closes."""
+    """Encoder zeros that a URDF or MJCF can have: not those of joints in a loop, which change how it closes."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
@@ -75,19 +75,19 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that the MJCF holds: not behind a play, as a body without inertia would be between."""
+    """Springs of transmissions that the MJCF has: not with backlash, as a body between both would have no inertia."""
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 
 def rotor_of(corrected: CorrectedModel, joint: str) -> float:
-    """Rotor inertia behind a play or a spring [kg m^2 or kg], assumed where none is known."""
+    """Rotor inertia behind backlash or a spring [kg m^2 or kg], assumed where it is unknown."""
     row = row_of(corrected.robot, joint)
     known = float(corrected.robot.rotor_inertia[row])
     return known if known > 0 else _LEAST_ROTOR * _moved_inertia(corrected, row)
 
 
 def _moved_inertia(corrected: CorrectedModel, row: int) -> float:
-    """Inertia that a joint moves in the zero posture, the rotor's apart."""
+    """Inertia that a joint moves in the zero posture, without its rotor."""
     mass = mass_matrix(corrected.robot, np.zeros((1, corrected.robot.nv)))
     return float(mass[0, row, row] - corrected.robot.rotor_inertia[row])
 
@@ -108,11 +108,11 @@ def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name
 
 
 def second_joint(corrected: CorrectedModel, name: str) -> dict[str, str]:
-    """Attributes of the joint between motor and link: with ends if there is play, with a spring if it gives way.
+    """Attributes of the joint between motor and link: with a range for backlash, with a spring for compliance.
 
     Args:
         corrected: The corrected model.
-        name: Of the joint that has a play or a spring.
+        name: Name of the joint that has backlash or a spring.
     """
     if name in corrected.plays:
         half = 0.5 * corrected.plays[name]
@@ -146,10 +146,10 @@ def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
 
 
 def add_cogging(root: Element, corrected: CorrectedModel) -> None:
-    """Add an actuator that takes no command for each wave, behind all others.
+    """Add an actuator without a command for each wave, after all others.
 
     Args:
-        root: Of the MJCF; changed.
+        root: Root element of the MJCF; changed.
         corrected: The corrected model.
     """
     if not corrected.cogging:
@@ -171,7 +171,7 @@ def add_couplings(root: Element, corrected: CorrectedModel) -> None:
     """Add a tendon for each coupling of two joints.
 
     Args:
-        root: Of the MJCF; changed.
+        root: Root element of the MJCF; changed.
         corrected: The corrected model.
     """
     if not corrected.couplings:

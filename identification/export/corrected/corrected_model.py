@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The corrected model: a robot with the effects that a diagnosis found, sorted by the places they have in files."""
+"""The corrected model: a robot with the effects that a diagnosis found, sorted by their place in model files."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from phantom_dyn.motion import Motion
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """A robot and what was found of it; mappings are from joint to value, SI units on the joint side.
+    """A robot with its findings; mappings are from joint to value, in SI units on the joint side.
 
     Attributes:
         given: The robot without the findings.
-        base: The same, or with the moves within its tolerances: what the findings were added to.
-        robot: With other links, rotors, modelled friction and gravity.
-        turned: Rotation that takes the given gravity, in the base frame, to the robot's.
-        springs: Stiffness and the position where the spring is relaxed.
+        base: The robot to which the findings were added: the given one, perhaps moved within its tolerances.
+        robot: The robot with the findings on links, rotors, modelled friction and gravity.
+        turned: Rotation from the given gravity, in the base frame, to the robot's.
+        springs: Stiffness and relaxed position of each spring.
         offsets: Constant torques.
-        gains: True torque over logged torque.
-        limits: Torque beyond which a drive gives no more, as found or as the configuration states it.
-        delays, lags: Times [s] by which drives are late, and time constants.
-        reference_delays: Times [s] by which references of position controllers arrive late.
-        plays: Full width of plays.
+        gains: Ratios of true to logged torque.
+        limits: Largest torque of each drive, as found or as the configuration states it.
+        delays, lags: Delays of drives [s], and their time constants.
+        reference_delays: Delays [s] of the references of position controllers.
+        plays: Full widths of backlash.
         compliances: Stiffness of transmissions.
         cogging: Order, amplitude and phase of each wave.
-        couplings: Between two joints.
-        zeros: How much encoders read too much.
-        others: Effects without a place among these, or with one for a part only, as a Stribeck law's level at speed.
+        couplings: Couplings of two joints.
+        zeros: Offsets of encoders, reading minus position.
+        others: Effects that none of these express, or only in part, as a Stribeck law by its level at high speed.
     """
 
     given: Robot
@@ -65,13 +65,13 @@ class CorrectedModel:
 def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
     """A robot and its findings, sorted.
 
-    Of friction laws that are more than Coulomb and viscous friction, the robot gets the mean of both directions, the
-    level at high speed (Stribeck) and the level behind the bristle (presliding); the law itself is under ``others``.
-    Torque limits that the robot's configuration states count where the torque columns are commands.
+    From friction laws beyond Coulomb and viscous friction, the robot gets the mean of both directions, the level at
+    high speed (Stribeck) or the level after the presliding displacement; the law itself is under ``others``. Torque
+    limits of the robot's configuration are used where the torque columns are commands.
 
     Args:
         robot: The given model.
-        effects: What was found, with the contract's parameters in order.
+        effects: The findings, with the contract's parameters in order.
 
     Raises:
         ParameterError: If an effect is unknown, has not as many parameters as its law takes, or one is not finite.
@@ -88,14 +88,14 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
 def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
     """Largest torque by joint: as found, else as the configuration or the robot's file states it.
 
-    What the file alone states is no part of `CorrectedModel.limits`: files that are edited have it already.
+    `CorrectedModel.limits` does not contain those of the robot's file, as edited copies of it have them already.
     """
     stated = zip(corrected.given.joint_names, stated_torque_limits(corrected.given).tolist(), strict=True)
     return {joint: limit for joint, limit in stated if np.isfinite(limit)} | corrected.limits
 
 
 def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
-    """The same with further findings; raises as `corrected_model`."""
+    """The corrected model with further findings; raises as `corrected_model`."""
     for effect in effects:
         for one in on_single_joints(corrected.given, effect):
             corrected = _with_effect(corrected, one)
@@ -103,7 +103,7 @@ def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) ->
 
 
 def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ...]:
-    """An effect with one number on several joints as one effect a joint; any other as it is."""
+    """An effect with one number for several joints as one effect for each joint; any other one unchanged."""
     shared = effect_named(effect.effect, robot).shared and effect.joint not in robot.joint_names
     if not shared or effect.joint is None:
         return (effect,)
@@ -207,7 +207,7 @@ def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]
 
 
 def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nv"]:
-    """Torque [N m or N] that springs, constant torques, cogging and couplings ask of the drives.
+    """Torque [N m or N] that the drives need for springs, constant torques, cogging and couplings.
 
     Args:
         corrected: The corrected model.
@@ -232,11 +232,11 @@ def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
 
 
 def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:
-    """The robot with joints whose positions are what their encoders read: ``reading = q + zero``.
+    """The robot with joint positions as its encoders read them: ``reading = q + zero``.
 
     Args:
         robot: A robot without closed loops.
-        zeros: By joint [rad or m].
+        zeros: Offsets of encoders by joint [rad or m].
     """
     model = robot.model.copy()
     data = model.createData()
@@ -255,7 +255,7 @@ def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:
 
 
 def with_base_turned(robot: Robot, rotation: Float[Array, "3 3"]) -> Robot:
-    """The robot on a base that stands turned in the world; gravity stays what it is."""
+    """The robot on a base that is rotated in the world; gravity is unchanged in the world."""
     model = robot.model.copy()
     turn = pin.SE3(np.array(rotation), np.zeros(3))
     for index in range(1, model.njoints):

@@ -24,16 +24,16 @@ LEVEL = "level"
 
 
 def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
-    """The text of a URDF; all that the findings do not touch stays as it is in the given file, if that is a URDF.
+    """The text of a URDF; if the given file is one, everything without a finding is unchanged.
 
     Args:
         corrected: The corrected model.
         file: The robot's file.
-        folder: Where the text will lie: file names of meshes are made relative to it.
+        folder: Folder of the new file, to which file names of meshes are made relative.
 
     Raises:
         RobotError: If the file has no link on a joint of the robot.
-        ParameterError: If no body can have the inertia that is left for a link.
+        ParameterError: If the inertia of a link is that of no possible body.
     """
     robot = _without_rotors(corrected)
     text = edited_urdf(robot, corrected.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
@@ -59,7 +59,7 @@ def robot_of_urdf(corrected: CorrectedModel) -> Robot:
 
 
 def _without_rotors(corrected: CorrectedModel) -> Robot:
-    """The robot with the given rotors, as a URDF holds none."""
+    """The robot with the given rotors, as a URDF has none."""
     model = corrected.robot.model.copy()
     model.armature = corrected.given.model.armature
     return replace(corrected.robot, model=model)
@@ -73,7 +73,7 @@ def _set_effort(joint: Element, limit: float) -> None:
 
 
 def move_zero(joint: Element, zero: float) -> None:
-    """Turn or shift the joint's place back by what its encoder reads too much, and move its limits along."""
+    """Turn or shift the joint's origin back by the offset of its encoder, and shift its limits by that."""
     origin = joint.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(joint, "origin")
@@ -93,7 +93,7 @@ def move_zero(joint: Element, zero: float) -> None:
 
 
 def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
-    """A level link under the robot's root, on which that stands turned."""
+    """Add a level link as parent of the robot's root, which is rotated on it."""
     links = [str(link.get("name")) for link in root.findall("link")]
     children = {str(child.get("link")) for joint in root.findall("joint") for child in joint.findall("child")}
     base = next(name for name in links if name not in children)

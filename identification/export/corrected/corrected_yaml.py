@@ -36,7 +36,7 @@ ROBOT_KEYS = ("source", "sha256")
 EFFECT_KEYS = ("effect", "joint", "parameters", "gap_closed")
 VALUE_KEYS = ("value", "std", "unit")
 _ROUNDING = 1e-9
-"""How far a value that was found at its end may be beyond it, relative to the end."""
+"""Relative amount by which a value at a bound may exceed it by rounding."""
 ADJUSTED_KEYS = ("quantity", "change", "tolerance")
 
 
@@ -55,10 +55,10 @@ class ModelError:
     """Error of the corrected model on a joint, root mean square beyond noise; no torque to add.
 
     Attributes:
-        joint: Which.
-        slow: Where it creeps or turns about.
-        moving: Elsewhere.
-        unit: Of both.
+        joint: Name of the joint.
+        slow: Error while it creeps or reverses.
+        moving: Error at all other times.
+        unit: Unit of both.
     """
 
     joint: str
@@ -69,7 +69,7 @@ class ModelError:
 
 @dataclass(frozen=True)
 class Corrected:
-    """Content of a ``corrected.yaml``: the robot it was found for, its effects, and the moves within tolerance."""
+    """Content of a ``corrected.yaml``: its robot, its effects, and the moves within the tolerances."""
 
     robot: str
     sha256: str
@@ -79,14 +79,14 @@ class Corrected:
 
 
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
-    """The text of ``corrected.yaml`` with all findings, but for those that act in one of several recordings only.
+    """The text of ``corrected.yaml`` with all findings, except those that act only in one of several recordings.
 
-    A zero that torques and poses both show is there once, as the torques have it.
+    An encoder zero that torques and poses both show is written once, with the value from the torques.
 
     Args:
-        diagnosis: What was found.
+        diagnosis: The diagnosis.
         robot_source: The robot file or name that was diagnosed.
-        sha256: Of the robot file.
+        sha256: Hash of the robot file.
 
     Raises:
         ParameterError: If the value of a parameter is not finite.
@@ -101,7 +101,7 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
 
 
 def _by_poses(diagnosis: Diagnosis, known_zeros: set[str | None]) -> tuple[CorrectedEffect, ...]:
-    """What measured poses show: zeros, places and elasticity of joints, poses of base and target."""
+    """Findings of measured poses: zeros, places and elasticity of joints, poses of base and target."""
     found = () if diagnosis.geometry is None else diagnosis.geometry.findings
     return tuple(
         CorrectedEffect(
@@ -147,7 +147,7 @@ def read_corrected(path: str | Path) -> Corrected:
     if content.get("schema") != SCHEMA:
         given = f"schema is {describe(content['schema'])}" if "schema" in content else "there is no key schema"
         raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
-    # Files of earlier versions have no such key, and neither has a model that leaves no more than noise.
+    # The key is missing in files of earlier versions, and in those of a model with a residual of noise only.
     errors = list_at(content.get("model_error", []), file, "model_error")
     rest = {key: value for key, value in content.items() if key != "model_error"}
     top = mapping_at(rest, file, "", ("schema", "robot", "effects", "adjusted"))
@@ -251,7 +251,7 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
     for file in files:
         model = read_corrected(file)
         for entry in model.effects:
-            # A load that one file has found, a later one may take off.
+            # A later file may remove a load that an earlier one has found.
             out.append(known_effect(entry, carrying_known(robot, out), file))
         for one in model.model_error:
             if one.joint not in robot.joint_names:
@@ -273,9 +273,9 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     """One effect with its parameters in the contract's order, checked against the robot.
 
     Args:
-        entry: Item of the file, not checked yet.
-        robot: What it is to be added to.
-        file: Where it stands, for messages.
+        entry: Unchecked entry of the file.
+        robot: The robot to which it is to be added.
+        file: The file, for messages.
 
     Raises:
         ParameterError: If the effect, its joint or a parameter is unknown, or one is left out.
@@ -290,7 +290,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         raise ParameterError(
             f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
         )
-    # An effect of the whole robot may name the joint that its link hangs on.
+    # An effect of the whole robot may name the joint of its link.
     if not effect.can_sit(robot, entry.joint) and (effect.scope == "pair" or entry.joint not in robot.joint_names):
         raise ParameterError(
             f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
@@ -300,7 +300,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     _require_lengths(entry, file, lists=effect.takes_lists(robot, entry.joint))
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
-    # Inertial parameters that are not named did not move.
+    # Inertial parameters that are not named are unchanged.
     missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
     if unknown or missing:
         raise ParameterError(
@@ -317,7 +317,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
 
 def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
-    """A joint's compliance, or the pose of a joint, the base or a target; what is not named of it is as given."""
+    """A joint's compliance, or the pose of a joint, the base or a target; parameters not named are as given."""
     _require_carrier(entry, robot, file)
     wanted = PARTS if entry.effect in PLACES else ("compliance",)
     given = set(entry.parameters)
@@ -365,7 +365,7 @@ def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None
         if wrong:
             raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")
         return
-    # A number is a list of one: so one wave was written once, and so one writes it by hand.
+    # A number is a list of one, as in files written by hand and by earlier versions.
     lengths = {name: len(value) if isinstance(value, list) else 1 for name, value in values.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
         found = ", ".join(
@@ -378,7 +378,7 @@ def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None
 
 
 def _require_possible(parameter: Parameter, numbers: list[float], where: str) -> None:
-    """Refuse a value of which the law makes no sense."""
+    """Refuse a value outside of the range of its law."""
     lower, upper = parameter.lower, parameter.upper
     for number in numbers:
         if not abs(number) <= LARGEST:

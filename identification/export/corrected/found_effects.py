@@ -1,8 +1,8 @@
 """The findings of a diagnosis as effects, and the given model with the moves within its tolerances.
 
-Moves within tolerance are fitted one by one, and only their sum along the recorded motion is seen. Together they may
-make a body that cannot be, as the axial moment of a thin link leaves its two others no room to differ: then possible
-bodies take its place that need the same torques there.
+Moves within tolerance are fitted independently, and only their summed torque along the recorded motion is observed.
+Together they may give a body that cannot exist: for a thin link with a small axial moment, for example, the other two
+moments have to be nearly equal. Such bodies are replaced by possible ones with the same torques along that motion.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _SAMPLES = 300
-"""Samples of the recorded motion on which possible bodies need the same torques."""
+"""Number of samples of the recorded motion on which possible bodies must have the same torques."""
 _SEEN = 1e-4
-"""Combinations of parameters whose torque is a smaller share of the largest one's are free."""
+"""Combinations of parameters with a smaller torque than this share of the largest one may change freely."""
 
 
 def lasting_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Findings that act in all recordings: what acts in one of them only is no part of the robot."""
+    """Findings that act in all recordings: an effect in only one of them is no part of the robot."""
     return tuple(finding for finding in diagnosis.findings if finding.recording is None)
 
 
 def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
-    """A finding as an effect; inertial parameters that are not named did not move.
+    """A finding as an effect; inertial parameters that are not named are unchanged.
 
     Raises:
         ParameterError: If the effect is unknown.
@@ -55,8 +55,8 @@ def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
 def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
     """Deviations of `effect_of`'s numbers as sums of independent standard numbers.
 
-    Where a finding does not say what it shares with others, each of its deviations stands for itself (``k`` is the
-    number of its parameters), and one that is not finite counts as none.
+    For a finding without loadings, its deviations are taken as independent (``k`` is the number of its parameters), and
+    a deviation that is not finite as zero.
     """
     given = {name: _rows(finding, name) for name in finding.parameters}
     width = max((len(row) for rows in given.values() for row in rows), default=0)
@@ -89,23 +89,23 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
 
 
 def within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:
-    """The given robot with what the diagnosis lists as adjusted; the very same object where that is nothing.
+    """The given robot with the adjustments of a diagnosis; the same object if there are none.
 
-    Findings are sizes beside these moves: a model that has the findings alone is not the one whose gap was measured,
-    and may be further from the recordings than the given one.
+    Findings were fitted together with these moves: a model with the findings alone has another gap than the one stated,
+    and may be further from the recordings than the given model.
 
     Args:
         robot: The given model.
-        diagnosis: Of this model.
+        diagnosis: Its diagnosis.
 
     Raises:
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If the mass of a link would be zero or negative.
     """
     return moved_by(robot, diagnosis.adjusted)
 
 
 def moved_by(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
-    """The given robot with moves within its tolerances; the very same object where there are none.
+    """The given robot with moves within its tolerances; the same object if there are none.
 
     Args:
         robot: The given model.
@@ -120,16 +120,16 @@ def moved_by(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
 
 
 def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
-    """The robot with bodies that can be, nearest to the given ones, that need the same torque along a motion.
+    """The robot with possible bodies, as near as possible to the given ones, that need the same torque along a motion.
 
     Args:
-        robot: With bodies of which some may be impossible.
+        robot: A robot of which some bodies may be impossible.
         given: The given model, whose bodies are possible or nearly so.
-        motion: Along which torques are to be the same; of a long one some samples count.
+        motion: Motion with equal torques; of a long one some samples are used.
 
     Raises:
         EstimationError: If there are no such bodies.
-        RobotError: If a link would weigh nothing or less.
+        RobotError: If the mass of a link would be zero or negative.
     """
     at = np.unique(np.linspace(0, len(motion.t) - 1, min(_SAMPLES, len(motion.t))).astype(int))
     if not len(at):

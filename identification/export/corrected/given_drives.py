@@ -1,8 +1,8 @@
-"""What was found of drives, put into the actuators that an MJCF has already.
+"""Findings on drives, written into the existing actuators of an MJCF.
 
-An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) holds all of it but a
-delay of references. Of a servo only the limit is, and that delay, as its command is a reference: what its feedback does
-would change with the rest.
+An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can have all of them
+but a delay of references. The command of a servo is a reference, so that it gets only this delay and a torque limit:
+the other findings would change its feedback.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _REFERENCES = "delay of references"
 
 
 def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
-    """True if the given file is an MJCF that has a servo on a joint, whose command is a reference.
+    """True if the given file is an MJCF with a servo on a joint, so that its command is a reference.
 
     Args:
         corrected: The corrected model.
-        joint: Which one.
+        joint: Name of the joint.
     """
     file = Path(corrected.given.source)
     if not file.is_file() or file.suffix != ".xml":
@@ -60,14 +60,14 @@ def _set_delay(actuator: Element, delay: float) -> None:
 
 
 def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
-    """Torque constants, limits, constant torques, lags and delays, in the actuators of the file.
+    """Write torque constants, limits, constant torques, lags and delays into the actuators of the file.
 
     Args:
         given: The file; changed.
         corrected: The corrected model.
 
     Returns:
-        By joint a note on the numbers that have no place.
+        For each joint a note on the numbers that cannot be written.
     """
     out: dict[str, Note] = {}
     for name in corrected.robot.joint_names:
@@ -95,7 +95,7 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
 
 
 def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
-    """What differs from the drive that was given, by name."""
+    """Numbers of a drive that differ from the given one, by name."""
     stated = corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit
     limit = corrected.limits.get(name)
     numbers = {
@@ -149,7 +149,7 @@ def _set_plain(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, n
 
 
 def _as_general(given: GivenMjcf, actuator: Element) -> None:
-    """A motor in the words of ``general``, free of what a default class says of other actuators."""
+    """Change a motor to an equivalent ``general``, with no attributes from the defaults of other actuators."""
     if actuator.tag != "motor":
         return
     kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}

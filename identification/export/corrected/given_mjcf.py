@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The MJCF that was given with what was found: all that the findings do not touch stays, shapes and sensors included.
+"""The given MJCF with the findings: everything else is unchanged, shapes and sensors included.
 
 Links, damping, dry friction, rotors and gravity are replaced where they differ. Numbers of drives go into the actuator
 that the file has for the joint, see `identification.export.corrected.given_drives`.
@@ -37,26 +37,26 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 _REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom")
-"""Words of <compiler> by which MuJoCo changes inertias after it has read them."""
+"""Attributes of <compiler> with which MuJoCo changes inertias after it has read them."""
 _BUILT = ("include", "frame", "replicate", "attach")
-"""Elements of which MuJoCo makes others."""
+"""Elements that MuJoCo expands into others."""
 _NAMED = ("body", "joint", "freejoint")
 _PLACES = ("meshdir", "texturedir")
 _SAME = 1e-12
-"""Relative difference of a number that is the same but for its way through a file."""
+"""Relative difference of numbers that are equal up to rounding in a file."""
 
 
 def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, Note]]:
-    """The text of the given MJCF with the findings, and by joint a sentence on what its actuator has no place for.
+    """The text of the given MJCF with the findings, and for each joint a note on numbers that its actuator cannot have.
 
     Args:
         corrected: The corrected model.
-        file: The MJCF that was given.
-        folder: Where the text will lie: files of meshes are named relative to it; None: by their whole path.
+        file: The given MJCF.
+        folder: Folder of the new file, to which paths of meshes are made relative; None for absolute paths.
 
     Raises:
-        RobotError: If the file says something by which the findings would have another meaning.
-        ParameterError: If no body can have the inertia that is left for a link.
+        RobotError: If settings of the file would change the meaning of the findings.
+        ParameterError: If the inertia of a link is that of no possible body.
     """
     given = given_mjcf(_whole_root(file))
     _require_plain(given, corrected, file)
@@ -84,7 +84,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
 
 
 def _whole_root(file: Path) -> Element:
-    """The file with its comments; written out by MuJoCo where it includes, copies or leaves names out."""
+    """The file with its comments; expanded by MuJoCo where it has includes, copies or elements without names."""
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     root = ElementTree.parse(file, parser).getroot()
     elements = [element for element in root.iter() if isinstance(element.tag, str)]
@@ -96,7 +96,7 @@ def _whole_root(file: Path) -> Element:
 
 
 def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> None:
-    """Refuse files whose compiler changes inertias again, whose joints have no names, or whose loops are elsewhere."""
+    """Refuse files whose compiler changes inertias, whose joints have no names, or whose loops are in another file."""
     for compiler in given.root.iter("compiler"):
         for word in _REWRITES:
             if compiler.get(word, "auto").strip(" 0.") not in ("", "auto", "false", "-1"):
@@ -129,7 +129,7 @@ def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> No
 
 
 def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
-    """Standard parameters, about the joint, of the bodies that are fixed to a link, or are held there."""
+    """Standard parameters, about the joint, of the bodies that are fixed to a link, or locked to it."""
     out: dict[str, np.ndarray] = {}
     frames = list(robot.model.frames)
     for k, frame in enumerate(frames):
@@ -140,7 +140,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
 
 
 def _held_bodies(link: Element) -> frozenset[str]:
-    """Bodies behind joints that the model holds fixed: in the file they move, so they keep their inertia."""
+    """Bodies on joints that the model locks: they move in the file, so they keep their own inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
     while todo:
@@ -152,7 +152,7 @@ def _held_bodies(link: Element) -> frozenset[str]:
 
 
 def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInertia:
-    """An inertia that is stated in the axes of a joint, in those of its body, from which the joint may be away."""
+    """An inertia stated in the frame of a joint, transformed to that of its body, which may have another origin."""
     name = body_name(robot, body)
     frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
     moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
@@ -172,7 +172,7 @@ def _set_inertia(body: Element, inertia: LinkInertia) -> None:
 
 
 def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:
-    """Damping, dry friction and rotors, where the file with its defaults says another number."""
+    """Write damping, dry friction and rotors, where they differ from the file with its defaults."""
     robot = corrected.robot
     viscous, coulomb = tree_friction(robot)
     for k, name in enumerate(list(robot.model.names)[1:]):
@@ -192,7 +192,7 @@ def _set_springs(given: GivenMjcf, corrected: CorrectedModel) -> None:
 
 
 def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
-    """Positions of a joint as its encoder reads them: those that the file draws, its range, springs and keyframes."""
+    """Shift a joint's zero, range, springs and keyframes, so that its positions are readings of its encoder."""
     joint = given.joints[name]
     more = given.angle(joint, zero)
     joint.set("ref", repr(float(given.attribute(joint, "ref") or 0.0) + more))
@@ -208,7 +208,7 @@ def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
 
 
 def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
-    """A second joint behind a joint, without what default classes would give it."""
+    """Add a second joint after a joint, without attributes from default classes."""
     joint = given.joints[name]
     joint.set("armature", repr(rotor_of(corrected, name)))
     own = second_joint(corrected, name)
@@ -246,7 +246,7 @@ def _option(root: Element) -> Element:
 
 
 def _relocate(root: Element, source: Path, folder: Path | None) -> None:
-    """Folders of meshes and textures as seen from another folder."""
+    """Make the folders of meshes and textures relative to another folder."""
     if not any(element.get("file") for element in root.iter() if isinstance(element.tag, str)):
         return
     compilers = root.findall("compiler") or [ElementTree.SubElement(root, "compiler")]

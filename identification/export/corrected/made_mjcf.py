@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""``corrected.xml`` and how it was checked: the given MJCF with the findings, or one that is made from the model.
+"""``corrected.xml`` and its check: the given MJCF with the findings, or a new one made from the model.
 
-One is made where the robot's file is a URDF, and where the given MJCF says something by which the findings would have
-another meaning; a note gives the reason.
+A new one is made where the robot's file is a URDF, and where settings of the given MJCF would change the meaning of the
+findings; a note gives the reason.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from phantom_dyn.motion import Motion
 
 @dataclass(frozen=True)
 class MadeMjcf:
-    """Text of an MJCF with what is to be said of it.
+    """Text of an MJCF with the result of its check.
 
     Attributes:
-        text: Of the file.
-        difference: Of its torques in MuJoCo from the corrected model's, over the largest; NaN if it was not loaded.
+        text: Text of the file.
+        difference: Largest difference of torques in MuJoCo from the corrected model's, over the largest torque; NaN if
+            it was not loaded.
         unchecked: Why it was not loaded again, as the end of a sentence; empty if it was.
         edited: True if it is the given file with the findings.
-        left_out: Notes on what its drives have no place for, and on why the given file is not in it.
+        left_out: Notes on numbers that its drives cannot have, and on why it is no edited copy of the given file.
     """
 
     text: str
@@ -48,14 +49,14 @@ def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: 
 
     Args:
         corrected: The model.
-        motion: On which torques are compared.
+        motion: Motion on which torques are compared.
         file: The robot's file.
-        folder: Where the text will lie.
+        folder: Folder into which the file will be written.
 
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
         RobotError: If MuJoCo refuses the text.
-        EstimationError: If the file says something else than the model.
+        EstimationError: If the torques of the file differ from those of the model.
     """
     if file.suffix == ".urdf":
         return _new(corrected, motion, file, folder, ())
@@ -68,7 +69,7 @@ def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: 
 def _new(
     corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[Note, ...]
 ) -> MadeMjcf:
-    """An MJCF that is made from the model, with the shapes of a URDF where ``folder`` says where it will lie."""
+    """An MJCF that is made from the model, with the shapes of a URDF if ``folder`` is given."""
     text = corrected_mjcf(corrected)
     problem = mujoco_problem(text)
     difference = torque_difference(text, corrected, motion)
@@ -105,7 +106,7 @@ def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path)
 
 
 def _refused(file: Path) -> str:
-    """Why MuJoCo refuses the file that was given, as where its meshes are missing; empty if it does not."""
+    """Why MuJoCo refuses the given file, for example for missing meshes; empty if it accepts it."""
     import mujoco
 
     try:
@@ -116,7 +117,7 @@ def _refused(file: Path) -> str:
 
 
 def _held(file: Path) -> dict[str, float]:
-    """Positions at which joints of the file are held that follow others, or are play."""
+    """Positions at which joints of the file are held that follow others, or are backlash."""
     try:
         facts, model = read_model(file)
     except RobotError:

@@ -1,4 +1,4 @@
-"""What an element of an MJCF says once its default classes are counted in."""
+"""Attributes of an element of an MJCF with those of its default classes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from math import degrees
 from phantom_dyn.model.robot_xml import Element
 
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-"""Elements of one default: whatever their tag, a class states them together."""
+"""Elements that share their defaults in a class, whatever their tag."""
 
 
 @dataclass(frozen=True)
 class GivenMjcf:
-    """The elements of an MJCF by name, and how its defaults and its unit of angles are read.
+    """The elements of an MJCF by name, with its defaults and its unit of angles.
 
     Attributes:
-        root: Of the file.
+        root: Root element of the file.
         owners: The element around each element.
         joints: Joints of bodies by name.
     """
@@ -27,7 +27,7 @@ class GivenMjcf:
 
     @property
     def degrees(self) -> bool:
-        """True if angles of hinges are in degrees, as they are where the file does not say otherwise."""
+        """True if angles of hinges are in degrees, which is MuJoCo's default."""
         stated = [compiler.get("angle") for compiler in self.root.iter("compiler") if compiler.get("angle")]
         return not stated or stated[-1] != "radian"
 
@@ -56,7 +56,7 @@ class GivenMjcf:
         return None
 
     def _defaults(self, name: str | None) -> list[Element]:
-        """The default of a class and those that it is in, the innermost first; without a class the outermost."""
+        """The default of a class and its parents, the innermost first; without a class the outermost one."""
         outer = [default for group in self.root.findall("default") for default in (group,)]
         if name is None:
             return outer
@@ -69,10 +69,10 @@ class GivenMjcf:
 
 
 def given_mjcf(root: Element) -> GivenMjcf:
-    """An MJCF whose elements are known by name.
+    """An MJCF with its elements by name.
 
     Args:
-        root: Of the file.
+        root: Root element of the file.
     """
     owners = {child: element for element in root.iter() for child in element}
     joints = {str(j.get("name")): j for world in root.iter("worldbody") for j in world.iter("joint") if j.get("name")}

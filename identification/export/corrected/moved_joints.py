@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Model files with their joints where measured poses put them: zeros of encoders, and places of joints."""
+"""Model files with joints moved by the findings of measured poses: zeros of encoders, and places of joints."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def joint_moves(
     """Moves of the joints, by name, of all findings and known effects.
 
     Args:
-        found: What measured poses say; None where there are none.
+        found: Findings of measured poses; None without poses.
         known_zeros: Joints whose zeros are findings of the torques, so that the model has them already.
         known: Known effects; the places of joints among them are moved first.
     """
@@ -63,7 +63,7 @@ def joint_moves(
 
 @dataclass(frozen=True)
 class FileMoves:
-    """What model files can hold of moves, and notes on what they cannot."""
+    """Moves that model files can contain, and notes on those that they cannot."""
 
     urdf: Mapping[str, JointMove]
     mjcf: Mapping[str, JointMove]
@@ -71,15 +71,15 @@ class FileMoves:
 
 
 def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
-    """Moves as model files hold them: all of an open chain; of a closed one those that do not change how loops close.
+    """Moves for model files: all of an open chain; of a closed one those that do not change how loops close.
 
-    A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings. Of
-    links in a parallelogram places are left out: moved, they would no longer follow its formula. MJCF takes no move of
-    a loop between frames, as MuJoCo derives where it closes from the drawn positions.
+    A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings.
+    Places of links in a parallelogram are left out, as moved links would no longer follow its formula. MJCF takes no
+    move of a loop between frames, as MuJoCo derives the closure from the zero positions in the file.
 
     Args:
         robot: The given model.
-        moves: By joint, or pin of a loop.
+        moves: Moves by joint, or pin of a loop.
     """
     loops = loops_of(robot)
     if loops is None or robot.chain is None or not moves:
@@ -104,10 +104,10 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
 
 
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:
-    """Notes on elasticity and on poses of base and target that were found, which these files do not hold.
+    """Notes on findings of elasticity and of poses of base and target, which these files do not contain.
 
     Args:
-        found: What measured poses say; None where there are none.
+        found: Findings of measured poses; None without poses.
         known: Effects that belong to the given model already.
     """
     places = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
@@ -126,8 +126,8 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
     """The text of a URDF with its joints moved, and the names that are not in it.
 
     Args:
-        text: Of the file.
-        moves: By joint, or link on a fixed joint that a loop keeps at another one.
+        text: Text of the file.
+        moves: Moves by joint, or by link on a fixed joint at which a loop closes.
     """
     left = set(moves)
 
@@ -159,11 +159,11 @@ def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
     """The text of an MJCF with its bodies moved, and the joints for which that is not simple.
 
     A body with one joint at its origin, placed by ``pos`` and ``quat``, is moved; zeros turn it, too, so that positions
-    of the file are what encoders read.
+    in the file are readings of encoders.
 
     Args:
-        text: Of the file.
-        moves: By joint.
+        text: Text of the file.
+        moves: Moves by joint.
     """
     left: list[str] = []
 
@@ -206,7 +206,7 @@ def _back(joint: Element, zero: float) -> pin.SE3:
 
 
 def _edited(text: str, edit: Callable[[Element], None]) -> str:
-    """XML after an edit; what stands before its first element stays."""
+    """XML after an edit; the text before its first element is kept."""
     at = min(place for head in _HEADS if (place := text.find(head)) >= 0)
     root = ElementTree.fromstring(
         text[at:], ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""The nearest possible bodies to those of a model, where an estimate belongs to no body.
+"""The nearest possible bodies to estimated ones that cannot exist.
 
 A body is possible if its pseudo-inertia, the four by four matrix of its moments of order zero to two, has no negative
-eigenvalue [Wensing]_. The nearest one takes the negative eigenvalues away, after lengths are counted in the body's
-own radius of gyration, so that kilograms and metres weigh alike.
+eigenvalue [Wensing]_. In the nearest one the negative eigenvalues are raised, with lengths in units of the body's own
+radius of gyration, so that mass and moments have the same weight.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -25,20 +25,20 @@ from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parame
 from phantom_dyn.model.robot import Robot
 
 _LEAST = 1e-6
-"""Least eigenvalue, as a share of the largest: files and MuJoCo take no body that is only just possible."""
+"""Smallest eigenvalue, as a share of the largest: MuJoCo and other readers refuse a body that is barely possible."""
 
 
 def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, ...]]:
-    """The robot with possible bodies in the place of those that cannot be, and a note on each.
+    """The robot with bodies that cannot exist replaced by possible ones, and a note on each.
 
-    Bodies that are as they were given stay, possible or not.
+    Bodies that are equal to those of the given model are kept in any case.
 
     Args:
-        robot: With estimated bodies.
-        given: The given model; its bodies give the lengths.
+        robot: The robot with estimated bodies.
+        given: The given model; its bodies set the units of length.
 
     Raises:
-        ParameterError: If a body weighs nothing or less.
+        ParameterError: If the mass of a body is zero or negative.
     """
     model = robot.model.copy()
     notes = []
@@ -61,11 +61,11 @@ def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, 
 
 
 def nearest_possible(standard: Float[Array, " 10"], length: float) -> tuple[Float[Array, " 10"], float]:
-    """The nearest parameters that a body can have, and how far they are relative to their size.
+    """The nearest parameters that a body can have, and their relative distance.
 
     Args:
         standard: Ten standard parameters.
-        length: In which lengths are counted [m].
+        length: Unit of length [m].
     """
     scale = np.array([length, length, length, 1.0])
     matrix = pseudo_inertia(standard) / np.outer(scale, scale)

@@ -33,12 +33,12 @@ from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_STEP = 1e-3  # of a rollout [s]
-_LEAD = 300  # steps before a rollout in which joints with encoders follow the recorded motion
+_STEP = 1e-3  # step of a rollout [s]
+_LEAD = 300  # number of steps before a rollout in which joints with encoders follow the recorded motion
 
 
 def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
-    """True torque on every joint of the tree that the corrected model needs, as far as MJCF holds it [N m or N].
+    """True torque on every joint of the tree that the corrected model needs, by the effects in the MJCF [N m or N].
 
     Args:
         corrected: The corrected model.
@@ -52,11 +52,11 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
 
 
 def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> float:
-    """Largest difference of torques, over the largest, of a MJCF that MuJoCo has loaded again; NaN without MuJoCo.
+    """Largest difference of torques, over the largest torque, of a MJCF loaded in MuJoCo; NaN without MuJoCo.
 
     Args:
-        text: Of the MJCF.
-        corrected: The model that the file holds.
+        text: Text of the MJCF.
+        corrected: The model in the file.
         motion: N samples of the active joints.
 
     Raises:
@@ -70,13 +70,13 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
 
 
 def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
-    """As `torque_difference`, for an edited copy of the user's file, without parts of it that the model does not have.
+    """`torque_difference` of an edited copy of the user's file, without parts of it that the model does not have.
 
-    These are springs, compensated weights, servos and the medium, except where a finding is about them.
+    These are springs, compensated weights, servos and the medium, except those with a finding.
 
     Args:
-        text: Of the MJCF, with its meshes where MuJoCo finds them.
-        corrected: The model that the file holds.
+        text: Text of the MJCF, with paths at which MuJoCo finds its meshes.
+        corrected: The model in the file.
         motion: N samples of the active joints.
         held: Positions of joints that the robot does not have, where they are not zero.
 
@@ -111,16 +111,16 @@ def rollout_errors(
 ) -> Float[Array, " nv"]:
     """Distance of MuJoCo's motion from the recorded one after some time under the recorded torque, root mean square.
 
-    States that the recording does not hold (links in their play, drives that lag) are found by moving the joints with
-    encoders along the recorded motion for a while before each rollout.
+    States that are not recorded (links within backlash, lags of drives) are found by moving the joints with encoders
+    along the recorded motion for a while before each rollout.
 
     Args:
-        text: A MJCF with one actuator per driven joint, in the robot's order, first.
-        robot: Gives joints and loops.
+        text: A MJCF with one actuator per driven joint, in the robot's order, before all others.
+        robot: The robot with its joints and loops.
         motion: N samples of the active joints, from which the rollouts start.
         tau: Logged torque at the same times [N m or N].
         horizon: Length of each rollout [s].
-        starts: At most so many rollouts, evenly spread.
+        starts: Largest number of rollouts, evenly spread.
 
     Raises:
         RobotError: If MuJoCo refuses the text, or the motion is shorter than the horizon.
@@ -155,7 +155,7 @@ def rollout_errors(
 
 
 def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
-    """Samples with recorded motion before and behind them: a rollout over a break of the recording has no meaning."""
+    """Samples with recorded motion before and after them: a rollout across a gap of the recording has no meaning."""
     first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
     part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
     begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
@@ -170,7 +170,7 @@ def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, 
 
 
 def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:
-    """Put the drives into the state in which they have been asked for the same torque for a long time."""
+    """Set the drives to the state after a long time with the same command."""
     import mujoco
 
     data.time = start
@@ -184,12 +184,12 @@ def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"])
 
 
 def _histories(model: Any) -> Int[Array, " nu"]:
-    """Number of commands that each actuator keeps for its delay; older versions know no delays."""
+    """Number of commands that each actuator keeps for its delay; older versions of MuJoCo have no delays."""
     return np.array(model.actuator_history[:, 0]) if hasattr(model, "actuator_history") else np.zeros(model.nu, int)
 
 
 def _with_rotors(corrected: CorrectedModel) -> Robot:
-    """The robot with the rotors that a play or a spring needs."""
+    """The robot with the rotors that backlash or a spring needs."""
     robot = corrected.robot
     for joint in (*corrected.plays, *compliances_in_mjcf(corrected)):
         known = float(corrected.robot.rotor_inertia[robot.joint_names.index(joint)])

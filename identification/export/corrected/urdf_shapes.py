@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Shapes of a URDF as geoms of an MJCF: boxes, cylinders and spheres, and meshes that MuJoCo can load.
 
-Visual shapes stand in group 2 and touch nothing. Collision shapes stand in group 3 (in group 2 where a link has nothing
-else to show) and touch what a scene adds, not each other: hulls of neighbouring links overlap, and a push between them
-would be no torque of the robot.
+Visual shapes are in group 2 and have no contacts. Collision shapes are in group 3 (in group 2 if a link has no visual
+shape), and have contacts with objects of a scene but not with each other: convex hulls of neighbouring links overlap,
+and contact forces between them would be wrong.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Shape:
     """One shape of a link.
 
     Attributes:
-        link: Its link.
+        link: Name of its link.
         visual: False for a collision shape.
-        geom: Attributes of the geom: type and size, place in the link's frame apart.
-        place: In the link's frame.
+        geom: Attributes of the geom, type and size, without its placement.
+        place: Placement in the link's frame.
         mesh: File and scale of a mesh; None for a primitive.
     """
 
@@ -50,13 +50,13 @@ class Shape:
 
 
 def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -> tuple[str, tuple[str, ...]]:
-    """The text of an MJCF with the shapes of the URDF that its robot comes from, and sentences on what is not in it.
+    """The text of an MJCF with the shapes of the robot's URDF, and sentences on shapes that are left out.
 
     Args:
-        text: Of the MJCF, without shapes.
-        robot: Whose bodies it has.
+        text: Text of the MJCF, without shapes.
+        robot: The robot in the MJCF.
         file: The URDF.
-        folder: Where the MJCF will lie, which the paths of meshes start from; None: whole paths.
+        folder: Folder of the MJCF, to which paths of meshes are relative; None for absolute paths.
     """
     shapes, missing = _shapes(file)
     shapes = [shape for shape in shapes if robot.model.existFrame(shape.link, pin.BODY)]
@@ -88,7 +88,7 @@ def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -
 
 
 def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
-    """Shapes of all links that MuJoCo can hold, and by mesh why it holds it not."""
+    """Shapes of all links that MuJoCo can load, and the reason for each mesh that it cannot."""
     root, _ = read_root(file)
     find, out, missing = mesh_finder(file), [], {}
     colours = {str(one.get("name")): _colour(one) for one in root.findall("material")}
@@ -122,7 +122,7 @@ def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
 
 
 def _primitive(kind: Element) -> dict[str, str] | None:
-    """Type and size of a geom; None for what is no primitive."""
+    """Type and size of a geom; None if it is no primitive."""
     if kind.tag == "box":
         return {"type": "box", "size": attribute_text([0.5 * side for side in _numbers(kind.get("size", ""))])}
     if kind.tag == "sphere":

@@ -11,10 +11,10 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 INK = "currentColor"
 FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
-"""Sizes of text, length of a tick, and room left of the panels [pt]."""
+"""Sizes of text, length of a tick, and space left of the panels [pt]."""
 
 _DOT = 5.0  # diameter of a mark [pt]
-_EACH_X, _EACH_Y = 62.0, 26.0  # room for a tick at least
+_EACH_X, _EACH_Y = 62.0, 26.0  # smallest distance of two ticks [pt]
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 Range = tuple[float, float]
 
@@ -26,14 +26,14 @@ class Curve:
     Attributes:
         x: Abscissa, ``(n,)``.
         y: Ordinate, ``(n,)``.
-        colour: Of the line.
-        width: Of the line [pt].
-        label: In the legend; empty: none.
-        opacity: Of the line.
-        dashes: Lengths of dashes and gaps [pt]; empty: a full line.
+        colour: Colour of the line.
+        width: Width of the line [pt].
+        label: Text in the legend; empty for none.
+        opacity: Opacity of the line.
+        dashes: Lengths of dashes and gaps [pt]; empty for a solid line.
         marked: True marks each point.
-        half: Half of an interval about each point, drawn as a bar, ``(n,)``; None: no bars.
-        tips: What is shown where the pointer is on a mark, one a point; empty: nothing.
+        half: Half width of an interval about each point, drawn as a bar, ``(n,)``; None for no bars.
+        tips: Tooltip of each mark; empty for none.
     """
 
     x: Float[Array, " n"]
@@ -70,7 +70,7 @@ class Ribbon:
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the values of a panel lie on the page."""
+    """Position of a panel on the page, and the ranges of its axes."""
 
     x_range: Range
     y_range: Range
@@ -91,7 +91,7 @@ def _placed(values: Float[Array, " n"], of: Range, to: Range) -> Float[Array, " 
 
 
 def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
-    """The area, pale."""
+    """The area in a pale colour."""
     x = np.concatenate([ribbon.x, ribbon.x[::-1]])
     y = np.concatenate([ribbon.low, ribbon.high[::-1]])
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(frame.x(x), frame.y(y), strict=True))
@@ -99,7 +99,7 @@ def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
 
 
 def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
-    """Round numbers within a range, at most so many, and at least two where the range holds them."""
+    """Round numbers within a range, at most ``most``, and at least two where the range contains them."""
     rough = (high - low) / max(most, 1)
     power = 10.0 ** np.floor(np.log10(rough))
     step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= rough * (1 - 1e-9))
@@ -107,7 +107,7 @@ def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
 
 
 def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
-    """Numbers beside an axis, and the power of ten that they are short of, empty if they are not."""
+    """Labels of the ticks, and the power of ten that they have to be multiplied by; empty without one."""
     largest = float(np.abs(values).max(initial=0.0))
     power = int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     power = 0 if -4 < power < 5 else power
@@ -119,7 +119,7 @@ def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
 
 
 def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = ()) -> str:
-    """Both axes of a panel with round numbers; those of the horizontal one, or names at 0, 1, 2, where asked for."""
+    """Both axes of a panel with round numbers; the horizontal one with numbers, with names at 0, 1, 2, or without."""
     (left, right), (bottom, top) = frame.across, frame.upwards
     x = ticks(*frame.x_range, int((right - left) / _EACH_X))
     x_words, x_power = tick_words(x)
@@ -148,7 +148,7 @@ def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = ()) -> str:
 
 
 def _named_places(names: tuple[str, ...], width: float) -> tuple[Float[Array, " n"], list[str]]:
-    """Places of as many names as an axis has room for, the first among them, and these names."""
+    """As many names as fit on an axis, the first among them, and their places."""
     each = 0.55 * SMALL * max(map(len, names)) + 8.0
     step = max(1, int(np.ceil(len(names) * each / width)))
     return np.arange(0.0, len(names), step), list(names[::step])
@@ -177,7 +177,7 @@ def curve_svg(curve: Curve, frame: Frame) -> str:
 
 
 def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Bool[Array, " n"]) -> str:
-    """Marks of a curve: one path, or one a point where each shows something."""
+    """Marks of a curve: one path, or one for each point where marks have tooltips."""
     places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True)]
     more = ' stroke-linecap="round"'
     if not curve.tips:
@@ -190,7 +190,7 @@ def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Boo
 
 
 def cloud_svg(cloud: Cloud, frame: Frame) -> str:
-    """Dots as one path of relative steps in halves of a point; what lies on the same place is drawn once."""
+    """Dots as one path of relative steps in halves of a point; dots at the same place are drawn once."""
     places = np.column_stack([frame.x(cloud.x), frame.y(cloud.y)])
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):

@@ -1,11 +1,11 @@
 """Torque ripple that grows with the load: ``tl * sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
-The torque of a motor whose poles are not sinusoidal, or of a gear whose teeth do not mesh evenly, is a share too high
-at some angles and too low at others; ``tl`` is the torque that the transmission passes. It leaves waves over position
-that are as high as the load and change sign with it, where those of a cogging torque are the same at any load: several
-loads at one place separate them. Where the load follows the position alone, as that of a slow joint in gravity does,
-a ripple of order n is two cogging waves, of n - 1 and n + 1. The load is that of the model, not the measured one,
-whose noise would bias the fit. It is looked for where a wave as high as the load stands out in the residual.
+The torque of a motor with poles that are not sinusoidal, or of a gear with uneven teeth, is too high by a share at some
+angles and too low at others; ``tl`` is the torque that the transmission passes. The residual has waves over position
+that are proportional to the load and change sign with it, while those of a cogging torque are the same at any load:
+several loads at one position separate them. Where the load is a function of the position alone, as that of a slow joint
+in gravity, a ripple of order n is equal to two cogging waves, of n - 1 and n + 1. The load is that of the model, as
+noise of a measured one would bias the fit. It is fitted where such a wave is clearly visible in the residual.
 On a linear joint ``n`` is in radians per metre. URDF and MJCF have no place for it.
 """
 
@@ -35,9 +35,9 @@ from phantom_dyn.effects.support.rows import row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
 
-# Share of the load that a drive or gear may ripple by.
+# Largest ripple as a share of the load.
 _LARGEST = 0.5
-# Of the filter that the load goes through, forth and back.
+# Number of poles of the filter that is applied to the load forwards and backwards.
 _POLES = 4
 
 
@@ -75,16 +75,13 @@ class TorqueRipple(Effect):
         return wave_parameters(robot, joint, amplitude)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sets of one to so many orders as stand out in the residual torque over position, weighted by the load.
-
-        None where none stands out.
-        """
+        """Sets of the strongest orders in the residual torque over position, weighted by the load; may be empty."""
         row = row_of(robot, joint)
         # A joint that moves nothing has no load.
         if not operation.transmitted[:, row].any():
             return ()
         whole = not robot.prismatic[row]
-        # What other findings made of it may be the ripple's.
+        # Torque that other findings explain may be due to the ripple, so it is added to the residual.
         there = replace(operation, residual_of_fit=operation.residual + operation.expected - operation.tau)
         found = orders_in(there, row, whole_numbers=whole, load=operation.transmitted[:, row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
@@ -127,11 +124,11 @@ class TorqueRipple(Effect):
 
 
 def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
-    """Load, that of the links up to the edge of the judged band: above, waves would carry noise of accelerations."""
+    """Load; the part of the links up to the edge of the judged band only, as above it accelerations are noisy."""
     load = operation.transmitted[:, row]
     if not 0.0 < operation.band_hz * operation.dt < 0.5:
         return load
-    # Friction steps where a joint reverses, and knows no acceleration.
+    # Friction has steps at reversals and does not depend on accelerations, so it is not filtered.
     friction = operation.own_friction[:, row]
     return friction + low_passed(load - friction, operation.band_hz, 1.0 / operation.dt, order=_POLES)
 

@@ -1,8 +1,8 @@
 """Effects beside the catalogue: from a user's file, from classes, and from installed packages.
 
-They travel with the robot that they are brought for (`Robot.user_effects`), so that whoever has the robot, a worker
-on another machine too, has the same effects. A file is run as Python, in a module of its own that nobody else can
-import: its classes go to workers by value.
+They are stored in the robot (`Robot.user_effects`), so that every process that has the robot, also a worker on another
+machine, has the same effects. A file is run as Python, in a separate module that cannot be imported: its classes are
+pickled by value for workers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GROUP = "phantom_dyn.effects"
 EffectsLike = str | Path | Effect | type[Effect] | Iterable[str | Path | Effect | type[Effect]]
 """Effects as a user may give them: the path of a Python file, classes or instances; one or several."""
 
-# Where an effect is from, the beginning of a sentence, and its class or the effect itself.
+# Origin of an effect (the beginning of a sentence), and its class or the effect itself.
 _Offered = tuple[str, Effect | type[Effect]]
 
 
@@ -39,11 +39,11 @@ def with_user_effects(robot: Robot, given: EffectsLike = ()) -> Robot:
     """The robot with effects beside the catalogue: those of installed packages, and those that are given.
 
     Args:
-        robot: That they are for; effects that it has already stay.
+        robot: The robot; effects that it already has are kept.
         given: Paths of files, classes or instances.
 
     Raises:
-        EffectError: If one cannot be used; a sentence says where it is from, what was wanted and what to do.
+        EffectError: If one cannot be used; the message has its origin, the reason and advice.
     """
     known = {effect.name: "the catalogue has" for effect in EFFECTS}
     known |= {effect.name: "the robot has" for effect in robot.user_effects}
@@ -61,7 +61,7 @@ def with_user_effects(robot: Robot, given: EffectsLike = ()) -> Robot:
 
 
 def effects_in(path: str | Path) -> tuple[_Offered, ...]:
-    """The classes of effects that a Python file defines, each with where it is from.
+    """The classes of effects that a Python file defines, each with its origin.
 
     Raises:
         EffectError: If the file cannot be read or run, or defines no effect.
@@ -97,7 +97,7 @@ def effects_in(path: str | Path) -> tuple[_Offered, ...]:
 
 
 def _run(file: Path, code: Any) -> ModuleType:
-    """The module that a file makes; it is registered while it runs alone, as dataclasses look for it by name."""
+    """The module of a file; it is in ``sys.modules`` only while it runs, as dataclasses look it up by name."""
     module = ModuleType(f"effects of {file}")
     module.__file__ = str(file)
     sys.modules[module.__name__] = module
@@ -114,7 +114,7 @@ def _run(file: Path, code: Any) -> ModuleType:
 
 
 def _line(error: BaseException, file: Path) -> str:
-    """The last line of the file that an error went through, as in `` in line 3``."""
+    """The last line of the file in the traceback of an error, as `` in line 3``."""
     line, at = None, error.__traceback__
     while at is not None:
         line = at.tb_lineno if at.tb_frame.f_code.co_filename == str(file) else line
@@ -123,7 +123,7 @@ def _line(error: BaseException, file: Path) -> str:
 
 
 def _given(given: object) -> Iterator[_Offered]:
-    """What a user gave, one by one."""
+    """Effects given by a user, one by one, with their origins."""
     if isinstance(given, str | Path):
         yield from effects_in(given)
     elif isinstance(given, Effect):
@@ -140,7 +140,7 @@ def _given(given: object) -> Iterator[_Offered]:
 
 
 def _installed() -> Iterator[_Offered]:
-    """What installed packages offer: a class, an effect, or several of these."""
+    """Effects of installed packages, with their origins."""
     from importlib.metadata import entry_points
 
     for point in entry_points(group=GROUP):
@@ -166,7 +166,7 @@ def _origin(point: EntryPoint) -> str:
 
 
 def _made(offered: Effect | type[Effect], origin: str) -> Effect:
-    """An effect of a class."""
+    """The instance of an offered class, or the offered instance, if it is a complete effect."""
     if isinstance(offered, Effect):
         return offered
     if not issubclass(offered, Effect):

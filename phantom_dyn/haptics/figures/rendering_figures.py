@@ -19,8 +19,8 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        out: What the hand feels.
-        axis: What is cheap; its friction gives the levels that are drawn.
+        out: Rendered signals.
+        axis: The cheap axis; its friction gives the levels that are drawn.
     """
     title = "Friction that sticks: it drops, grows while the hand creeps, turns with it, and slips again"
     figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2, width=10)
@@ -47,13 +47,13 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
 
 
 def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:
-    """Play, as in Figure 9 of Brouwer and MacLean: the probe relative to the gap in the virtual mass.
+    """Backlash, as in Figure 9 of Brouwer and MacLean: the probe relative to the gap in the virtual mass.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        out: What the hand feels.
-        axis: What is cheap; its gap is drawn.
+        out: Rendered signals.
+        axis: The cheap axis; its gap is drawn.
     """
     mass = "" if axis.mass is None else f", mass {axis.mass.inertia:g} kg on {axis.mass.stiffness:g} N/m"
     title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
@@ -79,14 +79,14 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
 def cheap_axis_figure(
     t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], out: Rendered, axis: CheapAxis
 ) -> Figure:
-    """Everything that is cheap together: what the virtual environment asks for and what the hand feels.
+    """All errors of a cheap axis together: commanded force of the virtual environment, and force on the hand.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        asked: Force that is asked for [N], shape ``(N,)``.
-        out: What the hand feels.
-        axis: What is cheap.
+        asked: Commanded force [N], shape ``(N,)``.
+        out: Rendered signals.
+        axis: The cheap axis.
     """
     parts = {
         "mass": axis.mass,

@@ -1,19 +1,19 @@
-r"""A sinusoidal encoder: position by interpolation between its lines, and the errors that imperfect signals leave.
+r"""A sinusoidal encoder: position by interpolation between its lines, and the errors from imperfect signals.
 
 Two tracks give a sine and a cosine of :math:`\varphi = 2\pi x / p` with pitch p; the arc tangent of both interpolates
-within the pitch. Offsets :math:`o`, unequal amplitudes (ratio :math:`1 + m`), tracks that are not square to each other
-(:math:`\delta`) and signals that saturate (third harmonic :math:`h`) leave an error that repeats itself with the pitch,
+within the pitch. Offsets :math:`o`, unequal amplitudes (ratio :math:`1 + m`), a phase error between the tracks
+(:math:`\delta`) and saturation of the signals (third harmonic :math:`h`) cause an error that repeats with the pitch,
 
 .. math:: \frac{2\pi}{p} (\hat x - x) \approx o_s \cos\varphi - o_c \sin\varphi + \frac{m}{2} \sin 2\varphi
    + \frac{\delta}{2} (1 + \cos 2\varphi) + h \sin 4\varphi
 
-to first order. At a speed v that is a ripple of :math:`o\,v`, :math:`m\,v`, :math:`\delta\,v` and :math:`4 h\,v` on the
-velocity: finer steps do not take it away. The interpolated counts go through every estimator as those of a finer
-incremental encoder, edges included.
+to first order. At a speed v the velocity has a ripple of :math:`o\,v`, :math:`m\,v`, :math:`\delta\,v` and
+:math:`4 h\,v`, which finer steps do not remove. Every estimator takes the interpolated counts, edges included, as those
+of a finer incremental encoder.
 
 References:
     Cavusoglu, Feygin and Tendick (2002, section 7) planned sinusoidal encoders, finer by 16 to 64, and state no errors.
-    The expansion is derived; tests hold it to the arc tangent.
+    The expansion is our own; tests compare it with the arc tangent.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class SinusoidalEncoder:
 
     Attributes:
         pitch: Motion per line [m or rad]; four counts of a quadrature.
-        factor: How many times a step is finer than a count of the quadrature; the paper plans 16 to 64.
-        offset: Of the sine and of the cosine, as shares of their amplitude.
-        mismatch: m, amplitude of the sine over that of the cosine, less one.
-        phase: Delta, by which the sine runs ahead of square [rad].
+        factor: Number of steps in a count of the quadrature; the paper plans 16 to 64.
+        offset: Offsets of the sine and of the cosine, as shares of their amplitude.
+        mismatch: m, ratio of the sine's amplitude to the cosine's, minus one.
+        phase: Delta, lead of the sine beyond 90 degrees between the tracks [rad].
         harmonic: h, third harmonic of both tracks, as a share of their amplitude.
 
     Raises:
@@ -82,7 +82,7 @@ class SinusoidalEncoder:
         """Position [m or rad] as lines and arc tangent give it, before it is rounded to steps, shape ``(n,)``."""
         sine, cosine = self.signals(position)
         line = 2 * math.pi / self.pitch
-        # Lines are counted by the electronics: the arc tangent is taken on the line that is passed.
+        # The electronics count lines: the arc tangent is unwrapped to the current line.
         error = np.angle(np.exp(1j * (np.arctan2(sine, cosine) - line * position)))
         return position + error / line
 
@@ -96,7 +96,7 @@ def record_sinusoidal(
         encoder: The sensor.
         position: True position [m or rad] at equal intervals, shape ``(n,)``.
         interval: Time between two points [s]; the motion between them is less than a line.
-        samples_apart: The controller samples every so many points.
+        samples_apart: Number of points between two samples of the controller.
 
     Raises:
         ParameterError: As for `record_motion`, or if the motion passes a line between two points.
