@@ -79,9 +79,9 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
 
 
 def _write_netcdf(data: Dataset, path: Path) -> None:
-    """Write a data set; that the disk is full is an error of the library's own, which does not say it.
+    """Write a data set; the library's error for a full disk does not say so, and is replaced.
 
-    The library locks what it writes and refuses a file that is held already, so it writes into a folder of its own.
+    The library locks the file that it writes and refuses a locked one, so it writes into a separate folder.
     """
     with TemporaryDirectory() as folder:
         made = Path(folder) / path.name

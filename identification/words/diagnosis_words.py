@@ -30,19 +30,19 @@ SURENESS = (
 )
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 _BESIDE = " beside the others"
-# Numbers that a sentence lists by name at most.
+# Largest number of parameters that a sentence lists by name.
 _MOST_OPEN = 4
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
 def in_recording(recording: str | None) -> str:
-    """``in b.csv`` with a space before it; nothing for what all recordings have."""
+    """``in b.csv`` with a space before it; empty for effects of all recordings."""
     return "" if recording is None else f" in {recording}"
 
 
 def growth_words(finding: Finding) -> str:
     """``, where it is 2.1 times what it is in the other recordings``; nothing where that is not known."""
-    # Where the ratio is a parameter of the effect itself, it compares no recordings.
+    # A ratio that is a parameter of the effect itself does not compare recordings.
     own = "ratio" in words_of(finding).parameters
     ratio = None if own else finding.parameters.get("ratio")
     if finding.recording is None or ratio is None:
@@ -55,11 +55,11 @@ class FindingWords:
     """One finding in whole sentences.
 
     Attributes:
-        what: The effect, its size, its place and what it is.
-        where: In which part of the motion it shows.
+        what: The effect, its size, its place and its meaning.
+        where: The part of the motion in which it shows.
         how_sure: Probability and share of the gap.
         what_else: Rivals.
-        what_next: What to do.
+        what_next: Advice.
     """
 
     what: str
@@ -73,8 +73,8 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
     """One finding in sentences.
 
     Args:
-        finding: What was found.
-        next_experiment: That of the diagnosis; it is the next step of the findings that it separates.
+        finding: The finding.
+        next_experiment: Next experiment of the diagnosis, which is the advice for findings that it separates.
     """
     rivals = rivals_words(finding) or NO_RIVAL
     return FindingWords(
@@ -100,7 +100,7 @@ def _shown(finding: Finding) -> str:
 
 
 def finding_name(finding: Finding) -> str:
-    """Plain name of the effect; a negative size is named for what it is: less than modelled."""
+    """Plain name of the effect; a negative size has a name that says less than modelled."""
     words = words_of(finding)
     return words.less if _is_less(finding) else words.name
 
@@ -142,7 +142,7 @@ def place(effect: str, joint: str | None) -> str:
 
 
 def joints_words(names: list[str]) -> str:
-    """``joint j2`` or ``joints j2 and j3``; names that say themselves that they are joints stand alone."""
+    """``joint j2`` or ``joints j2 and j3``; names that contain the word joint are not preceded by it."""
     if all("joint" in name.lower() for name in names):
         return joined(names)
     return f"joint{'s' * (len(names) > 1)} {joined(names)}"
@@ -163,7 +163,7 @@ def effect_at_finding(finding: Finding) -> str:
 
 
 def rivals_words(finding: Finding) -> str:
-    """What else a finding may be, most probable first; empty for nothing."""
+    """Alternatives to a finding, most probable first; empty if there are none."""
     parts = [
         (joined([effect_at(at) for at in rival.effects]) + " together" * (len(rival.effects) > 1), rival.probability)
         for rival in finding.rivals
@@ -178,20 +178,20 @@ def rivals_words(finding: Finding) -> str:
 
 
 def sureness(probability: float) -> str:
-    """A probability as words and number; below a half nothing is decided."""
+    """A probability in words and as a number; below a half it is called undecided."""
     words = next((words for least, words in SURENESS if probability >= least), "undecided")
     return f"{words} ({percent_short_of_all(probability)})"
 
 
 def gap_closed(finding: Finding) -> str:
-    """Share of the gap that comes back without a finding, with its interval where that says more."""
+    """Share of the gap that returns without a finding, with its interval where that differs."""
     return share_words(finding.gap_closed, finding.gap_closed_interval)
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where the ends say no more.
+    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without it where the ends are the same.
 
-    What a correction takes away below the noise floor is no part of the gap, so that nothing is more than all of it.
+    Shares are at most 100 %, as a correction below the noise floor is no part of the gap.
     """
     own, least, most = (percent_short_of_all(part) for part in (share, *interval))
     if own == least == most:
@@ -202,9 +202,9 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 
 
 def share_of_gap(finding: Finding) -> str:
-    """Share of a finding in what all close together; without one, what comes back when it is taken out.
+    """Share of a finding in the gap that all close together; if unknown, the gap that returns without the finding.
 
-    An effect that only helps beside others has a negative share in the mean over all orders, which says little.
+    An effect that only helps together with others has a negative share in the mean over all orders, which is not shown.
     """
     if finding.share is None:
         return gap_closed(finding)
@@ -214,7 +214,7 @@ def share_of_gap(finding: Finding) -> str:
 
 
 def of_the_gap(finding: Finding) -> str:
-    """``71 % of the gap``; of an effect that only helps beside others ``1 % of the gap beside the others``."""
+    """``71 % of the gap``; for an effect that only helps with others ``1 % of the gap beside the others``."""
     if finding.share is not None and finding.share < 0.0:
         return f"{percent_short_of_all(finding.gap_closed)} of the gap{_BESIDE}"
     return f"{share_of_gap(finding)} of the gap"
@@ -226,7 +226,7 @@ def shown_parameters(finding: Finding) -> dict[str, Value]:
 
 
 def not_shown_words(finding: Finding) -> str:
-    """``this motion does not show center y`` of numbers that the recordings leave open; empty if there are none."""
+    """``this motion does not show center y`` for parameters that the recordings do not show; empty without any."""
     names = [parameter_name(name) for name, value in finding.parameters.items() if not value.shown]
     if not names:
         return ""

@@ -38,7 +38,7 @@ INERTIAL: dict[str, str] = {
 
 
 class Named(Protocol):
-    """What names an effect: a finding, a rival's part, a bound, what cannot be tested."""
+    """Objects that name an effect: a finding, a rival's part, a bound, an effect that cannot be tested."""
 
     @property
     def effect(self) -> str:
@@ -47,12 +47,12 @@ class Named(Protocol):
 
     @property
     def words(self) -> EffectWords | None:
-        """Those of an effect that a user brought; None for one of the catalogue."""
+        """Words of a user's effect; None for one of the catalogue."""
         ...
 
 
 def words_of(named: Named) -> EffectWords:
-    """Words for an effect: those that its author gave, else those of its name."""
+    """Words for an effect: those of its author, else those of its name."""
     return effect_words(named.effect) if named.words is None else named.words
 
 
@@ -101,7 +101,7 @@ def regime_sentence(regime: str | None) -> str:
 
 
 def size_words(finding: Finding) -> str:
-    """What follows a finding's name, as in ``of 0.051 N m``; empty where a parameter is missing."""
+    """Size after a finding's name, as ``of 0.051 N m``; empty where a parameter is missing."""
     template = words_of(finding).size
     fields = [name for _, name, _, _ in string.Formatter().parse(template) if name]
     if not fields or any(name not in finding.parameters or not finding.parameters[name].shown for name in fields):
@@ -110,12 +110,12 @@ def size_words(finding: Finding) -> str:
 
 
 def shortfall_words(value: Value) -> str:
-    """What follows the name of a finding that says there is less than modelled, as in ``by 0.051 N m``."""
+    """Size after the name of a finding of less than modelled, as ``by 0.051 N m``."""
     return f"by {with_unit(number(abs(_listed(value)[0])), value.unit)}"
 
 
 def meaning_of(named: Named, parameter: str) -> str:
-    """What a parameter of an effect means; empty where its name says it."""
+    """Meaning of an effect's parameter; empty where its name is enough."""
     _, dot, quantity = parameter.rpartition(".")
     return INERTIAL.get(quantity, "") if dot else words_of(named).parameters.get(parameter, "")
 
@@ -130,7 +130,7 @@ def value_cell(value: Value) -> str:
 
 
 def _shown(value: Value) -> str:
-    """A value in a sentence, without its deviation: that is in the table of sizes."""
+    """A value in a sentence, without its deviation, which is in the table of sizes."""
     return with_unit(" and ".join(number(v) for v in _listed(value)), value.unit)
 
 

@@ -1,4 +1,4 @@
-"""What measured poses say of a robot's geometry, in sentences."""
+"""Sentences on the findings of measured poses on a robot's geometry."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EFFECTS = {
 
 
 def answer(diagnosis: Diagnosis) -> str:
-    """The verdict in few sentences: of the torques where there are any, then of the poses where there are any."""
+    """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.of_torques))]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
 
@@ -81,7 +81,7 @@ def finding_at(finding: PoseFinding) -> str:
 
 
 def carrier(effect: str, joint: str | None) -> str:
-    """What an effect sits on: a joint, the base, or the target on a frame."""
+    """Place of an effect: a joint, the base, or the target on a frame."""
     if effect == TOOL_POSE:
         return f"the target on {joint}"
     return "the base" if joint is None else joint
@@ -122,7 +122,7 @@ def place_words(place: Place) -> str:
 
 
 def sentences(found: GeometryResult) -> list[str]:
-    """Two or three sentences: how far the tip is off, what explains it, and what is left."""
+    """Two or three sentences: error of the tip, its causes, and the residual."""
     return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
 
 
@@ -177,7 +177,7 @@ def _share(finding: PoseFinding) -> str:
 
 
 def _rivals(finding: PoseFinding) -> str:
-    """What else explains the same, which these poses do not separate."""
+    """Other explanations that these poses do not separate from a finding."""
     if not finding.rivals:
         return ""
     # A set of which only the new member is named reads shorter.

@@ -1,4 +1,4 @@
-"""Sentences about the law of what is left."""
+"""Sentences on the law of the residual."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def inputs_words(names: tuple[str, ...], joint: str) -> str:
 
 
 def law_line(left: Unexplained) -> str:
-    """The law of what is left, or what the rest depends on, in one line; empty where nothing is known."""
+    """The law of the residual, or the inputs that it depends on, in one line; empty if neither is known."""
     found, law = left.dependence, left.law
     if found is None or not found.inputs:
         return ""
@@ -52,7 +52,7 @@ def law_line(left: Unexplained) -> str:
 
 
 def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
-    """What the report says of the inputs and of the formula, one sentence each."""
+    """Sentences of the report on the inputs and on the formula."""
     if not found.inputs:
         return [
             f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."

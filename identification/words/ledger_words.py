@@ -15,9 +15,9 @@ from identification.words.numbers_and_names import number, percent, percent_shor
 from phantom_dyn.errors import UsageError
 
 _NEAREST = 5
-_CLEAR = 0.01  # noise floors: what closes less more closes as much
+_CLEAR = 0.01  # difference in noise floors below which two sets explain the gap equally well
 
-# Of each gate, why what fails it is not named; `value` and `needed` are its figures.
+# For each gate, why an effect that fails it is not named; `value` and `needed` are its figures.
 REASONS: dict[str, str] = {
     "possible size": "its fit ends on a size that nothing has",
     "bodies can exist": "bodies that can exist make only {value} of what free inertial parameters gain there",
@@ -76,12 +76,12 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
     """Why an effect is named in a diagnosis or not, one answer a joint; of all joints where none is given.
 
     Args:
-        diagnosis: With its ledger.
-        effect: Its name in the catalogue.
-        joint: Where.
+        diagnosis: A diagnosis with a ledger.
+        effect: Name of the effect in the catalogue.
+        joint: Name of the joint.
 
     Raises:
-        UsageError: If the diagnosis knows no such effect or no such joint, or holds no ledger.
+        UsageError: If the diagnosis has no such effect, no such joint, or no ledger.
     """
     effect = effect.strip().replace(" ", "_").replace("-", "_").lower()
     known = _known(diagnosis)
@@ -105,14 +105,14 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
 
 
 def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
-    """Why the five effects are not named that came nearest: that would close most of the gap, or were claimed once."""
+    """Answers on the five unnamed effects that came closest: by the gap they would close, or by an earlier claim."""
     others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
     others.sort(key=lambda claim: -_closes(claim))
     return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
 
 
 def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
-    """Effects and joints that a diagnosis says anything of, in the order of the ledger first."""
+    """Effects and joints that a diagnosis mentions, those of the ledger first."""
     places = [(at.effect, at.joint) for claim in diagnosis.ledger for at in claim.effects]
     places += [(one.effect, one.joint) for one in (*diagnosis.bounds, *diagnosis.not_testable)]
     if diagnosis.geometry is not None:
@@ -122,7 +122,7 @@ def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
 
 
 def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answer, ...]:
-    """Of one effect on one joint; several where it was claimed of single recordings."""
+    """Answers on one effect on one joint; several where it was claimed for single recordings."""
     claims = [
         claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
     ]
@@ -173,7 +173,7 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
 
 
 def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
-    """Probability of a claim as a rival of what is named in its place; zero where it is none."""
+    """Probability of a claim as a rival of the finding that replaced it; zero if it is no rival."""
     findings = [
         one for one in all_findings(diagnosis) if EffectAt(one.effect, one.joint, one.recording) in claim.instead
     ]
@@ -201,7 +201,7 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
 
 
 def _gain_words(failed: GateResult) -> str:
-    """What is left to gain beside what is named; nothing is said of a loss but that it is none."""
+    """Words on the gain of an effect in addition to the named ones; a loss is given as no gain."""
     gained = "nothing is gained" if failed.value <= 0.0 else f"only {number(failed.value)} is gained"
     return f"{gained}, where chance alone may give {number(failed.needed)}"
 
@@ -221,7 +221,7 @@ def _reason(failed: GateResult | None) -> str:
 
 
 def _figure(value: float, unit: str) -> str:
-    """A figure of a gate: shares as percentages, gains without a unit, as they have none that a reader knows."""
+    """A figure of a gate: shares as percentages, gains without a unit."""
     if unit in _SHARES:
         return percent(value)
     return number(value)

@@ -10,7 +10,7 @@ from identification.words.notes_on_findings import FINDING_WORDS
 from identification.words.notes_on_motion import MOTION_WORDS
 
 WORDS: Mapping[Code, Callable[[Note], str]] = {**MOTION_WORDS, **FINDING_WORDS, **FILE_WORDS}
-"""By code, what makes the sentence."""
+"""Functions that make the sentence of a note, by its code."""
 
 
 def sentence(said: Said) -> str:

@@ -22,7 +22,7 @@ _LACKED = {
     "spring_behind_play": "a spring behind a play (stiffness)",
     "zeros_in_chain": "the zeros of encoders in a closed chain [rad or m]",
 }
-"""Quantities of a corrected model that a file may have no place for."""
+"""Quantities of a corrected model that a file may lack."""
 
 
 def _begun(text: str) -> str:

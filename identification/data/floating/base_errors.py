@@ -1,7 +1,7 @@
-"""Errors that sensors on a base have though nothing is wrong with them, and the torque that each of them feigns.
+"""Usual errors of sound sensors on a floating base, and the spurious torque from each of them.
 
-Sizes are those of what legged robots carry (Bosch BMI088 and the like): offsets of 20 mg and 1 deg/s, scales within
-1 %, a board mounted to a degree and to a centimetre, readings that come some milliseconds later than those of joints.
+Sizes are those of sensors of legged robots (Bosch BMI088 and similar): offsets of 20 mg and 1 deg/s, scales within 1 %,
+a board mounted to a degree and to a centimetre, readings some milliseconds later than those of joints.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SIZES = {
 """One sigma of each along one axis [m/s^2, 1, rad/s, 1, rad, m]."""
 _DELAY = "delay of the base's sensors"
 _LATE = 0.003
-"""One sigma of the time by which they are late or early [s]."""
+"""One sigma of their delay, which may be negative [s]."""
 
 SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZES.items() for axis in "xyz"} | {
     _DELAY: _LATE
@@ -37,26 +37,26 @@ SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZ
 """One sigma of every error, by name: offsets and scales in the axes of the sensor, turns and places in the root's."""
 
 
-def feigned_torque(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
-    """Torque that the model asks for more for each error per unit, were it not in the readings; to first order.
+def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
+    """Change of the modelled torque if one unit of each error is removed from the readings, to first order.
 
     Args:
         robot: The given model.
-        log: Names the sensors' frames.
-        motion: Of the log.
+        log: The recording, with the frames of the sensors.
+        motion: Its motion.
     """
     slopes = torque_of_base(robot, motion)
     return {name: np.einsum("njk,nk->nj", slopes, more) for name, more in _corrections(robot, log, motion).items()}
 
 
-def feigned_by(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
-    """The same for errors of given sizes together."""
+def torque_of_base_errors(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
+    """Change of the modelled torque if errors of given sizes are removed from the readings together."""
     more = _without(robot, log, log.motion, sizes)
     return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), more)
 
 
 def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tuple[str, float]]) -> BaseMotion | None:
-    """How the base moved over some samples, without errors of given sizes; None where it is bolted down."""
+    """Motion of the base over some samples, without errors of given sizes; None for a fixed base."""
     motion = log.motion.at(rows)
     if motion.base is None:
         return None

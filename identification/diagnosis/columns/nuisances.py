@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.data.floating.base_errors import SENSOR_ERRORS, feigned_torque
+from identification.data.floating.base_errors import SENSOR_ERRORS, torque_per_base_error
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.soft_friction import soft_joints, softness
 from phantom_dyn.array_types import Array, Float
@@ -146,7 +146,7 @@ def move_columns(
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
     rows: list[list[Array]] = [[] for _ in range(robot.nv)]
     touched = touching(robot, moves)
-    of_base = feigned_torque(robot, log, operation) if log.base_sensors is not None else {}
+    of_base = torque_per_base_error(robot, log, operation) if log.base_sensors is not None else {}
     for index, move in enumerate(moves):
         if isinstance(move.place, int):
             change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction

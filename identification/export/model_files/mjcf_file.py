@@ -25,7 +25,7 @@ def mjcf_text(robot: Robot) -> str:
     """The text of a MJCF file with one motor per active joint, and loops that keep two frames together.
 
     Args:
-        robot: Gives the tree.
+        robot: The robot.
 
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
@@ -106,7 +106,7 @@ def _site(parent: Element, site: TreeFrame) -> None:
 
 
 def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
-    """Loops that keep two frames together, between sites."""
+    """Add equalities between sites for loops that keep two frames together."""
     if robot.chain is None or not robot.chain.anchors:
         return
     group = ElementTree.SubElement(root, "equality")

@@ -11,18 +11,18 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
 
 FOLLOWS = "{}_follows"
-"""Name of the equality, and of its tendon, of a joint that follows others."""
+"""Name of the equality of a joint that follows others, and of its tendon."""
 _SOFTNESS = {"solref": "0.004 1", "solimp": "0.99 0.9999 0.001"}
-"""MuJoCo's equalities give way: as stiff as its usual step allows (two of 2 ms), as gears and rods hardly give way."""
+"""Gears and rods are stiff: this is the stiffest equality that MuJoCo's usual step allows (two steps of 2 ms)."""
 
 
 def add_followers(root: Element, robot: Robot) -> None:
     """Add an equality for each joint of a robot that follows others by a formula.
 
-    MuJoCo counts both sides from the positions in which the file draws the robot. Without ``ref`` that is zero.
+    MuJoCo measures both sides from the reference positions of the file, which are zero without ``ref``.
 
     Args:
-        root: Of an MJCF with the robot's joints; changed.
+        root: Root element of an MJCF with the robot's joints; changed.
         robot: A closed chain, or a plain robot, for which nothing is added.
     """
     chain = robot.chain

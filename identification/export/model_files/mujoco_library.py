@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 OLDEST = (3, 4)
-"""Older ones lack functions that reading a file again takes."""
+"""Oldest version that has all functions needed to load a file again."""
 
 _JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
 _NEWER = (
@@ -15,14 +15,14 @@ _NEWER = (
     ),
     (" delay=", '<motor joint="j" delay="0.01" nsample="12" interp="linear"/>', "delay of an actuator"),
 )
-"""What newer versions brought: the words of a text that uses it, an actuator that has it, and its name."""
+"""Features of newer versions: text that shows their use, an actuator with the feature, and its name."""
 
 
 def mujoco_problem(text: str = "") -> str | None:
     """Why MuJoCo cannot load a file again, as the end of a sentence; None if it can.
 
     Args:
-        text: Of the MJCF, which may use what only newer versions know.
+        text: Text of the MJCF, which may have elements that only newer versions read.
     """
     try:
         import mujoco

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Loading a written model again, and comparing the torques that it needs with those of the model it was made from."""
+"""Loads a written model again and compares its torques with those of the model it was made from."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, configurations
 
 TOLERANCE = 1e-6
-"""Largest difference over the largest torque of the motion: files carry all digits, so more is a mistake."""
+"""Largest difference over the largest torque of the motion: files have all digits, so a larger one is a mistake."""
 
 
 def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None) -> float:
     """Largest difference of torques, over the largest torque, of a URDF that Pinocchio has loaded again.
 
-    All joints of the tree are compared, as if each had a drive: a URDF says nothing of loops.
+    All joints of the tree are compared, as if each had a drive: a URDF has no loops.
 
     Args:
-        text: Of the URDF.
-        robot: The model that the file holds; rotor inertias are taken from it, as the file has none.
+        text: Text of the URDF.
+        robot: The model in the file; rotor inertias are taken from it, as the file has none.
         motion: N samples of the active joints.
-        config: The robot's ``robot.yaml``, for the joints that are held fixed and for gravity.
+        config: The robot's ``robot.yaml``, for locked joints and gravity.
 
     Raises:
         RobotError: If the text cannot be loaded, or has other joints.
@@ -49,9 +49,9 @@ def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
     """A robot with the links, joints and friction of a URDF that Pinocchio has loaded.
 
     Args:
-        text: Of the URDF.
-        robot: Gives what a URDF has no place for: rotor inertias, gravity, loops and drives.
-        config: The robot's ``robot.yaml``, for the joints that are held fixed.
+        text: Text of the URDF.
+        robot: The robot with all that a URDF lacks: rotor inertias, gravity, loops and drives.
+        config: The robot's ``robot.yaml``, for locked joints.
 
     Raises:
         RobotError: If the text cannot be loaded, or has other joints.
@@ -80,8 +80,8 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     """Largest difference of torques, over the largest torque, of a MJCF that MuJoCo has loaded again; NaN without it.
 
     Args:
-        text: Of the MJCF.
-        robot: The model that the file holds.
+        text: Text of the MJCF.
+        robot: The model in the file.
         motion: N samples of the active joints.
 
     Raises:
@@ -94,11 +94,11 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
 
 
 def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
-    """Torque [N m or N] on every joint of the tree that a MJCF needs in MuJoCo, beyond what its drives give unasked.
+    """Torque [N m or N] on every joint of the tree that a MJCF needs in MuJoCo, minus that of drives without a command.
 
     Args:
-        text: Of the MJCF; joints that the robot does not have stay at zero.
-        robot: Gives the joints.
+        text: Text of the MJCF; joints that the robot does not have stay at zero.
+        robot: The robot with the joints.
         tree: N samples.
 
     Raises:
@@ -108,11 +108,11 @@ def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N 
 
 
 def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:
-    """As `mujoco_torque`, of a model that is loaded; its constraints are switched off.
+    """`mujoco_torque` of a loaded model; its constraints are switched off.
 
     Args:
-        model: MuJoCo's.
-        robot: Gives the joints.
+        model: MuJoCo's model.
+        robot: The robot with the joints.
         tree: N samples.
         held: Positions of joints that the robot does not have, where they are not zero.
     """
@@ -153,7 +153,7 @@ def load_mujoco(text: str) -> Any:
 
 
 def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
-    """Where MuJoCo keeps position and velocity of each joint of the robot's tree."""
+    """MuJoCo's index of position and velocity of each joint of the robot's tree."""
     import mujoco
 
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
@@ -168,7 +168,7 @@ def some_motion(motion: Motion, most: int = 200) -> Motion:
 
 
 def versions() -> dict[str, str]:
-    """What loads the files again: name and version of Pinocchio, and of MuJoCo where it is installed."""
+    """Libraries that load the files again: name and version of Pinocchio, and of MuJoCo if it is installed."""
     out = {"urdf": f"Pinocchio {pin.__version__}"}
     if mujoco_problem() is None:
         import mujoco
@@ -178,6 +178,6 @@ def versions() -> dict[str, str]:
 
 
 def relative_difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
-    """Largest difference of torques, over the largest that is wanted."""
+    """Largest difference of torques, over the largest expected torque."""
     largest = float(np.abs(wanted).max())
     return float(np.abs(found - wanted).max() / (largest if largest > 0 else 1.0))

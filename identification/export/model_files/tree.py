@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames and friction."""
+"""The tree of a robot as plain data for new files: bodies, joints, frames and friction."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class TreeBody:
     """One moving body with its joint.
 
     Attributes:
-        name: Of the link.
+        name: Name of the link.
         parent: Its parent's index among all bodies, -1 for the ground.
         joint: Name of the joint.
         prismatic: True if the joint is linear.
-        rotation, position: Place of the joint in the parent's frame.
-        axis: Of the joint, in its own frame.
-        limits: Lower and upper position [rad or m]; None where it has none.
-        inertia: In the axes of the joint.
+        rotation, position: Placement of the joint in the parent's frame.
+        axis: Axis of the joint, in its own frame.
+        limits: Lower and upper position [rad or m]; None without limits.
+        inertia: Inertia in the frame of the joint.
         damping, friction, armature: Viscous coefficient, Coulomb torque, rotor inertia of the joint.
     """
 
@@ -97,9 +97,9 @@ def bodies(robot: Robot) -> tuple[TreeBody, ...]:
 
 
 def frames(robot: Robot) -> tuple[TreeFrame, ...]:
-    """Named places that are no moving body and no joint: links fixed to others, and points of use.
+    """Named frames that are no moving body and no joint: fixed links, and frames such as a tip.
 
-    A name that is there already is left out.
+    A name that is already in use is left out.
     """
     model = robot.model
     seen = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
@@ -117,7 +117,7 @@ def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
     """Torque [N m or N] on every joint of the tree, as if each had a drive: links, rotors and friction.
 
     Args:
-        robot: Gives model and friction.
+        robot: The robot with its friction.
         tree: N samples.
     """
     viscous, coulomb = tree_friction(robot)
@@ -144,9 +144,9 @@ class LinkInertia:
     """Inertia of one link in the axes of its own frame.
 
     Attributes:
-        mass: In kg.
+        mass: Mass [kg].
         center: Centre of mass [m].
-        inertia: About the centre of mass [kg m^2].
+        inertia: Moments and products about the centre of mass [kg m^2].
     """
 
     mass: float

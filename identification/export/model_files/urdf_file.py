@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as URDF: its own file with other inertias and friction, or one written from nothing.
+"""A robot as URDF: its own file with other inertias and friction, or a new file.
 
-In an edited file all else stays as it is, and the inertia of a moving body is split over the links that are fixed to
-each other. A file written from nothing has tree, inertias and friction, and no shapes.
+In an edited file everything else is unchanged, and the inertia of a moving body is split over the links that are fixed
+to each other. A new file has tree, inertias and friction, but no shapes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def stated_inertia(link: Element) -> pin.Inertia | None:
 
 
 def link_of_joint(root: Element, joint: str) -> str | None:
-    """Name of the link that a URDF hangs on a joint."""
+    """Name of the child link of a joint in a URDF."""
     for element in root.findall("joint"):
         child = element.find("child")
         if element.get("name") == joint and child is not None:
@@ -55,10 +55,10 @@ def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, F
     """Standard parameters, about the joint, of the other links of a body that state an inertia.
 
     Args:
-        robot: Gives the places of the links.
-        root: Of the URDF.
+        robot: The robot, with the placements of the links.
+        root: Root element of the URDF.
         body: Pinocchio's index of the body's joint.
-        own: The link that hangs on the joint itself.
+        own: The child link of that joint.
     """
     places = {f.name: f.placement for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == body}
     stated = {link.get("name", ""): stated_inertia(link) for link in root.findall("link")}
@@ -70,7 +70,7 @@ def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, F
 
 
 def links_held(robot: Robot, root: Element) -> frozenset[str]:
-    """Links that hang, at any depth, on a joint that is held fixed: a file without the lock lets them move."""
+    """Links that are descendants of a locked joint: in a file without the lock they can move."""
     children: dict[str, list[tuple[str, str]]] = {}
     for element in root.findall("joint"):
         parent, child = element.find("parent"), element.find("child")
@@ -89,22 +89,22 @@ def links_held(robot: Robot, root: Element) -> frozenset[str]:
 def own_inertia(
     robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str]
 ) -> tuple[LinkInertia, frozenset[str]]:
-    """Inertia of the link on a joint, such that it and the links fixed to it make the body's.
+    """Inertia of the link on a joint such that its sum with the links fixed to it is that of the body.
 
-    Links fixed to it keep what the file states. Where nothing possible is left for the link itself, they lose their
-    inertia to it; only those behind a joint that is held fixed keep it always.
+    Links fixed to it keep the inertia in the file. If the remainder is that of no possible body, their inertia is added
+    to the link's own instead; links behind a locked joint always keep theirs.
 
     Args:
-        robot: Gives the body's inertia.
+        robot: The robot, with the inertia of the body.
         body: Pinocchio's index of its joint.
-        fixed: Links that are fixed to each link, from `fixed_links`.
-        held: Links behind a joint that is held fixed, from `links_held`.
+        fixed: Parameters of the links that are fixed to it, from `fixed_links`.
+        held: Links behind a locked joint, from `links_held`.
 
     Returns:
-        The inertia, and the links that lose theirs.
+        The inertia, and the links whose own inertia becomes zero.
 
     Raises:
-        ParameterError: If no body can have what is left for the link.
+        ParameterError: If the remainder is that of no possible body.
     """
     whole = robot.model.inertias[body].toDynamicParameters()
     reason = None
@@ -125,16 +125,16 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
     """The text of a URDF in which the inertias and frictions that differ from the given robot's are replaced.
 
     Args:
-        robot: With the new inertias and friction.
-        given: The model that the file states.
+        robot: The robot with the new inertias and friction.
+        given: The model in the file.
         file: The URDF.
-        folder: Where the text will lie: file names of meshes are made relative to it.
+        folder: Folder of the new file, to which file names of meshes are made relative.
 
     Raises:
         RobotError: If the file has no link on a joint of the robot.
-        ParameterError: If no body can have the inertia that is left for a link.
+        ParameterError: If the inertia of a link is that of no possible body.
     """
-    # Comments stay: they often say where numbers come from.
+    # Comments are kept: they often state the origin of numbers.
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     root = ElementTree.parse(file, parser).getroot()
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -158,7 +158,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
 
 
 def _comments_before(file: Path) -> list[str]:
-    """Comments in front of the root element, which is no part of them."""
+    """Comments before the root element, which the parser does not keep."""
     out = []
     for event, element in ElementTree.iterparse(file, events=("start", "comment")):
         if event == "start":
@@ -212,7 +212,7 @@ def new_urdf(robot: Robot) -> str:
     """The text of a URDF.
 
     Args:
-        robot: Gives the tree; joints of loops are plain joints in it.
+        robot: The robot; joints of loops become joints of a tree.
 
     Raises:
         ParameterError: If a body cannot exist.
@@ -229,7 +229,7 @@ def new_urdf(robot: Robot) -> str:
         kind = "prismatic" if body.prismatic else "revolute" if body.limits else "continuous"
         joint = _joint(root, body.joint, kind, names[body.parent], body.name, body.rotation, body.position)
         ElementTree.SubElement(joint, "axis", xyz=attribute_text(body.axis))
-        # URDF wants effort and speed with the limits, and a linear joint never goes without.
+        # URDF requires effort and speed with the limits, and limits for a linear joint.
         low, high = body.limits or ((-1e3, 1e3) if body.prismatic else (0.0, 0.0))
         limit = {"lower": repr(low), "upper": repr(high)} if kind != "continuous" else {}
         ElementTree.SubElement(joint, "limit", limit, effort="1e6", velocity="1e3")

@@ -1,4 +1,4 @@
-"""The drive torque that each written model or law asks for along a recording, after it was loaded back."""
+"""Drive torque of each written model or law along a recording, after it was loaded back."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, read_only
 
-# Drive torque that is asked for along a log, by the index of the log, ``(N, nv)`` at the full rate.
+# Function from the index of a log to the commanded drive torque along it, ``(N, nv)`` at the full rate.
 Asked = Callable[[int], Float[Array, "N nv"]]
 
-# Written in C where PyYAML comes with it, which reads ten times as fast.
+# The loader in C, where PyYAML has it, is ten times as fast.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _STEPS = 20000
-"""Steps of one recording at which a law that is called step by step is asked; between them it is interpolated."""
+"""Largest number of steps of one recording at which a law in steps is evaluated; between them it is interpolated."""
 
 
 def torque_of_model(
@@ -54,13 +54,13 @@ def torque_of_model(
     effects: tuple[KnownEffect, ...] = (),
     beside: Callable[[Motion], Float[Array, "N nv"]] | None = None,
 ) -> Asked:
-    """What a robot with effects asks for, by the laws of the catalogue.
+    """Drive torque of a robot with effects, by the laws of the catalogue.
 
     Args:
         replay: The recordings.
         robot: The model.
-        effects: Effects on top of it.
-        beside: A torque that the drives have to give as well.
+        effects: Effects added to it.
+        beside: A further torque of the drives.
     """
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
@@ -78,26 +78,26 @@ def torque_of_model(
 def torque_of_urdf(
     replay: Replay, text: str, corrected: CorrectedModel, config: Path | None, effects: tuple[KnownEffect, ...]
 ) -> Asked:
-    """What a URDF asks for with the given rotors, loops and gravity, which it has no place for.
+    """Drive torque of a URDF with the given rotors, loops and gravity, which it lacks.
 
     Args:
         replay: The recordings.
-        text: Of the URDF.
-        corrected: The model that it was made of.
+        text: Text of the URDF.
+        corrected: The model from which it was made.
         config: The robot's ``robot.yaml``.
-        effects: What it holds of the findings; limits act by their own law.
+        effects: The findings that it contains; limits act by their own law.
     """
     robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
     return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
 def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> Asked:
-    """What a MJCF asks for; the model that it holds is that of MuJoCo to all digits, which was compared before.
+    """Drive torque of a MJCF, computed from the corrected model, with which MuJoCo's torques were compared before.
 
     Args:
         replay: The recordings.
-        corrected: The model that it was made of.
-        effects: What it holds of the findings; those on drives and transmissions act by their own laws.
+        corrected: The model from which it was made.
+        effects: The findings that it contains; those on drives and transmissions act by their own laws.
     """
     robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else corrected.robot
     return torque_of_model(
@@ -106,21 +106,21 @@ def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[Kno
 
 
 def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
-    """Effects that act on what the drive is asked for, or between drive and link.
+    """Effects that act on the command of the drive, or between drive and link.
 
     Args:
         corrected: The model.
-        effects: Of which.
+        effects: The effects to choose from.
     """
     return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & OF_DRIVES)
 
 
 def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
-    """What the given model asks for with the effects and moves of a ``corrected.yaml``.
+    """Drive torque of the given model with the effects and moves of a ``corrected.yaml``.
 
     Args:
         replay: The recordings.
-        text: Of the file.
+        text: Text of the file.
         robot: The given model.
         known: Effects that belong to it already.
     """
@@ -131,11 +131,11 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
 
 
 def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:
-    """What the robot in the middle of a ``randomisation.yaml`` asks for: the values that were found.
+    """Drive torque of the robot with the central values of a ``randomisation.yaml``, which are those found.
 
     Args:
         replay: The recordings.
-        text: Of the file.
+        text: Text of the file.
         robot: The given model.
         known: Effects that belong to it already.
     """
@@ -149,15 +149,15 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 
 
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
-    """What a ``feedforward.py`` asks for, of the motion that comes a drive's delay later.
+    """Drive torque of a ``feedforward.py``, for the motion later by the drive's delay.
 
-    What was asked of a drive beyond its limit had no effect, so it is added. What the file would ask for beyond a limit
-    counts in full: cut off on one side, the noise of the measured motion would be no noise any more. Loads that are
-    known in one recording, and measured external forces, are no part of the file.
+    The part of a recorded command beyond the drive's limit had no effect, so it is added. The torque of the file is not
+    limited: clipped on one side only, noise of the measured motion would get a mean. Loads that are known in one
+    recording, and measured external forces, are no part of the file.
 
     Args:
         replay: The recordings.
-        code: Of the file.
+        code: Text of the file.
         robot: The given model.
     """
     law = over_samples(code)
@@ -181,20 +181,20 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
 
 
 def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
-    """A series some time later; the last sample at the end."""
+    """A series advanced by a time; its last value is held at the end."""
     return x if seconds == 0 else np.column_stack([np.interp(t + seconds, t, column) for column in x.T])
 
 
 def torque_of_actuators(
     replay: Replay, code: str, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]
 ) -> Asked:
-    """What the links of the corrected model ask for with the actuators of an ``isaac_lab.py``.
+    """Drive torque of the corrected model's links with the actuators of an ``isaac_lab.py``.
 
     Args:
         replay: The recordings.
-        code: Of the file.
-        corrected: The model whose links it goes with.
-        effects: What the file holds of the findings; delays and limits act by their own laws.
+        code: Text of the file.
+        corrected: The corrected model with its links.
+        effects: The findings that the file contains; delays and limits act by their own laws.
     """
     names: dict[str, Any] = {"__name__": "isaac_lab"}
     exec(compile(code, "isaac_lab.py", "exec"), names)
@@ -224,13 +224,13 @@ def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, 
 
 
 def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) -> Asked:
-    """What a model asks for with the torque of a ``residual.py`` on one joint.
+    """Drive torque of a model with that of a ``residual.py`` on one joint.
 
     Args:
         replay: The recordings.
-        code: Of the file.
-        model: What the corrected model asks for without it.
-        robot: The model that the inputs of the law are of.
+        code: Text of the file.
+        model: Drive torque of the corrected model without it.
+        robot: The model from which the inputs of the law are computed.
     """
     names = loaded_residual(code)
     row = robot.joint_names.index(names["JOINT"])
@@ -245,7 +245,7 @@ def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) ->
 
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
-    """Torque of a law that is called step by step."""
+    """Torque of a law that is evaluated step by step."""
     from identification.diagnosis.law.rest import inputs_of  # with all laws of a rest, which few runs need
 
     others = [k for k in range(robot.nv) if k != row]

@@ -1,4 +1,4 @@
-"""Which findings each kind of file can hold, by the numbers of an effect that its format has a place for."""
+"""Findings that each kind of file can contain, by the numbers of an effect that its format has."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from identification.export.uses.feedforward import OWN_LAWS
 from phantom_dyn.effects.described import ModelNumbers
 
 OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
-"""Numbers of an effect that act on what the drive is asked for, not as a torque beside it."""
+"""Numbers of an effect that act on the command of the drive, and not as an added torque."""
 _URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
 _DRIVES = frozenset({"rotor_inertia", "delay"})
 _MJCF = _URDF | _DRIVES | {"offset", "spring", "gain", "lag", "gap", "stiffness", "waves", "coupling"}
@@ -20,11 +20,11 @@ _MJCF = _URDF | _DRIVES | {"offset", "spring", "gain", "lag", "gap", "stiffness"
 
 @dataclass(frozen=True)
 class Format:
-    """What one kind of file has places for.
+    """Numbers and laws that one kind of file can contain.
 
     Attributes:
-        numbers: Fields of `ModelNumbers`; None if it holds every effect by its own law.
-        laws: Effects that it holds by a law of its own.
+        numbers: Fields of `ModelNumbers`; None if it contains every effect by its law.
+        laws: Effects that it contains by a law of its own.
     """
 
     numbers: frozenset[str] | None
@@ -36,16 +36,16 @@ URDF_FORMAT = Format(_URDF)
 MJCF_FORMAT = Format(_MJCF)
 ISAAC_FORMAT = Format(_URDF | _DRIVES | {"reference_delay"})
 FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness", "lag"}, OWN_LAWS)
-"""It follows a lag as if it were a delay, which is not all of it."""
+"""A feedforward treats a lag as a delay, which is only a part of its effect."""
 
 
 def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
-    """True if a file of this kind holds all of an effect.
+    """True if a file of this kind contains an effect in full.
 
     Args:
-        kind: Of the file.
-        corrected: The model that the file is made of.
-        effect: With the contract's parameters in order.
+        kind: Kind of the file.
+        corrected: The model from which the file is made.
+        effect: The effect, with the contract's parameters in order.
     """
     if kind.numbers is None or effect.effect in kind.laws:
         return True

@@ -1,7 +1,7 @@
-"""Which files may be handed out: what each leaves of the recorded torque, beside the given model and what is claimed.
+"""Check of files before they are written: the residual of each, compared with the given model's and the claimed one.
 
-A file that leaves more than the given model on any joint, or clearly more than the diagnosis claims of what it holds,
-would do harm where it is loaded. It is not written, and the reason is said.
+A file with a larger residual than the given model on any joint, or a clearly larger one than the diagnosis claims for
+the findings in it, would do harm. It is not written, and a note gives the reason.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.floating.base_errors import feigned_by
+from identification.data.floating.base_errors import torque_of_base_errors
 from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
@@ -51,23 +51,23 @@ from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 
 _LEVEL = 0.05
-"""Chance that a file without any difference from the given model is refused, over all its joints together."""
+"""Probability that a file as good as the given model is refused, over all its joints together."""
 _ROUNDING = 1e-6
-"""Relative difference of two residuals that is none: laws in files are written again in other operations."""
+"""Relative difference of two residuals that is rounding: laws in files have their operations in another order."""
 _MORE = 1.2
-"""Residual over the claimed one, beyond one noise floor, from which a file does not do what is claimed of it."""
+"""Ratio of the residual, without one noise floor, to the claimed one above which a file is refused."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The recordings that files are run over, and what the given model leaves of them.
+    """The recordings that files are run over, and the residual of the given model.
 
     Attributes:
         replay: The recordings.
         robot: The given model.
         known: Effects that belong to it already.
-        fitted: How late the recorded torque and references are, how softly joints rub there and what is wrong with the
-            base's sensors, among what was fitted.
+        fitted: Numbers of the fit, among them delays of torque and references, softness of friction and errors of the
+            base's sensors.
     """
 
     replay: Replay
@@ -77,11 +77,11 @@ class Measured:
 
     @cached_property
     def given(self) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """What the given model leaves: squares and their counts, and residuals on the recording as it is."""
+        """Residual of the given model: squares and their counts, and root mean squares on the recording as it is."""
         return self.left_by(torque_of_model(self.replay, self.robot, self.known))
 
     def left_by(self, asked: Asked) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """What a torque leaves: squares and their counts, and residuals of each joint on the recording as it is."""
+        """Residual of a torque: squares and their counts, and root mean squares by joint on the recording as it is."""
         once = cache(asked)
         squares, fitted = self.squares(once), self.fitted
         as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
@@ -89,15 +89,15 @@ class Measured:
         return squares, dict(zip(self.robot.joint_names, left.tolist(), strict=True))
 
     @cached_property
-    def _feigned(self) -> tuple[Float[Array, "_ nv"], ...]:
-        """Torque of each log that errors of the base's sensors feign; none of a robot that is bolted down."""
+    def _of_base_errors(self) -> tuple[Float[Array, "_ nv"], ...]:
+        """Spurious torque of each log from errors of the base's sensors; empty for a robot with a fixed base."""
         base = self.fitted.base
-        return tuple(feigned_by(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
+        return tuple(torque_of_base_errors(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
 
     def squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Squares that a torque leaves as late and with friction as soft as recorded, and their counts.
+        """Squared residual of a torque with the fitted delay and softness of friction added, and their counts.
 
-        These belong to the recording: files are judged by what is left besides.
+        Delay and softness are properties of the recording, so a file is not to be refused for lacking them.
         """
         fitted = self.fitted
 
@@ -108,7 +108,7 @@ class Measured:
             if fitted.arrivals:
                 torque = torque - one.later_references(fitted.arrivals)
             if fitted.base:
-                torque = torque + self._feigned[log]
+                torque = torque + self._of_base_errors[log]
             return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
 
         return self.replay.squares(recorded)
@@ -116,12 +116,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Proof:
-    """What written files are compared with, for one diagnosis and one corrected model.
+    """Reference for the check of written files, for one diagnosis and one corrected model.
 
     Attributes:
-        diagnosis: What is claimed.
+        diagnosis: The diagnosis with its claims.
         measured: The recordings.
-        corrected: The model that the files are made of.
+        corrected: The model from which the files are made.
         found: Effects that were found.
         config: The robot's ``robot.yaml``, None without one.
     """
@@ -144,7 +144,7 @@ class Proof:
 
     @property
     def effects(self) -> tuple[KnownEffect, ...]:
-        """All effects beside the given model."""
+        """All effects that are added to the given model."""
         return (*self.known, *self.found)
 
     @cached_property
@@ -194,11 +194,11 @@ class Proof:
         return tuple(one for one in self.effects if holds(kind, self.corrected, one))
 
     def _given_as(self, kind: Format) -> Asked:
-        """The given model with the known effects as far as a kind of file holds them."""
+        """Drive torque of the given model with the known effects, as far as a kind of file can contain them."""
         return self._as(kind, self.corrected.given, self.known)
 
     def _as(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> Asked:
-        """A model with effects by their own laws; of those that a kind of file holds in part, that part."""
+        """Drive torque of a model with effects by their laws, or by the part of them that a kind of file contains."""
         held = tuple(one for one in effects if holds(kind, self.corrected, one))
         part = corrected_model(base, tuple(one for one in effects if one not in held))
         beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: torque_beside(part, motion))
@@ -209,7 +209,7 @@ class Proof:
         squares, left = self.measured.left_by(asked)
         before, had = self.measured.left_by(given) if given and self.known else self.measured.given
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
-        # What adds noise to the readings alone takes nothing from a residual.
+        # Effects that only add noise to readings do not lower a residual.
         lacks = any(one in lacking or effect_named(one.effect, self.corrected.given).only_noise for one in self.found)
         return WrittenFile(
             file,
@@ -221,12 +221,12 @@ class Proof:
         )
 
     def _moves_rotors(self, kind: Format) -> bool:
-        """True if rotors moved within tolerance and the format has no place for them."""
+        """True if rotor inertias were moved within tolerance and the format has none."""
         moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
         return kind is URDF_FORMAT and moved
 
     def _claimed(self, kind: Format, lacks: bool) -> Float[Array, " nv"]:
-        """Residual of each joint that the diagnosis claims of what a file holds [N m or N]."""
+        """Residual of each joint that the diagnosis claims for the findings in a file [N m or N]."""
         whole = np.array([joint.rms_after for joint in self.diagnosis.joints])
         if not lacks:
             return whole
@@ -265,14 +265,14 @@ def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
 
 
 def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
-    """True for joints on which one model leaves more than another, by the paired differences over blocks.
+    """True for joints on which one model has a larger residual than another, by paired differences over blocks.
 
-    The mean difference of squares is a ratio of sums over blocks; its deviation is that of a ratio, and the interval is
-    Student's, at 95 % over all joints together.
+    The mean difference of squares is a ratio of sums over blocks, with the standard deviation of a ratio; the interval
+    is Student's, at 95 % over all joints together.
 
     Args:
-        squares: Squares and counts of the one.
-        before: Of the other, on the same samples.
+        squares: Squares and counts of the one model.
+        before: Those of the other, on the same samples.
     """
     from scipy.special import stdtrit  # where files are judged alone
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from floating_leg import log_of_leg, written_leg
-from identification.data.floating.base_errors import base_without_errors, feigned_by
+from identification.data.floating.base_errors import base_without_errors, torque_of_base_errors
 from identification.data.log import Band, Log
 from identification.data.reading import recording
 from identification.data.recording import Table
@@ -85,12 +85,12 @@ def test_stiff_controllers_hold_both_models_near_their_references(stepping):
     assert max(found.rms_after.values()) < 0.05
 
 
-def test_without_the_errors_of_its_sensors_the_base_needs_the_torque_that_they_feigned(stepping):
+def test_without_the_errors_of_its_sensors_the_base_needs_their_spurious_torque_less(stepping):
     robot, log = stepping.robot, stepping.log
     sizes = (("accelerometer offset x", 2e-4), ("gyroscope scale y", 1e-5), ("place of the accelerometer z", 1e-5))
     base = base_without_errors(robot, log, slice(None), sizes)
     more = inverse_dynamics(robot, replace(log.motion, base=base)) - inverse_dynamics(robot, log.motion)
-    np.testing.assert_allclose(more, feigned_by(robot, log, sizes), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(more, torque_of_base_errors(robot, log, sizes), rtol=0, atol=1e-9)
 
 
 def legs(*touched: np.ndarray) -> Log:

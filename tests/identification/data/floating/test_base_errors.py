@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floating_leg import written_leg
-from identification.data.floating.base_errors import SENSOR_ERRORS, feigned_by, feigned_torque
+from identification.data.floating.base_errors import SENSOR_ERRORS, torque_of_base_errors, torque_per_base_error
 from identification.data.log import Band, BaseSensors, Log
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.moving_base import base_motion
@@ -58,7 +58,7 @@ def one(axis):
 
 def found(robot, name):
     log = read(robot, *plain())
-    return feigned_torque(robot, log, log.motion)[name]
+    return torque_per_base_error(robot, log, log.motion)[name]
 
 
 def alike(x, y):
@@ -108,8 +108,8 @@ def test_a_delay_is_undone_by_later_readings(robot):
 
 def test_errors_of_given_sizes_add_up(robot):
     log = read(robot, *plain())
-    each = feigned_torque(robot, log, log.motion)
+    each = torque_per_base_error(robot, log, log.motion)
     sizes = [(name, 0.3 + k) for k, name in enumerate(SENSOR_ERRORS)]
     np.testing.assert_allclose(
-        feigned_by(robot, log, sizes), sum(size * each[name] for name, size in sizes), rtol=0, atol=1e-9
+        torque_of_base_errors(robot, log, sizes), sum(size * each[name] for name, size in sizes), rtol=0, atol=1e-9
     )

@@ -60,7 +60,7 @@ def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_noise(quiet, 
 
 
 def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_floor(quiet):
-    # Known truth: a feigned torque of one on the elbow in every sample, far below the noise above the judged band.
+    # Known truth: a spurious torque of one on the elbow in every sample, far below the noise above the judged band.
     one = tuple(np.ones_like(part) * [0.0, 1.0] for part in quiet.noise)
     loud = tuple(1e6 * np.ones_like(part) for part in quiet.noise)
     for square, kept in ((19.0, 1), (21.0, 0)):
