@@ -225,8 +225,6 @@ def fit_of(
     regressor: Regressor,
     base: BaseParameters,
     values: Values,
-    *,
-    warnings: tuple[str, ...] = (),
 ) -> Fit:
     """The `Fit` of values whose covariance is known.
 
@@ -235,7 +233,6 @@ def fit_of(
         regressor: The equations.
         base: The unknowns.
         values: Their values.
-        warnings: What the estimator itself has to say, before the sentences that hold for all.
     """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
     left = np.sqrt(np.mean(values.residual**2, axis=0))
@@ -258,5 +255,5 @@ def fit_of(
         effects=regressor.terms,
         first_effect=regressor.first_effect,
         samples=regressor.count,
-        cautions=(*map(Caution, (*warnings, *unexplained(regressor.robot, error))), *general),
+        cautions=(*map(Caution, unexplained(regressor.robot, error)), *general),
     )

@@ -149,7 +149,7 @@ def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
     return loss
 
 
-def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"], most: int = MOST_TERMS) -> Choice:
+def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"]) -> Choice:
     """The formula of the size that predicts held-out blocks best, tested against chance and repeated by bootstrap.
 
     Where replicates disagree on it, a shorter one on which they agree is taken if it predicts nearly as much.
@@ -158,12 +158,11 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
         rest: Residual of the joint.
         columns: Columns of the library.
         before: Squared residual of each block without a law.
-        most: Largest number of terms.
     """
-    loss = cross_validated(rest, columns, most)
+    loss = cross_validated(rest, columns, MOST_TERMS)
     loss[0] = before
     whole = columns.products.freed((rest.folds >= 0).astype(float), columns.free)
-    path = [(), *stepwise(columns.terms, whole, most)]
+    path = [(), *stepwise(columns.terms, whole, MOST_TERMS)]
     size = min(best_size(loss), len(path) - 1)
     while size > 0 and not _beyond_chance(rest, columns, path[size]):
         size -= 1

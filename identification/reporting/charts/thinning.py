@@ -77,12 +77,12 @@ def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], second
     return best
 
 
-def scatter_choice(finite: Bool[Array, " N"], most: int = CLOUD_POINTS) -> Int[Array, " n"]:
-    """Indices of at most `most` usable samples, drawn at random so that no period of the motion is favoured."""
+def scatter_choice(finite: Bool[Array, " N"]) -> Int[Array, " n"]:
+    """Indices of some usable samples, drawn at random so that no period of the motion is favoured."""
     usable = np.flatnonzero(finite)
-    if len(usable) <= most:
+    if len(usable) <= CLOUD_POINTS:
         return usable
-    return np.sort(random_stream("thinning of a scatter").choice(usable, most, replace=False))
+    return np.sort(random_stream("thinning of a scatter").choice(usable, CLOUD_POINTS, replace=False))
 
 
 def binned_median(
