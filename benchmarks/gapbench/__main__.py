@@ -12,6 +12,7 @@ from .baselines import NAMES as BASELINES
 from .baselines.run import BaselineError, run_baseline
 from .makes import NAMES as MAKES
 from .scoring.board import json_of, judge_all, side_by_side, text_of
+from .scoring.chart import ChartError, write_chart
 from .scoring.submission import AnswerError, read_answer
 from .splits import SplitError, draw_listed, hidden_cases, public_cases, read_key, seal_answers, truths
 
@@ -49,6 +50,7 @@ def parser() -> argparse.ArgumentParser:
         "answers", type=Path, nargs="+", metavar="ANSWERS", help="folder with <case id>.json of each case"
     )
     score.add_argument("--json", type=Path, metavar="FILE", help="write the score for programs too")
+    score.add_argument("--chart", type=Path, metavar="FILE", help="write a figure too (.png, .svg or .pdf)")
     score.add_argument("--key-file", type=Path, metavar="FILE", help="that opens sealed answers")
 
     baseline = commands.add_parser("baseline", help="write the answers of a baseline")
@@ -104,6 +106,8 @@ def _score(given: argparse.Namespace) -> int:
     print(side_by_side(scores) if len(scores) > 1 else text_of(scores[names[0]]), end="\n" if len(scores) > 1 else "")
     if given.json:
         given.json.write_text(json.dumps(out if len(out) > 1 else out[names[0]], indent=1) + "\n")
+    if given.chart:
+        write_chart(scores, given.chart)
     return 0
 
 
@@ -117,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     try:
         return {"draw": _draw, "check": _check, "score": _score, "baseline": _baseline}[given.command](given)
-    except (SplitError, BaselineError) as error:
+    except (SplitError, BaselineError, ChartError) as error:
         print(error, file=sys.stderr)
         return 2
 
