@@ -35,6 +35,8 @@ _BETTER, _GOOD = 0.5, 0.8
 """Share of the squares that another reading leaves of those that the given one leaves, and of all, at most."""
 _ONE = 0.05
 """Share by which another reading has to fit worse than the best one: turning about one axis shows two numbers."""
+_FASTER = 2.0
+"""Times as fast as the gyroscope turns in any axes: what turns the specific force so is acceleration of the base."""
 _SPINS, _FAR = 0.5, 0.05
 """Turning [rad/s] that a gyroscope says and gravity does not show, and the share of its squares that degrees leave of
 what any axes and signs leave: nobody spins a robot whose accelerometer sees nothing of it."""
@@ -120,7 +122,8 @@ def _gyroscope(
     if spins or (whole > _TURNS**2 and degrees < min(_GOOD, _BETTER * given)):
         entries = {f"{column}.{axis}": f"{{from: {column}.{axis}, unit: deg/s}}" for axis in "xyz"}
         return (), (Fault(f"{column} is in deg/s and not in rad/s", why, entries_words(recording, entries)),)
-    if whole < _TURNS**2 or best > min(_GOOD, _BETTER * given):
+    accelerated = whole > _FASTER**2 * np.mean(np.sum(w**2, axis=1))
+    if whole < _TURNS**2 or accelerated or best > min(_GOOD, _BETTER * given):
         return (), ()
     alone = others[1][0] > best + _ONE
     read = f", and {_axes_words(matrix)} {100 * best:.0f} %" if alone else ""
