@@ -366,15 +366,15 @@ def _others(
             RESIDUAL: lambda: residual_code(residual),
             RESIDUAL_TABLE: lambda: residual_table(residual, diagnosis),
         }
+    offered[RANDOMISATION] = lambda: randomisation_text(
+        randomisation_of(diagnosis, corrected.base),
+        known,
+        moves=diagnosis.adjusted,
+        with_mjcf=MJCF in models,
+    )
     if not corrected.given.floating:
         offered |= {FEEDFORWARD: code, TABLE: lambda: feedforward_table(corrected, diagnosis, code())}
     return offered | {
-        RANDOMISATION: lambda: randomisation_text(
-            randomisation_of(diagnosis, corrected.base),
-            known,
-            moves=diagnosis.adjusted,
-            with_mjcf=MJCF in models,
-        ),
         ISAAC: lambda: with_links(isaac_lab_text),
         SIMULATORS: lambda: with_links(simulators_text),
     }

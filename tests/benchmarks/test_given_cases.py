@@ -90,7 +90,7 @@ def test_every_figure_counts_its_own_cases(case):
         "both of a pair": "0 of 0",
         "unknown outside": "1 of 2",
         "saturation named": "0 of 1",
-        "pushes told or unknown": "1 of 1",
+        "pushes named or unknown": "1 of 1",
         "times of events without any": "0 of 6",
         "contradictory verdicts": "1 of 7",
     }
