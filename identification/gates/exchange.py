@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# thresholds: by how much a structure without a name has to be better than 0, 1, 2 or 3 named effects to replace them.
+# Margins, in thresholds: least gain of a structure without a name over the 0, 1, 2 or 3 named effects that it replaces.
 # Several effects that together do no better than one structure are the less likely cause.
 NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 

@@ -153,9 +153,6 @@ def write_row(
 ) -> None:
     """Write the torque per parameter of one body on a motion that moves its frame.
 
-    The compiler makes scalar instructions of the loop. With vector instructions it is as fast: the time goes into poses
-    and into memory.
-
     Args:
         lx: Velocity of the body's origin along x of the root.
         ly: Along y of the root.

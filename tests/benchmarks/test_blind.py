@@ -77,8 +77,8 @@ def test_the_case_folder_holds_robot_configuration_and_log_only(tmp_path):
     folder, answer = draw_one(SEED, tmp_path / "cases", tmp_path / "answers")
     assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "robot.urdf", "robot.yaml"]
     text = "".join(p.read_text() for p in folder.iterdir())
-    told = {"rotor_inertia"}  # the owner states the modelled one of every joint
-    assert not [word for word in ({*SINGLE_EFFECTS, "seed", "paired"} - told) if word in text]
+    said = {"rotor_inertia"}  # the owner states the modelled one of every joint
+    assert not [word for word in ({*SINGLE_EFFECTS, "seed", "paired"} - said) if word in text]
     assert json.loads(answer.read_text())["kind"] == "single"
 
 

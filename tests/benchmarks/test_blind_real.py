@@ -170,7 +170,7 @@ def test_a_log_is_written_to_the_precision_of_its_recording():
 
 
 @pytest.fixture
-def told(monkeypatch, data_folder):
+def sentence(monkeypatch, data_folder):
     """Part one without its diagnosis: a band of 10 Hz, a floor of 1 at every joint, nothing found."""
 
     def diagnosis(source):
@@ -188,7 +188,7 @@ def told(monkeypatch, data_folder):
     real_case.part.cache_clear()
 
 
-def test_a_null_holds_the_recording_as_it_is(told, tmp_path):
+def test_a_null_holds_the_recording_as_it_is(sentence, tmp_path):
     case = real_case.draw_case(0, "null")
     folder = real_case.write_case(case, tmp_path)
     _, two = parts(SOURCES[0](), 0)
@@ -198,7 +198,7 @@ def test_a_null_holds_the_recording_as_it_is(told, tmp_path):
     assert sorted(path.name for path in folder.iterdir()) == ["corrected.yaml", "log.csv", "robot.urdf", "robot.yaml"]
 
 
-def test_a_single_differs_from_the_recording_by_the_effect_of_its_answer(told):
+def test_a_single_differs_from_the_recording_by_the_effect_of_its_answer(sentence):
     case = real_case.draw_case(0, "single")
     (truth,) = case.answer["effects"]
     _, two = parts(SOURCES[0](), 0)
@@ -209,7 +209,7 @@ def test_a_single_differs_from_the_recording_by_the_effect_of_its_answer(told):
     assert slope == pytest.approx(truth["parameters"]["coefficient"], rel=0.05)
 
 
-def test_the_same_seed_gives_the_same_case(told):
+def test_the_same_seed_gives_the_same_case(sentence):
     first, second = (real_case.draw_case(6, "single") for _ in range(2))
     assert json.dumps(first.answer) == json.dumps(second.answer)
     np.testing.assert_array_equal(first.runs[0].tau, second.runs[0].tau)

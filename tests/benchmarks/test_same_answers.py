@@ -93,9 +93,9 @@ def test_the_exit_code_says_whether_all_answers_are_the_same(changed, tmp_path, 
 
 def test_how_it_is_told_is_not_compared(changed):
     # A file without a ledger, of an earlier schema, with another sentence.
-    told = {"schema": "gap-diagnosis/3", "data_warnings": ["late"], "ledger": [{"effects": [], "outcome": "claimed"}]}
+    said = {"schema": "gap-diagnosis/3", "data_warnings": ["late"], "ledger": [{"effects": [], "outcome": "claimed"}]}
     changed["not_testable"] = [{"effect": "backlash", "joint": "j1", "why": "one reason"}]
-    other = copy.deepcopy(changed) | told
+    other = copy.deepcopy(changed) | said
     other["not_testable"][0]["why"] = "another"
     assert compared(changed, other) == Comparison((), {})
 

@@ -184,8 +184,8 @@ def test_a_long_recording_that_the_diagnosis_reads_is_let_go_before_the_first_fi
         read.append(weakref.ref(whole))
         return (whole,)
 
-    def look(told: Announcement) -> None:
-        if told.stage is Stage.FILTERING:
+    def look(said: Announcement) -> None:
+        if said.stage is Stage.FILTERING:
             assert read[0]() is None
             raise Enough
 

@@ -23,7 +23,7 @@ from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.judge.file_numbers import model_numbers
-from identification.diagnosis.judge.findings.bench import Bench, Leftover, Shown, State
+from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_sound
@@ -146,8 +146,8 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.discrepancy)
         return over.structured or bool(_events(plain.problem, left))
 
-    left_over = Leftover(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
-    bench = Bench(explanation.search, plain, noise, left_over)
+    residuals = Residuals(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
+    bench = Bench(explanation.search, plain, noise, residuals)
     state = in_band(bench, State.of(explanation.chosen))
     left = left_by_all(state.shown)
     torque = torque_is_there(_torque_over_noise(left))

@@ -74,7 +74,7 @@ class Fits:
         return own._in_sample[chosen]
 
     def gains(self, chosen: Chosen, terms: tuple[Term, ...]) -> dict[Term, float]:
-        """By how much each of some effects lowers the in-sample loss beside a set, to second order."""
+        """Decrease of the in-sample loss by each of some effects beside a set, to second order."""
         if self.of(chosen) is not self:
             return self.of(chosen).gains(chosen, terms)
         if self._near is not None and _linear(chosen):

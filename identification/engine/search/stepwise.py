@@ -88,7 +88,7 @@ def squares(terms: Terms, products: Products, chosen: Chosen) -> float:
 
 
 def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """By how much each term lowers the sum of squares beside the chosen ones."""
+    """Decrease of the sum of squares by each term beside the chosen ones."""
     gram, right = products.gram, products.right
     size = np.diag(gram).copy()
     kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()

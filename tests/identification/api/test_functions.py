@@ -218,9 +218,9 @@ def test_a_table_that_is_no_reference_is_refused(log):
 
 def test_progress_of_every_function_is_told_in_words(log):
     # Oracle: the words of the first stage of each, by hand.
-    told: list[list[str]] = [[], [], []]
-    dyn.diagnose(PENDULUM, log, progress=told[0].append)
-    dyn.identify(PENDULUM, log, progress=told[1].append)
-    dyn.excite(PENDULUM, duration=2.0, progress=told[2].append)
-    assert [words[0] for words in told] == ["filtering", "filtering", "looking for postures within the limits"]
-    assert all(isinstance(word, str) for words in told for word in words)
+    sentence: list[list[str]] = [[], [], []]
+    dyn.diagnose(PENDULUM, log, progress=sentence[0].append)
+    dyn.identify(PENDULUM, log, progress=sentence[1].append)
+    dyn.excite(PENDULUM, duration=2.0, progress=sentence[2].append)
+    assert [words[0] for words in sentence] == ["filtering", "filtering", "looking for postures within the limits"]
+    assert all(isinstance(word, str) for words in sentence for word in words)

@@ -126,10 +126,10 @@ def test_a_recording_whose_process_is_lost_is_a_row_as_well(pendulum, logs, monk
 
 
 def test_progress_counts_the_recordings(pendulum, logs):
-    told: list[str] = []
-    diagnose_each(pendulum, logs[1::2], jobs=1, progress=in_words(told.append))
+    sentence: list[str] = []
+    diagnose_each(pendulum, logs[1::2], jobs=1, progress=in_words(sentence.append))
     begun = "diagnosed 0 of 2 recordings"
-    assert told == [begun, "diagnosed 1 of 2, last text.csv", "diagnosed 2 of 2, last other.csv"]
+    assert sentence == [begun, "diagnosed 1 of 2, last text.csv", "diagnosed 2 of 2, last other.csv"]
 
 
 def test_each_recording_gets_its_folder_and_a_refused_one_none(pendulum, logs, tmp_path):

@@ -92,15 +92,15 @@ def cluster(started):
 @pytest.fixture
 def killing(cluster):
     """A progress callback that kills a worker when the first piece is done, and a check that it was called."""
-    told = []
+    said = []
 
     def progress(_: object) -> None:
-        if not told:
+        if not said:
             cluster.kill_one()
-        told.append(time.monotonic())
+        said.append(time.monotonic())
 
     yield progress
-    assert len(told) > 2, "the worker was killed at the end"
+    assert len(said) > 2, "the worker was killed at the end"
     assert len(cluster.client.ncores()) == 1
 
 

@@ -64,10 +64,10 @@ def test_what_a_log_lacks_is_told_beside_its_own_columns_and_not_those_of_the_ma
     (tmp_path / "map.yaml").write_text("tau.tilt: load\n")
     log.write_text(log.read_text().replace("tau.tilt", "load").replace("t,", "time,", 1))
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 2
-    told = capsys.readouterr().err
-    assert "log.csv has no column t" in told
-    assert "load" in told
-    assert "tau.tilt" not in told
+    said = capsys.readouterr().err
+    assert "log.csv has no column t" in said
+    assert "load" in said
+    assert "tau.tilt" not in said
 
 
 def test_columns_are_mapped(log, tmp_path, capsys):
@@ -137,9 +137,9 @@ def test_the_robot_stands_in_front_of_the_recordings(log, tmp_path, capsys):
     second = tmp_path / "second.csv"
     second.write_bytes(log.read_bytes())
     assert main(["check", str(ARM), str(log), str(second)]) == 0
-    told = capsys.readouterr().out
-    assert told.count("nothing is wrong with it\n") == 2
-    assert "second.csv: 2000 samples" in told
+    said = capsys.readouterr().out
+    assert said.count("nothing is wrong with it\n") == 2
+    assert "second.csv: 2000 samples" in said
 
 
 def test_a_robot_without_a_recording_is_refused(capsys):
@@ -150,9 +150,9 @@ def test_a_robot_without_a_recording_is_refused(capsys):
 def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text("tau.tilt: {from: tau.tilt, sign: -1}\n")
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 0
-    told = capsys.readouterr().out
-    assert "wrong: log.csv: the torque of tilt has the wrong sign" in told
-    assert "write tau.tilt: {from: tau.tilt, sign: -1} into the column map, on top of" in told
+    said = capsys.readouterr().out
+    assert "wrong: log.csv: the torque of tilt has the wrong sign" in said
+    assert "write tau.tilt: {from: tau.tilt, sign: -1} into the column map, on top of" in said
 
 
 def test_what_was_mended_is_told(log, capsys):
@@ -178,6 +178,6 @@ def test_it_shows_how_far_it_is_on_standard_error_alone(log, capsys, monkeypatch
     # Without a terminal a line is written every ten seconds; here at every announcement.
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 0.0)
     assert main(["check", str(log), "--robot", str(ARM)]) == 0
-    told = capsys.readouterr()
-    assert re.search(r"^0 s: +\d+ % checking log\.csv$", told.err, re.MULTILINE)
-    assert "%" not in told.out
+    said = capsys.readouterr()
+    assert re.search(r"^0 s: +\d+ % checking log\.csv$", said.err, re.MULTILINE)
+    assert "%" not in said.out

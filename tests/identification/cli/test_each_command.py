@@ -142,10 +142,10 @@ def command(tmp_path):
 def test_a_full_disk_is_one_sentence_and_leaves_no_half_of_a_file(line, command, log, tmp_path):
     done = command(line, most=700)
     assert done.returncode == 2
-    told = [text for text in done.stderr.splitlines() if text.startswith("phantom-dyn: ")]
-    assert len(told) == 1
+    said = [text for text in done.stderr.splitlines() if text.startswith("phantom-dyn: ")]
+    assert len(said) == 1
     assert "Traceback" not in done.stderr
-    assert "file too large" in told[0]
+    assert "file too large" in said[0]
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [log]
 
 
@@ -168,9 +168,9 @@ def test_a_batch_says_of_which_recording_nothing_could_be_written(log, tmp_path,
 
     monkeypatch.setattr("identification.batch.diagnose_each.write_outputs", full)
     assert main(["diagnose", PENDULUM, str(log), "--each", "--jobs", "1", "--out", str(tmp_path / "new")]) == 2
-    told = " ".join(capsys.readouterr().out.split())
-    assert "log.csv: nothing more can be written (no space left on device): free some space" in told
-    assert "report this" not in told
+    said = " ".join(capsys.readouterr().out.split())
+    assert "log.csv: nothing more can be written (no space left on device): free some space" in said
+    assert "report this" not in said
 
 
 @pytest.mark.whole

@@ -148,9 +148,9 @@ def test_a_robot_without_loops_has_no_singularity_to_stay_clear_of(arm, tmp_path
 
 def test_the_help_says_that_a_given_speed_is_an_upper_limit_and_what_the_condition_number_is_of(capsys):
     assert main(["excite", "--help"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "--velocity V [V ...] highest speed, where the robot file allows more" in told
-    assert "base regressor, each column divided by its norm" in told
+    sentence = " ".join(capsys.readouterr().out.split())
+    assert "--velocity V [V ...] highest speed, where the robot file allows more" in sentence
+    assert "base regressor, each column divided by its norm" in sentence
 
 
 RATE = 500.0
@@ -186,9 +186,9 @@ def test_friction_at_constant_speeds_is_that_of_the_recording(triangles, robots,
     for name, truth in (("viscous", 0.3), ("coulomb", 0.5)):
         found = one["parameters"][name]
         assert abs(found["value"] - truth) < max(4 * found["std"], 0.02 * truth)
-    told = capsys.readouterr().out
-    assert "triangles.csv, pin: viscous 0." in told
-    assert "note:" not in told
+    sentence = capsys.readouterr().out
+    assert "triangles.csv, pin: viscous 0." in sentence
+    assert "note:" not in sentence
     assert matplotlib.image.imread(out / "friction.png")[..., :3].min() < 0.5
 
 
@@ -201,9 +201,9 @@ def test_a_motion_without_constant_speeds_is_said_to_be_no_friction_test(tmp_pat
     tau = 9.81 * np.sin(q) - 0.2 * v - 0.1 * np.sign(v) + 0.02 * rng.standard_normal(len(t))
     log = written(tmp_path / "sine.csv", ("pin",), t, q, tau)
     assert main(["experiment", "friction", str(robots / "pendulum.urdf"), str(log), "--anyway"]) == 0
-    told = capsys.readouterr().out
-    assert "note: sine.csv, pin: no viscous or coulomb friction is below zero, and" in told
-    assert "its speed was constant in 20\N{NO-BREAK SPACE}% of its motion" in told
+    sentence = capsys.readouterr().out
+    assert "note: sine.csv, pin: no viscous or coulomb friction is below zero, and" in sentence
+    assert "its speed was constant in 20\N{NO-BREAK SPACE}% of its motion" in sentence
 
 
 def test_a_joint_of_the_friction_test_is_not_chosen(triangles, robots, capsys):

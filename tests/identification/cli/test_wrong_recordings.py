@@ -36,8 +36,8 @@ def log(tmp_path, made_columns, written):
 def test_a_model_without_mass_is_refused(command, massless, log, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main([*command, str(massless), str(log)]) == 2
-    told = r"^phantom-dyn: log\.csv: no moving link of robot\.urdf has mass .*give every link of robot\.urdf its mass"
-    assert re.search(told, capsys.readouterr().err)
+    said = r"^phantom-dyn: log\.csv: no moving link of robot\.urdf has mass .*give every link of robot\.urdf its mass"
+    assert re.search(said, capsys.readouterr().err)
     assert not (tmp_path / "fitted").exists()
 
 
@@ -55,8 +55,8 @@ def test_a_flipped_torque_is_refused_with_the_entry_that_mends_it(command, arm, 
     flip, mend = tmp_path / "flip.yaml", "tau.tilt: {from: tau.tilt, sign: -1}"
     flip.write_text(mend + "\n")
     assert main([*command, str(arm), str(log), "--columns", str(flip)]) == 2
-    told = capsys.readouterr()
-    text = " ".join((told.out + told.err).split())
+    said = capsys.readouterr()
+    text = " ".join((said.out + said.err).split())
     assert "the torque of tilt has the wrong sign" in text
     assert f"write {mend} into the column map, on top of what its entries say already" in text
     assert "--anyway" in text
@@ -75,8 +75,8 @@ def test_an_entry_that_mends_takes_the_columns_of_the_file_where_a_map_renamed_t
     mend.write_text("\n".join(given))
     command = ["check", str(ROBOTS / "planar2.urdf"), str(log), "--columns", str(mend)]
     assert main(command) == 0
-    (told,) = re.findall(r"write \{(.*)\} into the column map", " ".join(capsys.readouterr().out.split()))
-    mend.write_text("\n".join([*given[:2], *re.split(r", (?=tau)", told)]))
+    (said,) = re.findall(r"write \{(.*)\} into the column map", " ".join(capsys.readouterr().out.split()))
+    mend.write_text("\n".join([*given[:2], *re.split(r", (?=tau)", said)]))
     assert main(command) == 0
     assert "nothing is wrong" in capsys.readouterr().out
 

@@ -91,7 +91,7 @@ def test_a_load_that_hides_behind_the_tolerances_is_told_with_a_mass_that_holds_
     lever = 2 * robot.model.inertias[payload_body(robot)].lever
     load = effect_named("payload").torque(robot, Operation.of(robot, motion), None, np.array([0.06, *lever]))
     diagnosis = dyn.diagnose(robot, lab.recording(robot, motion, load, noise=0.01, seed=3))
-    told = re.search(r"a payload of up to ([\d.]+) kg", " ".join(str(diagnosis).split()))
+    said = re.search(r"a payload of up to ([\d.]+) kg", " ".join(str(diagnosis).split()))
     assert diagnosis.verdict == "no_gap"
-    assert told
-    assert 0.06 < float(told.group(1)) < 0.15
+    assert said
+    assert 0.06 < float(said.group(1)) < 0.15

@@ -94,9 +94,9 @@ def test_one_sine_shows_friction_beside_inertia_which_has_rivals(pendulum, hertz
     friction = found["viscous_friction"].parameters["coefficient"]
     assert friction.value == pytest.approx(2.0, abs=0.2)
     (other,) = set(found) - {"viscous_friction"}
-    told = {other, *(one.effect for rival in found[other].rivals for one in rival.effects)}
-    assert "rotor_inertia" in told
-    assert len(told) > 1
+    said = {other, *(one.effect for rival in found[other].rivals for one in rival.effects)}
+    assert "rotor_inertia" in said
+    assert len(said) > 1
 
 
 @pytest.mark.whole

@@ -76,14 +76,14 @@ def test_other_families_keep_the_limits_too(planar, shapes):
 def test_information_grows_with_d_optimality(designed, planar):
     # Known truth: the mean logarithm of standard deviations is what it minimises.
     limits = limits_of(planar, velocity=3.0, acceleration=20.0)
-    told = excite(planar, SHAPES, limits=limits, criterion=DOptimality(), **FAST)
+    sentence = excite(planar, SHAPES, limits=limits, criterion=DOptimality(), **FAST)
     columns = [names.index(x) for names in [parameter_names(planar)] for x in ("upper.mx", "upper.mz", "upper.Iyy")]
 
     def volume(design: Excitation) -> float:
         W = rigid_body_regressor(planar, design.motion(200.0))[:, :, columns].reshape(-1, 3)
         return float(np.linalg.slogdet(W.T @ W)[1])
 
-    assert volume(told) > volume(designed)
+    assert volume(sentence) > volume(designed)
 
 
 @pytest.mark.whole

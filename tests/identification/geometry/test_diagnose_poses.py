@@ -310,9 +310,9 @@ def both(ur10, tracked):
 
 
 def test_a_zero_that_poses_show_is_a_change_between_diagnoses(both):
-    told = comparison_text(compare(both, ["before", "after"]))
-    assert "The verdict changed: no gap -> explained." in told
-    assert "An encoder offset on elbow_joint, offset: not found -> 0.00" in told
+    said = comparison_text(compare(both, ["before", "after"]))
+    assert "The verdict changed: no gap -> explained." in said
+    assert "An encoder offset on elbow_joint, offset: not found -> 0.00" in said
 
 
 def test_the_answer_of_poses_alone_says_nothing_of_torques(both):

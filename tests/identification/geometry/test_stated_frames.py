@@ -66,8 +66,8 @@ def test_a_target_that_sits_elsewhere_is_found(ur10, tracked):
 def test_numbers_are_a_shift_and_a_rotation_vector_where_the_base_is_turned_far(ur10, tracked):
     # A twist of this turn and shift would be another 1.5 mm.
     found = found_of(diagnose_poses(ur10, (tracked(53, base=(0.05, 0.02, 0, 0, 0, 0.06)),)))
-    told = found["base_pose", None]
-    assert [told["x"], told["y"], told["rz"]] == pytest.approx([0.05, 0.02, 0.06], abs=2e-4)
+    sentence = found["base_pose", None]
+    assert [sentence["x"], sentence["y"], sentence["rz"]] == pytest.approx([0.05, 0.02, 0.06], abs=2e-4)
 
 
 def test_a_turned_base_and_the_zero_of_the_first_joint_are_one_of(ur10, tracked):
@@ -88,7 +88,7 @@ def test_the_place_of_the_first_joint_is_that_of_the_base(ur10, tracked):
 
 
 @pytest.mark.parametrize(
-    ("base", "tool", "told"),
+    ("base", "tool", "sentence"),
     [
         (AT_ROOT, AT_ROOT, set()),
         (AT_ROOT, (0, 0, 0.2, 0, 0, 0), {"tool"}),  # a reflector on a stalk
@@ -96,10 +96,10 @@ def test_the_place_of_the_first_joint_is_that_of_the_base(ur10, tracked):
         ((0, 0, 0, 0, 0, 1.0), AT_ROOT, {"base", "tool"}),
     ],
 )
-def test_poses_far_from_what_their_columns_say_are_in_other_frames(ur10, tracked, base, tool, told):
+def test_poses_far_from_what_their_columns_say_are_in_other_frames(ur10, tracked, base, tool, sentence):
     result = diagnose_poses(ur10, (tracked(57, base=base, tool=tool),))
     assert result is not None
-    assert {one.what for one in result.fitted} == told
+    assert {one.what for one in result.fitted} == sentence
     assert result.verdict == "no_gap"
 
 
@@ -136,8 +136,8 @@ def test_the_files_of_a_run_are_written_and_read_back(tracked, tmp_path, capsys)
     log, bare, again = tmp_path / "poses.csv", tmp_path / "bare", tmp_path / "again"
     np.savetxt(log, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
     assert main(["diagnose", "example:ur10", str(log), "--out", str(bare)]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "corrected.xml have no place for tool_pose, where the target sits on tool0." in told
+    sentence = " ".join(capsys.readouterr().out.split())
+    assert "corrected.xml have no place for tool_pose, where the target sits on tool0." in sentence
     page = (bare / "report.html").read_text()
     assert "a wrong pose of the target on tool0" in page.replace("A wrong", "a wrong")
     assert "Poses are taken in the robot's root frame" in page

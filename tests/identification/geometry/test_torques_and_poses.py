@@ -59,9 +59,9 @@ def test_the_file_has_the_findings_of_both_and_one_verdict(found):
 
 
 def test_terminal_and_page_tell_both(found, arm):
-    told, page = summary(found), report_html(found, arm)
-    assert "RMS torque residual" in told
-    assert "Measured poses: tool is off by" in told
+    said, page = summary(found), report_html(found, arm)
+    assert "RMS torque residual" in said
+    assert "Measured poses: tool is off by" in said
     assert "Gap of each joint" in page
     assert "<h2>Measured poses</h2>" in page
 
@@ -70,12 +70,12 @@ def test_a_zero_that_both_show_is_corrected_once(found):
     assert write_corrected(found, "arm3.urdf", "").count("effect: encoder_offset") == 1
 
 
-@pytest.mark.parametrize(("by_torque", "told"), [(True, False), (False, True)])
-def test_a_law_for_control_says_what_only_poses_showed(found, arm, tmp_path, by_torque, told):
+@pytest.mark.parametrize(("by_torque", "said"), [(True, False), (False, True)])
+def test_a_law_for_control_says_what_only_poses_showed(found, arm, tmp_path, by_torque, said):
     # Without its findings the model leaves more than is claimed, so nothing is run.
     one = found if by_torque else replace(found, findings=(), replay=None)
     _, noted = export_texts(one, arm, folder=tmp_path)
     assert (
         any("feedforward.py has no place for what poses showed: it has tilt" in note for note in sentences(noted.notes))
-        == told
+        == said
     )

@@ -166,9 +166,9 @@ def error(joint: str, relative: float) -> JointError:
     return JointError(joint, "N m", relative, relative, 1.0, 0.1, 100)
 
 
-@pytest.mark.parametrize(("relative", "told"), [(0.29, False), (0.31, True), (float("nan"), False)])
-def test_above_thirty_percent_a_joint_is_missed(relative, told):
-    assert (len(missed((error("a", relative), error("b", 0.1)))) == 1) is told
+@pytest.mark.parametrize(("relative", "said"), [(0.29, False), (0.31, True), (float("nan"), False)])
+def test_above_thirty_percent_a_joint_is_missed(relative, said):
+    assert (len(missed((error("a", relative), error("b", 0.1)))) == 1) is said
 
 
 def test_the_sentence_names_the_joints_the_worst_first():

@@ -70,11 +70,11 @@ def test_the_exciting_motion_tells_more_of_the_inertial_parameters_than_any_rand
     limits = safe_limits(arm, (swinging(arm),))
     problem = design_of(arm, limits)
 
-    def told(one):
+    def said(one):
         return np.linalg.slogdet(problem.information(problem.regressor(one.motion(100.0))))[1]
 
     best = exciting(problem, 8.0, rng)
-    assert told(best) > max(told(one) for one in candidates(problem, duration=8.0, count=16, rng=rng))
+    assert said(best) > max(said(one) for one in candidates(problem, duration=8.0, count=16, rng=rng))
 
 
 def test_the_same_seed_draws_the_same_motions(arm):

@@ -139,9 +139,9 @@ def test_words_of_an_announcement(now, words):
 
 
 def test_a_callback_that_takes_a_text_is_given_the_words():
-    told: list[str] = []
-    in_words(told.append)(Announcement(Stage.NOISE))
-    assert told == ["estimating the noise"]
+    said: list[str] = []
+    in_words(said.append)(Announcement(Stage.NOISE))
+    assert said == ["estimating the noise"]
 
 
 def test_every_code_has_a_sentence():
@@ -186,9 +186,9 @@ def test_the_sentence_of_a_note(note, words):
 
 def test_rivals_that_nothing_separates_are_named_with_what_would():
     pair = (EffectAt("rotor_inertia", "pin"),), (EffectAt("payload", None),)
-    told = sentence(Note(Code.NOT_SEPARATED, None, {"pairs": (pair,)}))
-    assert told.startswith("No safe motion that was tried separates rotor inertia on joint pin from ")
-    assert "take the rotor inertia from the drive's data sheet" in told
+    said = sentence(Note(Code.NOT_SEPARATED, None, {"pairs": (pair,)}))
+    assert said.startswith("No safe motion that was tried separates rotor inertia on joint pin from ")
+    assert "take the rotor inertia from the drive's data sheet" in said
 
 
 def test_what_a_file_does_not_hold_is_a_note_on_files():
@@ -226,15 +226,15 @@ def finding(joint: str | None, *rivals: tuple[str, float]) -> Finding:
     ],
 )
 def test_what_is_left_of_a_joint_may_have_made_what_a_finding_explains(joint, gaps, own):
-    told = beside_what_is_left(finding(joint), tuple(gaps))
-    assert told.probability == pytest.approx(own)
-    assert told.rivals == ()
+    said = beside_what_is_left(finding(joint), tuple(gaps))
+    assert said.probability == pytest.approx(own)
+    assert said.rivals == ()
 
 
 def test_rivals_lose_as_much_as_the_finding():
-    told = beside_what_is_left(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
-    assert told.probability == pytest.approx(0.45)
-    assert [rival.probability for rival in told.rivals] == [pytest.approx(0.15)]
+    said = beside_what_is_left(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
+    assert said.probability == pytest.approx(0.45)
+    assert [rival.probability for rival in said.rivals] == [pytest.approx(0.15)]
 
 
 def test_steps_that_the_readings_show_stay_as_certain_as_they_are():

@@ -105,9 +105,9 @@ def test_blocks_and_processes_change_nothing(model, section, monkeypatch, jobs):
 
 def test_progress_ends_at_the_last_point(model, monkeypatch):
     monkeypatch.setattr(streaming, "BLOCK", 4)
-    told: list[int] = []
-    operational_map(model, read_grid("x=0:0.01:10", model.joint_names), ["manipulability"], progress=told.append)
-    assert told == [4, 8, 10]
+    said: list[int] = []
+    operational_map(model, read_grid("x=0:0.01:10", model.joint_names), ["manipulability"], progress=said.append)
+    assert said == [4, 8, 10]
 
 
 def test_the_branches_of_the_cea_branch_all_reach_the_point(rng):

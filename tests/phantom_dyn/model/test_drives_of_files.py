@@ -97,14 +97,14 @@ def test_gains_of_a_ros2_control_file_are_those_of_the_joints(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "said"),
     [
         ("[effort]", "[position]", r"without gains of a controller that commands effort \(arm_controller command no"),
         ("p: 120.0", "p: -1", r"arm_controller\.ros__parameters\.gains\.turn\.p is -1, wanted a number of 0 or more"),
         ("turn: {p", "trun: {p", r"joints names the unknown joint 'trun', .*did you mean turn"),
     ],
 )
-def test_a_ros2_control_file_that_says_no_gains_is_refused(tmp_path, old, new, told):
+def test_a_ros2_control_file_that_says_no_gains_is_refused(tmp_path, old, new, said):
     (tmp_path / "controllers.yaml").write_text(ROS2.replace(old, new))
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=said):
         load_robot(ROBOTS / "arm3.urdf", config=tmp_path / "controllers.yaml")

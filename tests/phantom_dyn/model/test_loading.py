@@ -218,8 +218,8 @@ def test_a_joint_that_moves_nothing_with_inertia_is_told(tmp_path):
     text = (ROBOTS / "planar2.urdf").read_text()
     start, stop = text.rindex("<inertial>"), text.rindex("</inertial>") + len("</inertial>")
     (tmp_path / "arm.urdf").write_text(text[:start] + text[stop:])
-    (told,) = load_robot(tmp_path / "arm.urdf").warnings
-    assert "nothing that elbow moves has mass or inertia" in told
+    (said,) = load_robot(tmp_path / "arm.urdf").warnings
+    assert "nothing that elbow moves has mass or inertia" in said
 
 
 def test_a_rotor_is_inertia_enough(tmp_path):

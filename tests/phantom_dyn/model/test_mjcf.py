@@ -367,7 +367,7 @@ def test_included_files_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "said"),
     [
         ('<include file="robot.xml"/>', r"robot\.xml includes itself: take the <include> out"),
         ('<include file="no.xml"/>', r"robot\.xml needs the file 'no\.xml', which is not there"),
@@ -376,9 +376,9 @@ def test_included_files_are_read(tmp_path):
         ('<body><joint/><geom type="mesh" mesh="m"/></body>', r"MuJoCo can read \(.*mesh 'm' not found"),
     ],
 )
-def test_what_mujoco_could_not_read_or_would_take_all_memory_for_is_refused(tmp_path, text, told):
+def test_what_mujoco_could_not_read_or_would_take_all_memory_for_is_refused(tmp_path, text, said):
     (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=said):
         load_robot(tmp_path / "robot.xml")
 
 

@@ -36,11 +36,11 @@ def written(folder, name: str, text: str, config: str | None = None):
 @pytest.mark.parametrize(("kind", "word"), [("floating", "a floating base"), ("planar", "a planar joint")])
 def test_a_moving_base_is_refused_with_the_advice(tmp_path, kind, word):
     file = written(tmp_path, "robot.urdf", URDF.replace("KIND", kind))
-    told = (
+    said = (
         rf"robot\.urdf: root is {word}, and nothing says what its base does: if the robot hangs on a rig, or its base "
         r"is held otherwise, write base: fixed into robot\.yaml; if it moves and logs say how .*, write base: floating"
     )
-    with pytest.raises(RobotError, match=told):
+    with pytest.raises(RobotError, match=said):
         load_robot(file)
 
 
@@ -76,8 +76,8 @@ def test_several_joints_of_the_base_are_joints_or_are_held(tmp_path):
 
 def test_a_ball_joint_behind_another_joint_is_refused_with_the_advice_to_lock_it(tmp_path):
     inner = MJCF.replace("ROOT", '<joint name="turn" axis="0 0 1"/>').replace('axis="0 1 0"', 'type="ball"')
-    told = r"hip is a ball joint, .*: write two or three hinges in its place .*, or hold it with lock: \[hip\] in robot"
-    with pytest.raises(RobotError, match=told):
+    said = r"hip is a ball joint, .*: write two or three hinges in its place .*, or hold it with lock: \[hip\] in robot"
+    with pytest.raises(RobotError, match=said):
         load_robot(written(tmp_path, "robot.xml", inner, "base: fixed"))
 
 

@@ -94,7 +94,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Leftover:
+class Residuals:
     """Residuals of sets of effects, each with its own noise floor.
 
     Attributes:
@@ -116,13 +116,13 @@ class Bench:
         search: Rivals, with fits to whitened torques.
         plain: The same with plain fits in the judged band.
         noise: Of each log's torque.
-        left_over: Residuals of sets of effects.
+        residuals: Residuals of sets of effects.
     """
 
     search: Search
     plain: Search
     noise: Series
-    left_over: Leftover
+    residuals: Residuals
     _fits: dict[frozenset[Term], JointFit] = field(default_factory=dict)
 
     @property

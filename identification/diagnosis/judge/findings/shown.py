@@ -135,20 +135,22 @@ def _sure(bench: Bench, state: State) -> State:
     if not state.shown:
         return state
     left = bench.left(state.found | state.shown)
-    least = least_closed(left, state.shown, bench.left_over.judge_of(state.shown).floor)
+    least = least_closed(left, state.shown, bench.residuals.judge_of(state.shown).floor)
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, _hide)
 
 
 def _noise(bench: Bench, state: State) -> State:
     # The special case of another law may be an effect that is barred: that has failed before.
     made = [term for term in ordered(state.shown) if noise_may_make(term) and term.place not in state.barred]
-    judge, results = bench.left_over.judge_of(state.shown), dict[Term, GateResult]()
+    if not made:
+        return state
+    judge, results = bench.residuals.judge_of(state.shown), dict[Term, GateResult]()
     left = np.maximum(left_by(judge, bench.plain, state.shown).rms(), 1e-300)
     for term in made:
         others = state.shown - {term}
         growth = (left_by(judge, bench.plain, others).rms() / left) ** 2 - 1.0
-        has_structure = partial(bench.left_over.has_structure, others)
-        results[term] = shown_above_noise(growth, bench.left_over.over_allowed(others), has_structure)
+        has_structure = partial(bench.residuals.has_structure, others)
+        results[term] = shown_above_noise(growth, bench.residuals.over_allowed(others), has_structure)
     return _take_away(bench, state, results, _bar)
 
 

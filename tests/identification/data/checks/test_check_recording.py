@@ -170,8 +170,8 @@ def test_the_lag_of_the_torque_is_estimated_to_a_tenth_of_a_sample(clean, arm, s
 def test_a_torque_half_a_sample_early_is_told_and_explained_by_the_hold(clean, arm):
     warnings = check_recording(clean(late=-0.5 / 500), arm)
     assert len(warnings) == 3
-    told = r"torque of turn is early against its motion by 1\.0\d ms \(0\.5\d samples\): torque_hold: zoh"
-    assert re.search(told, warnings[0])
+    said = r"torque of turn is early against its motion by 1\.0\d ms \(0\.5\d samples\): torque_hold: zoh"
+    assert re.search(said, warnings[0])
 
 
 def test_a_held_torque_that_the_robot_states_is_not_told(clean, arm):
@@ -179,8 +179,8 @@ def test_a_held_torque_that_the_robot_states_is_not_told(clean, arm):
 
 
 def test_a_late_torque_is_told_in_milliseconds(clean, arm):
-    told = r"torque of turn is late against its motion by 3\.9\d ms \(2 samples\)"
-    assert re.search(told, check_recording(clean(late=0.004), arm)[0])
+    said = r"torque of turn is late against its motion by 3\.9\d ms \(2 samples\)"
+    assert re.search(said, check_recording(clean(late=0.004), arm)[0])
 
 
 def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):
@@ -242,12 +242,12 @@ def test_a_motor_encoder_that_wraps_behind_a_gear_is_told(clean, arm, changed, p
     turned = 1.0 + times * q[:, 1]
     q[:, 1] = np.mod(turned, wrap)
     wraps = np.count_nonzero(np.diff(turned // wrap))
-    told = [
+    said = [
         w for w in check_recording(replace(changed(recording, q=q), v=None), arm) if "from one sample to the next" in w
     ]
-    assert f"q of tilt jumps by up to {wrap:.3g}"[:-1] in only(tuple(told))
+    assert f"q of tilt jumps by up to {wrap:.3g}"[:-1] in only(tuple(said))
     # Where it turns back at once, a jump is not counted.
-    assert 0.9 * wraps <= int(re.search(r"next, (\d+) times", told[0]).group(1)) <= wraps
+    assert 0.9 * wraps <= int(re.search(r"next, (\d+) times", said[0]).group(1)) <= wraps
 
 
 def test_steps_of_a_coarse_encoder_and_ways_across_a_gap_are_no_jumps(rng):

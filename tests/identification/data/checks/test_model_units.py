@@ -49,15 +49,15 @@ def faults(folder: Path, text: str) -> list[str]:
     ids=["mm and kg", "mm and g", "inertias in kg mm^2", "inertias in g mm^2"],
 )
 def test_a_model_in_millimetres(tmp_path, name, units):
-    (told,) = faults(tmp_path, in_units((ROBOTS / f"{name}.urdf").read_text(), **units))
-    assert "the lengths or inertias of robot.urdf are in mm and not in m (" in told
-    assert "correct robot.urdf: lengths in m, masses in kg and inertias in kg m^2" in told
+    (said,) = faults(tmp_path, in_units((ROBOTS / f"{name}.urdf").read_text(), **units))
+    assert "the lengths or inertias of robot.urdf are in mm and not in m (" in said
+    assert "correct robot.urdf: lengths in m, masses in kg and inertias in kg m^2" in said
 
 
 def test_what_was_seen_is_said_with_its_place(tmp_path):
-    (told,) = faults(tmp_path, in_units((ROBOTS / "pendulum.urdf").read_text(), length=1e3))
+    (said,) = faults(tmp_path, in_units((ROBOTS / "pendulum.urdf").read_text(), length=1e3))
     assert (
-        "the centre of mass of rod lies 500 m from its joint on a robot of 2 kg in all, which would be thinner" in told
+        "the centre of mass of rod lies 500 m from its joint on a robot of 2 kg in all, which would be thinner" in said
     )
 
 
@@ -65,23 +65,23 @@ def test_what_was_seen_is_said_with_its_place(tmp_path):
 def test_what_is_no_length_in_mm_either_is_not_called_so(tmp_path, mass):
     # The first quotient of inertia and mass is beyond all numbers.
     text = (ROBOTS / "pendulum.urdf").read_text()
-    (told,) = faults(tmp_path, re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', text))
-    assert told.startswith("a length, mass or inertia of robot.urdf is that of no robot (the inertia of rod is that of")
-    assert "inf" not in told
-    assert "mm" not in told
+    (said,) = faults(tmp_path, re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', text))
+    assert said.startswith("a length, mass or inertia of robot.urdf is that of no robot (the inertia of rod is that of")
+    assert "inf" not in said
+    assert "mm" not in said
 
 
 def test_a_model_in_grams(tmp_path):
-    (told,) = faults(tmp_path, in_units((ROBOTS / "arm3.urdf").read_text(), mass=1e3))
-    assert told.startswith(
+    (said,) = faults(tmp_path, in_units((ROBOTS / "arm3.urdf").read_text(), mass=1e3))
+    assert said.startswith(
         "the masses of robot.urdf are in g and not in kg (column has 3000 kg and an inertia that only"
     )
 
 
 def test_the_density_is_that_of_a_ball(tmp_path):
     # Closed form: a ball of 3000 kg and 0.1 m has 2/5 m r^2 = 12 kg m^2 and 3000 / (4/3 pi 0.001) = 7.2e5 kg/m^3.
-    (told,) = faults(tmp_path, BODY.format(at=0.1, mass=3000, i=12))
-    assert "a body of 7.2e+05 kg/m^3 or more" in told
+    (said,) = faults(tmp_path, BODY.format(at=0.1, mass=3000, i=12))
+    assert "a body of 7.2e+05 kg/m^3 or more" in said
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def test_a_robot_that_is_bolted_down_does_not_use_them_and_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "said"),
     [
         ({f"w__imu__{axis}": None for axis in "xyz"}, r"no columns w\.<frame>\.x, \.y and \.z, and leg is not bolted"),
         ({f"sf__trunk__{axis}": None for axis in "xyz"}, r"no columns sf\.<frame>.*: add what its accelerometer"),
@@ -71,8 +71,8 @@ def test_a_robot_that_is_bolted_down_does_not_use_them_and_says_so(tmp_path):
         ({f"f__foot__{axis}": T for axis in "xyz"}, r"forces f\.<frame>, which are in world axes, and the base of leg"),
     ],
 )
-def test_what_is_missing_or_of_no_use_is_refused(leg, changes, told):
-    with pytest.raises(LogError, match=told):
+def test_what_is_missing_or_of_no_use_is_refused(leg, changes, said):
+    with pytest.raises(LogError, match=said):
         recording(table(**changes), leg)
 
 

@@ -15,7 +15,7 @@ AXES = [f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz"]
 
 
 @pytest.fixture
-def told(tmp_path, rng):
+def sentence(tmp_path, rng):
     """What is said, and what is certainly wrong, after a change of a good log."""
     file = written_leg(tmp_path)
     robot, log = load_robot(file), log_of_leg(file, rng, steps=True)
@@ -32,8 +32,8 @@ def times(quantity: str, factor: float) -> dict:
     return {name.replace(".", "__"): lambda log, name=name: factor * log[name] for name in names}
 
 
-def test_a_good_log_is_told_nothing(told):
-    assert told() == ((), ())
+def test_a_good_log_is_told_nothing(sentence):
+    assert sentence() == ((), ())
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,8 @@ def test_a_good_log_is_told_nothing(told):
         ("sf", 1 / 9.80665, "sf.imu is in g and not in m/s^2", "sf.imu.z: {from: sf.imu.z, unit: g}"),
     ],
 )
-def test_another_unit_is_certainly_wrong_and_its_entry_is_given(told, quantity, factor, what, entry):
-    said, (wrong,) = told(**times(quantity, factor))
+def test_another_unit_is_certainly_wrong_and_its_entry_is_given(sentence, quantity, factor, what, entry):
+    said, (wrong,) = sentence(**times(quantity, factor))
     assert said == ()
     assert wrong.what == what
     assert entry in wrong.mend
@@ -61,26 +61,26 @@ def test_a_base_that_hardly_tilts_shows_a_gyroscope_in_degrees(tmp_path, rng):
     assert wrong.what == "w.imu is in deg/s and not in rad/s"
 
 
-def test_an_accelerometer_without_gravity_is_certainly_wrong(told):
+def test_an_accelerometer_without_gravity_is_certainly_wrong(sentence):
     mean = {f"sf__imu__{axis}": lambda log, axis=axis: log[f"sf.imu.{axis}"] * 0.05 for axis in "xyz"}
-    said, (wrong,) = told(**mean)
+    said, (wrong,) = sentence(**mean)
     assert (said, wrong.what) == ((), "gravity was taken out of sf.imu")
 
 
-def test_a_specific_force_of_another_size_is_told_with_both_figures(told):
-    (said,), wrong = told(**times("sf", 1.3))
+def test_a_specific_force_of_another_size_is_told_with_both_figures(sentence):
+    (said,), wrong = sentence(**times("sf", 1.3))
     assert wrong == ()
     assert "sf.imu is not as large as gravity: over a second its mean is 12" in said
     assert "and gravity 9.81" in said
 
 
-def test_an_accelerometer_that_points_downwards_is_told(told):
-    (said,), _ = told(**times("sf", -1.0))
+def test_an_accelerometer_that_points_downwards_is_told(sentence):
+    (said,), _ = sentence(**times("sf", -1.0))
     assert "sf.imu points downwards on the base, and an accelerometer reads upwards at rest" in said
 
 
-def test_a_gyroscope_with_the_wrong_signs_is_told_with_the_right_ones(told):
-    (said,), wrong = told(**times("w", -1.0))
+def test_a_gyroscope_with_the_wrong_signs_is_told_with_the_right_ones(sentence):
+    (said,), wrong = sentence(**times("w", -1.0))
     assert wrong == ()
     assert "w.imu and sf.imu do not turn alike" in said
 
@@ -112,8 +112,8 @@ def told_of_turns(tmp_path, rng, signs):
     return check_base(recording(Table("log.csv", log), robot), robot)
 
 
-def test_a_contact_that_says_the_contrary_is_told(told):
-    (said,), _ = told(contact__foot=lambda log: 1 - log["contact.foot"])
+def test_a_contact_that_says_the_contrary_is_told(sentence):
+    (said,), _ = sentence(contact__foot=lambda log: 1 - log["contact.foot"])
     assert "contact.foot seems to say the contrary: where it is 0 the model leaves" in said
 
 

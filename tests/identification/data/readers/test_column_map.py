@@ -155,11 +155,11 @@ def test_a_gear_takes_a_column_from_the_motors_to_the_joints_side(tmp_path, key,
 
 
 @pytest.mark.parametrize(
-    ("entry", "told"), [("t: {from: a, gear: 2}", "leave it out"), ("q.j: {from: a, gear: 0}", "above 0")]
+    ("entry", "said"), [("t: {from: a, gear: 2}", "leave it out"), ("q.j: {from: a, gear: 0}", "above 0")]
 )
-def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, told):
+def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, said):
     (tmp_path / "map.yaml").write_text(entry + "\n")
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(LogError, match=said):
         read_column_map(tmp_path / "map.yaml")
 
 
@@ -178,7 +178,7 @@ def test_a_map_says_which_low_pass_a_torque_went_through(map_file):
 
 
 @pytest.mark.parametrize(
-    ("entry", "told"),
+    ("entry", "said"),
     [
         ("q.j: {low_pass: 20}", r"is for torques: write tau: \{low_pass: 20\}"),
         ("tau: {low_pass: 0}", "low_pass is 0, wanted the cut-off in Hz, above 0"),
@@ -186,13 +186,13 @@ def test_a_map_says_which_low_pass_a_torque_went_through(map_file):
         ("tau: {low_pass: fast}", "low_pass is the text 'fast', wanted the cut-off in Hz"),
     ],
 )
-def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, told):
-    with pytest.raises(LogError, match=told):
+def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, said):
+    with pytest.raises(LogError, match=said):
         read_column_map(map_file(entry + "\n"))
 
 
 @pytest.mark.parametrize(
-    ("entry", "told"),
+    ("entry", "said"),
     [
         ("tau: {compensated: weight}", r"compensated is the text 'weight', wanted gravity or friction, or \[gravity"),
         ("tau: {compensated: [friction, 3]}", r"compensated is the list \['friction', 3\], wanted gravity or friction"),
@@ -202,8 +202,8 @@ def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, told):
         ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
     ],
 )
-def test_a_compensation_that_means_nothing_is_refused(map_file, entry, told):
-    with pytest.raises(LogError, match=told):
+def test_a_compensation_that_means_nothing_is_refused(map_file, entry, said):
+    with pytest.raises(LogError, match=said):
         read_column_map(map_file(entry + "\n"))
 
 

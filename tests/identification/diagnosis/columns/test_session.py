@@ -35,8 +35,8 @@ def with_rows(recording: Recording, kept: np.ndarray) -> Recording:
 
 def test_blocks_of_samples_shorter_than_the_filter_are_refused_with_both_lengths(whole, planar2):
     blocks = with_rows(whole, whole.t % 0.32 < 0.16)
-    told = r"sim\.csv: gaps in time .* leave too few samples .* \(the longest stretch without lasts 0\.16 s, .* record"
-    with pytest.raises(LogError, match=told):
+    said = r"sim\.csv: gaps in time .* leave too few samples .* \(the longest stretch without lasts 0\.16 s, .* record"
+    with pytest.raises(LogError, match=said):
         session_of(planar2, (blocks,))
 
 

@@ -108,9 +108,9 @@ def pushed(lab, planar2):
 
 def test_a_push_that_nobody_measured_is_told_with_what_to_leave_out(planar2, pushed):
     warnings = sentences(diagnose(planar2, (pushed[0],)).data_warnings)
-    told = [w for w in warnings if "something acts on joint shoulder that neither the model nor a finding makes" in w]
-    assert len(told) == 1
-    start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", told[0])[0])
+    said = [w for w in warnings if "something acts on joint shoulder that neither the model nor a finding makes" in w]
+    assert len(said) == 1
+    start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", said[0])[0])
     assert 11.5 < start < 12.0
     assert 12.5 < stop < 13.0
 
@@ -146,7 +146,7 @@ def test_a_judgement_holds_the_bursts(planar2, pushed):
 
 
 @pytest.mark.parametrize(
-    ("elsewhere", "joint", "torque", "told"),
+    ("elsewhere", "joint", "torque", "said"),
     [
         # Oracle: the rule by hand. The floor is 1 N m on both joints; the burst is left out of the rest.
         (1.0, "elbow", 4.0, True),
@@ -156,10 +156,10 @@ def test_a_judgement_holds_the_bursts(planar2, pushed):
         (3.0, "elbow", 3.1, True),
     ],
 )
-def test_a_burst_stands_out_from_a_quiet_rest(quiet, elsewhere, joint, torque, told):
+def test_a_burst_stands_out_from_a_quiet_rest(quiet, elsewhere, joint, torque, said):
     log = quiet.logs[0]
     residual = np.ones((len(log.samples), 2)) * [elsewhere, 1.0]
     t = log.motion.t[log.samples]
     residual[(t > 2.0) & (t < 2.2)] = 50.0
     burst = Burst(log.file, joint, 2.0, 2.2, torque, 5.0)
-    assert from_quiet((burst,), quiet.problem, (residual,), np.ones(2)) == ((burst,) if told else ())
+    assert from_quiet((burst,), quiet.problem, (residual,), np.ones(2)) == ((burst,) if said else ())

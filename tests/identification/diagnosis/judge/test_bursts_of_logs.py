@@ -123,9 +123,9 @@ def test_a_burst_is_more_than_a_thousandth_of_the_torque_of_its_joint(twice, mon
     size = tuple(np.array([300.0, -400.0]) * np.ones_like(part) for part in twice.columns.residual)
     problem = replace(twice, columns=replace(twice.columns, model_torque=size, residual=size))
     found = bursts_of(problem, twice.columns.residual, still(problem))
-    told = [(burst.file, burst.joint, burst.start, burst.stop, burst.torque, burst.ratio) for burst in found]
+    said = [(burst.file, burst.joint, burst.start, burst.stop, burst.torque, burst.ratio) for burst in found]
     files = [log.file for log in problem.session.logs]
-    assert told == [(file, *events[k]) for file in files for k in (1, 3)]
+    assert said == [(file, *events[k]) for file in files for k in (1, 3)]
 
 
 def jumps(*pushes: tuple[int, int, float], count: int = 600) -> np.ndarray:
@@ -197,8 +197,8 @@ def test_no_error_of_half_a_step_makes_more_than_rounding_may(planar2, quiet, se
     worst = float(np.sum(bent * 0.5 * step * np.sign(bent)) * (t[1] - t[0]))
     inertia = pin.crba(planar2.model, planar2.model.createData(), log.motion.q[at])
     for row in (0, 1):
-        told = rounding_torque(planar2, log, row, 3.0, 3.0 + seconds)
-        assert told == pytest.approx(abs(inertia[row, 1]) * worst, rel=1e-3)
+        said = rounding_torque(planar2, log, row, 3.0, 3.0 + seconds)
+        assert said == pytest.approx(abs(inertia[row, 1]) * worst, rel=1e-3)
 
 
 @pytest.mark.parametrize(("samples", "found"), [(49, 0), (50, 1)])

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
-from identification.diagnosis.judge.findings.bench import Bench, Leftover, State
+from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.shown import _noise
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import (
@@ -125,8 +125,8 @@ def test_an_inertia_that_noise_may_make_is_shown_where_there_would_be_a_gap_with
     made = lab.prepared(planar2, (lab.recording(planar2, motion, effect),))
     chosen = frozenset([made.term("rotor_inertia", "elbow")])
     judge = Judge(made.problem, np.full(2, 0.01), np.full(2, 0.01))
-    left_over = Leftover(lambda _: judge, lambda _: np.full(2, over), lambda _: has_structure)
-    after = _noise(Bench(made.search, made.search, made.noise, left_over), State.of(chosen))
+    residuals = Residuals(lambda _: judge, lambda _: np.full(2, over), lambda _: has_structure)
+    after = _noise(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
     assert after.shown == (chosen if over > 1.0 or has_structure else frozenset())
 
 

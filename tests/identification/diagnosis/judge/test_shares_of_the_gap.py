@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
-from identification.diagnosis.judge.findings.bench import Bench, Leftover, State
+from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.findings import (
     findings_without,
     remarks,
@@ -31,8 +31,8 @@ def judged(lab, planar2):
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
-    left_over = Leftover(lambda _: judge, lambda _: np.full_like(judge.floor, np.inf), lambda _: True)
-    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, left_over), State.of(chosen))
+    residuals = Residuals(lambda _: judge, lambda _: np.full_like(judge.floor, np.inf), lambda _: True)
+    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, residuals), State.of(chosen))
     return shown, judge, left_by(judge, plain, frozenset())
 
 
@@ -111,10 +111,10 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
     session = replace(session, robot=replace(session.robot, actuators=weak))
     plain = replace(shown.plain, problem=replace(shown.problem, session=session))
     doubts = sentences(remarks(replace(shown, plain=plain)))
-    told = next(doubt for doubt in doubts if "coulomb friction" in doubt)
-    assert told.startswith("The torque of coulomb friction on elbow comes out as 0.")
-    assert "is not plausible (" in told
-    assert told.endswith("a joint whose friction is more than its drive can give does not move.")
+    said = next(doubt for doubt in doubts if "coulomb friction" in doubt)
+    assert said.startswith("The torque of coulomb friction on elbow comes out as 0.")
+    assert "is not plausible (" in said
+    assert said.endswith("a joint whose friction is more than its drive can give does not move.")
 
 
 @pytest.mark.parametrize(

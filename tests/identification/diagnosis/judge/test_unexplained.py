@@ -154,11 +154,11 @@ def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
     none = np.zeros_like(quiet.problem.total_a)
     flat = replace(quiet.problem, total_a=none, precision=np.ones(len(none)))
     unsure = replace(found, theta=theta, problem=flat)
-    told = adjusted(quiet.problem, unsure)
-    assert [move.quantity for move in told] == ([m.name for m in moves if m.relative] if at_limit else [])
-    assert all(move.at_limit and move.hides for move in told)
+    said = adjusted(quiet.problem, unsure)
+    assert [move.quantity for move in said] == ([m.name for m in moves if m.relative] if at_limit else [])
+    assert all(move.at_limit and move.hides for move in said)
     wanted = [(share * move.bound, move.sigma) for move in moves if move.relative and at_limit]
-    assert [(move.change, move.tolerance) for move in told] == wanted
+    assert [(move.change, move.tolerance) for move in said] == wanted
 
 
 def test_what_hides_behind_a_move_that_is_no_mass_is_more_of_it(quiet, planar2):

@@ -89,6 +89,6 @@ def test_moves_beyond_two_deviations_are_told(quiet):
     relative, deviation = zip(*fitted, strict=True)
     theta = np.zeros_like(found.theta)
     theta[list(relative[:3])] = np.array([1.9, 2.1, -2.1]) * deviation[:3]
-    told = adjusted(quiet.problem, replace(found, theta=theta))
-    assert [move.quantity for move in told] == [quiet.columns.nuisances[k].name for k in relative[1:3]]
-    assert [move.change for move in told] == pytest.approx(theta[list(relative[1:3])])
+    said = adjusted(quiet.problem, replace(found, theta=theta))
+    assert [move.quantity for move in said] == [quiet.columns.nuisances[k].name for k in relative[1:3]]
+    assert [move.change for move in said] == pytest.approx(theta[list(relative[1:3])])

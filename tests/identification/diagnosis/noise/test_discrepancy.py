@@ -1,4 +1,4 @@
-"""By how much sound models are wrong. Oracle: the table's shares, by hand."""
+"""Errors of sound models. Oracle: the table's shares, by hand."""
 
 from dataclasses import replace
 

@@ -20,8 +20,8 @@ def made(lab, planar2):
 
 def steps(search) -> tuple[frozenset, int]:
     """What forward selection finds, and in how many steps."""
-    told: list[str] = []
-    return forward(search, frozenset(), told.append), len(told)
+    said: list[str] = []
+    return forward(search, frozenset(), said.append), len(said)
 
 
 def test_effects_of_different_joints_join_in_one_step_and_are_the_same(made, monkeypatch):

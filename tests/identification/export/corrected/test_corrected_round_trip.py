@@ -32,7 +32,7 @@ def drawn(effect: Effect, robot: Robot, joint: str | None, waves: int, rng) -> K
     return KnownEffect(effect.name, joint, tuple(theta))
 
 
-def told(robot: Robot, one: KnownEffect) -> Finding:
+def said(robot: Robot, one: KnownEffect) -> Finding:
     """The same as a finding states it."""
     effect = effect_named(one.effect, robot)
     parameters = effect.parameters(robot, one.joint)
@@ -68,14 +68,14 @@ COUNTS = [(effect, waves) for effect in EFFECTS for waves in ((1, 3) if effect i
 @pytest.mark.parametrize(("effect", "waves"), COUNTS, ids=[f"{e.name}-{n}" for e, n in COUNTS])
 def test_an_effect_in_every_place_is_read_back_and_used(effect, waves, planar2, log, tmp_path, rng):
     put = tuple(drawn(effect, planar2, joint, waves, rng) for joint in effect.places(planar2))
-    known = read_back(planar2, tuple(told(planar2, one) for one in put), tmp_path)
+    known = read_back(planar2, tuple(said(planar2, one) for one in put), tmp_path)
     assert known == put
     assert np.isfinite(operate(planar2, log, known).tau).all()
 
 
 def test_all_effects_at_once_are_read_back_and_used(planar2, log, tmp_path, rng):
     put = tuple(drawn(e, planar2, joint, n, rng) for e, n in COUNTS for joint in e.places(planar2)[-1:])
-    known = read_back(planar2, tuple(told(planar2, one) for one in put), tmp_path)
+    known = read_back(planar2, tuple(said(planar2, one) for one in put), tmp_path)
     assert known == put
     assert np.isfinite(operate(planar2, log, known).tau).all()
 
@@ -84,7 +84,7 @@ def test_all_effects_at_once_are_read_back_and_used(planar2, log, tmp_path, rng)
 def test_one_wave_that_was_written_as_numbers_is_read_as_a_list_of_one(effect, planar2, log, tmp_path, rng):
     # Files of earlier versions have it so, and so does one that is written by hand.
     one = drawn(effect, planar2, "elbow", 1, rng)
-    read_back(planar2, (told(planar2, one),), tmp_path)
+    read_back(planar2, (said(planar2, one),), tmp_path)
     file = tmp_path / "corrected.yaml"
     content = yaml.safe_load(file.read_text())
     for number in content["effects"][0]["parameters"].values():
@@ -98,7 +98,7 @@ def test_one_wave_that_was_written_as_numbers_is_read_as_a_list_of_one(effect, p
 @pytest.mark.parametrize(("name", "joint"), [("coulomb_friction", "shoulder+elbow"), ("joint_coupling", "elbow+elbow")])
 def test_an_effect_where_none_can_sit_is_refused(name, joint, planar2, tmp_path, rng):
     effect = effect_named(name)
-    one = told(planar2, drawn(effect, planar2, effect.places(planar2)[0], 1, rng))
+    one = said(planar2, drawn(effect, planar2, effect.places(planar2)[0], 1, rng))
     with pytest.raises(ParameterError, match=re.escape(f"effect {name} is on joint '{joint}', which this robot does")):
         read_back(planar2, (replace(one, joint=joint),), tmp_path)
 
@@ -128,7 +128,7 @@ def test_friction_of_passive_joints_is_read_back(tmp_path, rng):
     places = (*robot.joint_names, *robot.passive_names)
     names = ("viscous_friction", "coulomb_friction")
     put = tuple(drawn(effect_named(name), robot, joint, 1, rng) for name in names for joint in places)
-    assert read_back(robot, tuple(told(robot, one) for one in put), tmp_path) == put
+    assert read_back(robot, tuple(said(robot, one) for one in put), tmp_path) == put
 
 
 SIX = ("x", "y", "z", "rx", "ry", "rz")
@@ -147,7 +147,7 @@ def test_what_poses_show_is_read_back_beside_torques(given, planar2, tmp_path):
     )
     none: tuple = ()
     seen = GeometryResult("explained", 0.9, (0.8, 1.0), none, findings, none, none, none, none, none, 6, False, none)
-    friction = told(planar2, KnownEffect("coulomb_friction", "elbow", (0.3,)))
+    friction = said(planar2, KnownEffect("coulomb_friction", "elbow", (0.3,)))
     file = tmp_path / "corrected.yaml"
     file.write_text(
         write_corrected(replace(made_up_diagnosis(findings=0), findings=(friction,), geometry=seen), "", "")

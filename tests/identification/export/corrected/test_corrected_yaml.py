@@ -203,9 +203,9 @@ def test_a_file_that_is_given_twice_is_refused(robots, tmp_path):
 def test_a_name_without_end_is_refused_in_a_short_sentence(robots):
     robot = load_robot(robots / "pendulum.urdf")
     endless = CorrectedEffect("viscous_friction", robot.joint_names[0], {"x" * 3000: Value(1.0, 0.1, "1")}, 0.5)
-    with pytest.raises(ParameterError, match="wanted coefficient") as told:
+    with pytest.raises(ParameterError, match="wanted coefficient") as said:
         known_effect(endless, robot, Path("known.yaml"))
-    assert len(str(told.value)) < 500
+    assert len(str(said.value)) < 500
 
 
 ERROR = "model_error:\n- {joint: JOINT, slow: 0.02, moving: 0.01, unit: N m}\n"
@@ -261,14 +261,14 @@ def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
     (tmp_path / "arm.urdf").write_text((ROBOTS / "planar2.urdf").read_text())
     (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
     file = tmp_path / "arm.urdf"
-    told = sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
-    assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in told
+    said = sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
+    assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in said
 
 
 def test_another_gravity_is_told():
     file = find_robot("emps")
-    told = sentences(urdf_left_out(corrected_model(load_robot("emps"), ()), file))
-    assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in told
+    said = sentences(urdf_left_out(corrected_model(load_robot("emps"), ()), file))
+    assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in said
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_another_gravity_is_told():
 )
 def test_loops_of_an_mjcf_are_not_said_to_be_in_a_configuration(name, wanted):
     file = ROBOTS / name
-    assert any(wanted in told for told in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file)))
+    assert any(wanted in said for said in sentences(urdf_left_out(corrected_model(load_robot(file), ()), file)))
 
 
 def test_what_the_mjcf_drops_depends_on_the_given_file(tmp_path):
@@ -329,12 +329,12 @@ def test_bodies_that_did_not_move_stay_as_they_were_given(planar):
 
 
 def test_what_no_body_can_have_becomes_possible_and_is_told(planar):
-    robot, told = with_nearest_bodies(moved(planar, Iyy=3.0), planar)
+    robot, said = with_nearest_bodies(moved(planar, Iyy=3.0), planar)
     mass, _, inertia = central_parameters(robot.model.inertias[2].toDynamicParameters())
     assert impossible_because(mass, inertia) is None
     assert not breaks_triangle(inertia)
-    assert len(told) == 1
-    assert sentence(told[0]).startswith("No body can have the inertia that was found for lower")
+    assert len(said) == 1
+    assert sentence(said[0]).startswith("No body can have the inertia that was found for lower")
 
 
 def test_a_link_without_weight_is_refused(planar):

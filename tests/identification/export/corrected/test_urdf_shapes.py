@@ -64,8 +64,8 @@ def file(tmp_path) -> Path:
 @pytest.fixture
 def loaded(file) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     robot = load_robot(file)
-    text, told = with_urdf_shapes(mjcf_text(robot), robot, file, None)
-    return mujoco.MjModel.from_xml_string(text), told
+    text, said = with_urdf_shapes(mjcf_text(robot), robot, file, None)
+    return mujoco.MjModel.from_xml_string(text), said
 
 
 def geoms(model: mujoco.MjModel, kind: mujoco.mjtGeom) -> list[int]:
@@ -155,9 +155,9 @@ def test_meshes_that_are_left_out_are_told_with_the_reason(loaded):
 def test_a_mesh_that_is_broken_is_left_out(file):
     (file.parent / "meshes" / "corner.stl").write_bytes(b"no mesh")
     robot = load_robot(file)
-    text, told = with_urdf_shapes(mjcf_text(robot), robot, file, None)
+    text, said = with_urdf_shapes(mjcf_text(robot), robot, file, None)
     assert mujoco.MjModel.from_xml_string(text).nmesh == 0
-    assert any("Without corner.stl of the URDF, which MuJoCo cannot load, as it is refused" in one for one in told)
+    assert any("Without corner.stl of the URDF, which MuJoCo cannot load, as it is refused" in one for one in said)
 
 
 def test_the_corrected_file_has_the_shapes_and_is_loaded_from_its_folder(file, tmp_path):

@@ -140,9 +140,9 @@ def refused(made_up, tmp_path) -> Callable[..., str]:
 
 
 def test_a_text_for_a_number(refused):
-    told = refused(lambda content: content["joints"][0].update(rms_before="much"))
-    assert "Expected float" in told
-    assert "$.joints[0].rms_before" in told
+    said = refused(lambda content: content["joints"][0].update(rms_before="much"))
+    assert "Expected float" in said
+    assert "$.joints[0].rms_before" in said
 
 
 def test_a_list_for_a_name(refused):

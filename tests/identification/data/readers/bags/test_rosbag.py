@@ -193,10 +193,10 @@ def test_the_sensor_is_at_the_link_imu():
 
 
 def test_a_foot_is_on_the_ground_beyond_halfway_between_two_levels_and_that_is_said():
-    columns, told = base_columns("bag", [base_of(low_state(k)) for k in range(SAMPLES)])
+    columns, said = base_columns("bag", [base_of(low_state(k)) for k in range(SAMPLES)])
     for foot in FEET:
         np.testing.assert_array_equal(columns[f"contact.{foot}"], ON)
-    assert told[0].startswith("bag: a foot counts as on the ground from a force on of 66 of FR_foot, 67 of FL_foot")
+    assert said[0].startswith("bag: a foot counts as on the ground from a force on of 66 of FR_foot, 67 of FL_foot")
 
 
 @pytest.mark.parametrize(
@@ -208,9 +208,9 @@ def test_a_force_without_two_levels_says_nothing_of_contact(force):
 
 def test_without_forces_of_feet_there_is_the_sensor_alone():
     message_of_humanoid = SimpleNamespace(imu_state=low_state(1).imu_state)
-    columns, told = base_columns("bag", [base_of(message_of_humanoid)] * SAMPLES)
+    columns, said = base_columns("bag", [base_of(message_of_humanoid)] * SAMPLES)
     assert sorted(columns) == ["sf.imu.x", "sf.imu.y", "sf.imu.z", "w.imu.x", "w.imu.y", "w.imu.z"]
-    assert told == ()
+    assert said == ()
 
 
 def test_the_older_message_has_other_names():

@@ -5,7 +5,7 @@ import pytest
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.bench import Bench, Leftover, State
+from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.shown import evened, instead_of, shown_effects, together
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.result import EffectAt, Rival
@@ -27,8 +27,8 @@ def bench_of(prepared) -> Bench:
     plain = narrow_search(prepared.search, prepared.noise)
     tiny = np.full(2, 1e-9)
     judge = Judge(plain.problem, tiny, tiny)
-    left_over = Leftover(lambda _: judge, lambda _: np.full_like(tiny, np.inf), lambda _: True)
-    return Bench(prepared.search, plain, prepared.noise, left_over)
+    residuals = Residuals(lambda _: judge, lambda _: np.full_like(tiny, np.inf), lambda _: True)
+    return Bench(prepared.search, plain, prepared.noise, residuals)
 
 
 @pytest.fixture

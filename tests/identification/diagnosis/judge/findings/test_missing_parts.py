@@ -68,12 +68,12 @@ def test_a_robot_without_such_parts_lacks_none(handed):
     assert missing_part_notes(problem, term, np.ones(20)) == []
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.74, False), (0.75, True), (0.994, True)])
-def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share, told):
+@pytest.mark.parametrize(("share", "said"), [(0.74, False), (0.75, True), (0.994, True)])
+def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share, said):
     monkeypatch.setattr(PLACE + "share_without", lambda *_: (share, 2, HAND))
     words = sentences(missing_part_notes(SimpleNamespace(), SimpleNamespace(joint=None), np.zeros(20)))
-    assert len(words) == told
-    if told:
+    assert len(words) == said
+    if said:
         assert words[0].startswith(f"Of what the wrong inertial parameters explain, {round(100 * share)} % is what the")
         assert "without hand and gripper (0.6 kg), which the model carries on a fixed or locked joint" in words[0]
 
