@@ -90,18 +90,14 @@ def base_of(
     return Base(tuple(columns), sizes, sigma, known)
 
 
-def earlier_factor(
-    robot: Robot, motions: Iterable[Motion], *, noise: float | Sequence[float] | None = None
-) -> Float[Array, "k p"]:
+def earlier_factor(robot: Robot, motions: Iterable[Motion]) -> Float[Array, "k p"]:
     """Triangular factor of the regressor of motions that were recorded, to design what they do not show.
 
     Args:
         robot: Gives the rigid body.
         motions: All samples count: thin a recording out where its rate is far above that of its noise.
-        noise: Of each joint, see `base_of`.
     """
-    sigma = _noise(robot, noise)
-    return r_factor(rigid_body_regressor(robot, motion) / sigma[:, None] for motion in motions)
+    return r_factor(rigid_body_regressor(robot, motion) for motion in motions)
 
 
 def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, " nv"]:

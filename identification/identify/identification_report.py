@@ -21,6 +21,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
 _DECADES = 5  # of a spectrum
+_PER_OCTAVE = 12  # bins of a spectrum
 
 _FIGURES = 12  # joints whose torques are drawn, those with the largest error first
 _OPEN = 2  # so many of them are unfolded
@@ -103,11 +104,11 @@ def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
     return drawn_svg(draw, f"spectrum{joint}", (4.8, 3.9), f"Spectra of joint {error.joint}: torque and residual")
 
 
-def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"], per_octave: int = 12) -> tuple[Array, Array]:
+def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Array, Array]:
     """Density averaged in power over bins of equal ratio: few lines where frequencies are dense."""
     if not len(f):
         return f, density
-    which = np.floor(np.log2(f / f[0]) * per_octave + 1e-9).astype(int)
+    which = np.floor(np.log2(f / f[0]) * _PER_OCTAVE + 1e-9).astype(int)
     bins = np.unique(which)
     power = [np.sqrt(np.mean(density[which == k] ** 2)) for k in bins]
     return np.array([f[which == k].mean() for k in bins]), np.array(power)

@@ -28,6 +28,8 @@ from phantom_dyn.maps.quantities import QUANTITIES
 
 _LEVELS = 12
 """Lines of equal value at most."""
+_MOST_POINTS = 45
+"""Points of one axis of a surface in space at most."""
 _COLORS = "viridis"
 _DPI = 200
 _ROUNDING = 1e-9
@@ -319,9 +321,9 @@ def _draw_space(
     out.colorbar(coloured, ax=ax, shrink=0.6)
 
 
-def _thinned(values: Array, most: int = 45) -> tuple[Array, Array]:
-    """Indices and values of at most ``most`` points: a surface in space is drawn face by face."""
-    index = np.unique(np.linspace(0, len(values) - 1, min(most, len(values))).round().astype(int))
+def _thinned(values: Array) -> tuple[Array, Array]:
+    """Indices and values of at most `_MOST_POINTS`: a surface in space is drawn face by face."""
+    index = np.unique(np.linspace(0, len(values) - 1, min(_MOST_POINTS, len(values))).round().astype(int))
     return index, values[index]
 
 

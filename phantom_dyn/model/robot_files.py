@@ -19,9 +19,9 @@ def urdf_folder(package: Path = Path(__file__).parents[1]) -> Path | None:
     return None
 
 
-def builtin_robots(folder: Path | None = None) -> dict[str, Path]:
-    """Robot file of each built-in name, sorted by name; ``folder`` defaults to `urdf_folder`."""
-    folder = folder or urdf_folder()
+def builtin_robots() -> dict[str, Path]:
+    """Robot file of each built-in name in `urdf_folder`, sorted by name."""
+    folder = urdf_folder()
     if folder is None:
         return {}
     files = sorted(file for suffix in _SUFFIXES for file in folder.glob(f"*/robot{suffix}"))
