@@ -168,7 +168,7 @@ def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = N
     diagnosis = diagnose(case.robot, (case.first,))
     if not in_set(diagnosis, case.truth):
         return None
-    out = {"make": make, "seed": seed, "robot": case.name, "truth": case.truth, "told": {"first": said(diagnosis)}}
+    out = {"make": make, "seed": seed, "robot": case.name, "truth": case.truth, "said": {"first": said(diagnosis)}}
     logs, _ = process_all((case.first,), case.robot)
     experiment, proposed = diagnosis.next_experiment, diagnosis.next_motion
     if experiment is None or proposed is None:
@@ -182,7 +182,7 @@ def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = N
             out[name] = both is not None and separated(both, case.truth)
             out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
             out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
-            out["told"][name] = said(both)
+            out["said"][name] = said(both)
     if best_of and not out["proposed"]:
         out["any"] = decided_by(case, logs, seed, best_of)
     return out

@@ -125,16 +125,16 @@ def test_links_that_are_fixed_to_one_another_are_one_body(robot_file, written):
 
 
 @pytest.mark.parametrize(
-    ("length", "mass", "told"),
+    ("length", "mass", "stated"),
     [(1e3, 1.0, "lengths or inertias of robot.urdf are in mm"), (1.0, 1e3, "masses of robot.urdf are in g")],
     ids=["mm", "g"],
 )
-def test_a_robot_in_millimetres_or_grams_is_refused(robot_file, written, refusal, length, mass, told):
+def test_a_robot_in_millimetres_or_grams_is_refused(robot_file, written, refusal, length, mass, stated):
     # The recording is of the robot in m and kg.
     _, _, log = recorded(robot_file(chain(3)), written, seconds=5.0)
     file = robot_file(chain(3, length=0.3 * length, mass=mass))
     said = refusal(file, log)
-    assert told in said
+    assert stated in said
     assert "correct robot.urdf: lengths in m, masses in kg and inertias in kg m^2" in said
 
 

@@ -73,8 +73,8 @@ def test_a_spike_is_cut_out_and_told_with_its_time(swinging, quantity, samples):
     broken[1000 : 1000 + samples] += 1.5
     found = mended(replace(swinging, **{quantity: broken}), TURNING)
     np.testing.assert_allclose(getattr(found, quantity), getattr(swinging, quantity), atol=0.1)
-    told = rf"1 spike or dropout of {samples} samples? in all \(at t = 2 s\): it was cut out"
-    assert re.search(told, found.warnings[0])
+    stated = rf"1 spike or dropout of {samples} samples? in all \(at t = 2 s\): it was cut out"
+    assert re.search(stated, found.warnings[0])
 
 
 def test_a_dropout_to_zero_is_cut_out(swinging):

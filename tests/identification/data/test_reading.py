@@ -306,10 +306,10 @@ WRONG = Recording(
 
 
 def test_a_wrong_recording_is_refused_with_what_to_do():
-    told = (
+    stated = (
         r"^a\.csv: q of j1 is in degrees \(it reaches 99 rad\): give unit: deg; or judge it all the same with --anyway"
     )
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(LogError, match=stated):
         require_right((WRONG,))
 
 

@@ -47,9 +47,9 @@ def wrong(ur10, tracked):
 def test_a_file_of_poses_alone_is_diagnosed_and_all_files_are_written(tracked, tmp_path, capsys):
     log = write(tmp_path / "poses.csv", tracked(40, zeros=ZERO, moves=[PLACE], turned=True))
     assert main(["diagnose", "example:ur10", str(log), "--out", str(tmp_path / "out")]) == 0
-    told = capsys.readouterr().out
-    assert told.startswith("Measured poses: tool0 is off by ")
-    assert "zero error of shoulder_lift_joint of " in told.replace("\n", " ")
+    stated = capsys.readouterr().out
+    assert stated.startswith("Measured poses: tool0 is off by ")
+    assert "zero error of shoulder_lift_joint of " in stated.replace("\n", " ")
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {"diagnosis.json", "report.html", "corrected.yaml", "corrected.urdf", "corrected.xml"}
 

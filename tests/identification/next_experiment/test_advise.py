@@ -120,12 +120,12 @@ def test_a_finding_that_leads_in_the_place_of_what_was_found_gets_a_motion_too(l
 def test_the_motion_is_written_beside_the_diagnosis(friction, made_up, pendulum, tmp_path, monkeypatch):
     # The report has tests of its own, and takes a second.
     monkeypatch.setattr("identification.reporting.stored.diagnosis_files._report", lambda *_: "page")
-    told = replace(
+    stated = replace(
         made_up(pendulum.joint_names, findings=0, samples=400),
         next_experiment=friction.experiment,
         next_motion=friction.motion,
     )
-    written = write_outputs(told, pendulum, out=tmp_path, json_file=None)
+    written = write_outputs(stated, pendulum, out=tmp_path, json_file=None)
     assert tmp_path / "next.csv" in written
     with (tmp_path / "next.csv").open() as file:
         rows = list(csv.reader(file))
@@ -197,13 +197,13 @@ def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, 
     planned = plan.products(lab.motion(1, seconds=20.0, swing=0.5, rate=plan.band.rate_hz), pendulum)
     recorded = ready.problem.total_a[np.ix_(union, union)]
 
-    def told(products):
+    def stated(products):
         """What parts the two laws, in units of what viscous friction shows."""
         apart = (union == short.columns[0]).astype(float) - (union == coulomb.columns[0])
         at = int(np.searchsorted(union, viscous.columns[0]))
         return apart @ products @ apart / products[at, at]
 
-    assert abs(told(planned) / told(recorded) - 1.0) < 0.25
+    assert abs(stated(planned) / stated(recorded) - 1.0) < 0.25
 
 
 @pytest.mark.parametrize("step", [1, 3, 19, 26, 400])

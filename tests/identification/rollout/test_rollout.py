@@ -283,8 +283,8 @@ def test_the_more_torque_counts_as_noise_the_less_is_beyond_it(over):
 def test_a_model_whose_torque_shows_no_gap_but_which_strays_is_off_by_something_unknown(made_up):
     left = Unexplained(0.0, False, None, None)
     judgement = Judgement("no_gap", (), (), (), left, (), (), made_up().evidence)
-    told = borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j1": 1.2, "j2": 2.1}))
-    assert (told.verdict, told.unexplained.joint) == ("unknown", "j2")
+    message = borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j1": 1.2, "j2": 2.1}))
+    assert (message.verdict, message.unexplained.joint) == ("unknown", "j2")
     assert borne_out_by_motion(judgement, Rollout(0.5, {}, {})) == judgement
     assert borne_out_by_motion(judgement, Rollout(0.5, {}, {}, strays={"j2": 1.9})) == judgement
     explained = replace(judgement, verdict="explained")

@@ -44,7 +44,7 @@ def test_every_parameter_has_a_unit():
 
 
 def test_names_stand_in_the_order_of_pinocchio():
-    # Known truth: one entry of each kind, told apart by its value.
+    # Known truth: one entry of each kind, separated by its value.
     inertia = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([1.0, 1.1, 1.2]))
     named = dict(zip(STANDARD_NAMES, inertia.toDynamicParameters(), strict=True))
     expected = inertia.inertia + 2 * (0.14 * np.eye(3) - np.outer([0.1, 0.2, 0.3], [0.1, 0.2, 0.3]))

@@ -38,10 +38,10 @@ def turned(recording: Recording, *, q: tuple[int, ...] = (), tau: tuple[int, ...
 @pytest.mark.parametrize("joint", [0, 1])
 def test_a_position_that_is_counted_backwards_is_refused_with_its_entry(clean, planar2, joint):
     name = planar2.joint_names[joint]
-    told = entries(turned(clean(robot=planar2), q=(joint,)), planar2)
+    stated = entries(turned(clean(robot=planar2), q=(joint,)), planar2)
     # Of the first joint of a chain only the signs of all its torques would do as well.
-    assert any(f"q.{name}: {{from: q.{name}, sign: -1}}" in one for one in told) or (
-        joint == 0 and any(f"tau.{name}: {{from: tau.{name}, sign: -1}}" in one for one in told)
+    assert any(f"q.{name}: {{from: q.{name}, sign: -1}}" in one for one in stated) or (
+        joint == 0 and any(f"tau.{name}: {{from: tau.{name}, sign: -1}}" in one for one in stated)
     )
 
 
@@ -49,24 +49,24 @@ def test_a_position_that_is_counted_backwards_is_refused_with_its_entry(clean, p
 def test_an_axis_that_points_the_other_way_is_refused_with_both_entries(clean, joint):
     robot = load_robot("example:ur5")
     name = robot.joint_names[joint]
-    told = entries(turned(clean(robot=robot), q=(joint,), tau=(joint,)), robot)
-    assert len(told) == 1
-    assert f"q.{name}: {{from: q.{name}, sign: -1}}, tau.{name}: {{from: tau.{name}, sign: -1}}" in told[0]
+    stated = entries(turned(clean(robot=robot), q=(joint,), tau=(joint,)), robot)
+    assert len(stated) == 1
+    assert f"q.{name}: {{from: q.{name}, sign: -1}}, tau.{name}: {{from: tau.{name}, sign: -1}}" in stated[0]
 
 
 def test_a_position_and_the_torque_of_another_joint_are_both_told(clean):
     robot = load_robot("example:ur5")
-    told = "; ".join(entries(turned(clean(robot=robot), q=(2,), tau=(1,)), robot))
+    stated = "; ".join(entries(turned(clean(robot=robot), q=(2,), tau=(1,)), robot))
     for column in ("q.elbow_joint", "tau.shoulder_lift_joint"):
-        assert f"{column}: {{from: {column}, sign: -1}}" in told
+        assert f"{column}: {{from: {column}, sign: -1}}" in stated
 
 
 def test_degrees_of_one_joint_alone(clean):
     robot = load_robot("example:ur5")
     recording = clean(robot=robot)
-    told = entries(replace(recording, q=recording.q * np.where(np.arange(6) == 3, 180 / np.pi, 1.0), v=None), robot)
-    assert len(told) == 1
-    assert "write q.wrist_1_joint: {from: q.wrist_1_joint, unit: deg} into" in told[0]
+    stated = entries(replace(recording, q=recording.q * np.where(np.arange(6) == 3, 180 / np.pi, 1.0), v=None), robot)
+    assert len(stated) == 1
+    assert "write q.wrist_1_joint: {from: q.wrist_1_joint, unit: deg} into" in stated[0]
 
 
 @pytest.mark.parametrize("start", [0.0, -180.0])
@@ -78,18 +78,18 @@ def test_degrees_that_wrap(clean, planar2, start):
     a = np.gradient(v, recording.t, axis=0)
     smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(25) / 25, mode="same"), 0, a)
     tau = inverse_dynamics(planar2, Motion(recording.t, 3.0 * recording.q, v, smooth))
-    told = entries(replace(recording, q=wrapped, v=None, tau=tau), planar2)
-    assert len(told) == 1
-    assert 'write q: {from: "q.{joint}", unit: deg}' in told[0]
+    stated = entries(replace(recording, q=wrapped, v=None, tau=tau), planar2)
+    assert len(stated) == 1
+    assert 'write q: {from: "q.{joint}", unit: deg}' in stated[0]
 
 
 def test_degrees_and_newton_millimetres(clean):
     robot = load_robot("example:ur5")
     recording = clean(robot=robot)
-    told = entries(replace(recording, q=np.rad2deg(recording.q), v=None, tau=recording.tau * 1e3), robot)
-    assert len(told) == 2
-    assert "unit: deg" in told[0]
-    assert "unit: Nmm" in told[1] or "gear: 0.001" in told[1]
+    stated = entries(replace(recording, q=np.rad2deg(recording.q), v=None, tau=recording.tau * 1e3), robot)
+    assert len(stated) == 2
+    assert "unit: deg" in stated[0]
+    assert "unit: Nmm" in stated[1] or "gear: 0.001" in stated[1]
 
 
 def test_a_right_recording_of_the_same_robot_is_not_refused(clean, planar2):
@@ -139,8 +139,8 @@ def test_torques_below_a_dead_band_are_named(clean, planar2):
     recording = clean(robot=planar2)
     tau = np.array(recording.tau)
     tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), 85), 1] = 0.0
-    (told,) = check_zeros(replace(recording, tau=tau))
-    assert told.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
+    (stated,) = check_zeros(replace(recording, tau=tau))
+    assert stated.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
 
 
 def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(clean, planar2):
@@ -172,8 +172,8 @@ def test_all_missing_joints_are_listed():
     robot = load_robot("example:ur5")
     n = np.arange(100.0)
     table = Table("log.csv", {"t": n, **{f"{x}.wrist_1_joint": n for x in ("q", "tau")}})
-    told = r"log\.csv lacks the positions of 5 of the 6 joints of ur5\w*: q\.shoulder_pan_joint, .* lock: \[shoulder"
-    with pytest.raises(LogError, match=told):
+    stated = r"log\.csv lacks the positions of 5 of the 6 joints of ur5\w*: q\.shoulder_pan_joint, .* lock: \[shoulder"
+    with pytest.raises(LogError, match=stated):
         read_table_of(table, robot)
 
 

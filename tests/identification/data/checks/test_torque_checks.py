@@ -196,19 +196,19 @@ def test_the_cut_off_of_a_low_pass_is_found(clean, arm, changed, hertz):
 
 def test_a_low_pass_is_told_with_the_entry_that_takes_it_back(clean, arm, changed):
     recording = clean(seconds=40.0)
-    told = [
+    stated = [
         text for text in check_recording(changed(recording, tau=late_low_passed(recording, 5.0)), arm) if "tilt" in text
     ]
-    assert len(told) == 1
-    assert re.search(r"tilt went through a low pass of first order at 5\.?\d* Hz that the positions did not", told[0])
-    assert re.search(r"write tau\.tilt: \{low_pass: 5\.?\d*\} into a column map", told[0])
+    assert len(stated) == 1
+    assert re.search(r"tilt went through a low pass of first order at 5\.?\d* Hz that the positions did not", stated[0])
+    assert re.search(r"write tau\.tilt: \{low_pass: 5\.?\d*\} into a column map", stated[0])
 
 
 def test_a_low_pass_far_above_the_motion_may_be_a_shift(clean, arm, changed):
     recording = clean()
-    told = check_recording(changed(recording, tau=late_low_passed(recording, 50.0)), arm)
-    assert "late against its motion" in told[0]
-    assert "shift it, or, if it went through a low pass of first order, write tau.turn: {low_pass: 5" in told[0]
+    stated = check_recording(changed(recording, tau=late_low_passed(recording, 50.0)), arm)
+    assert "late against its motion" in stated[0]
+    assert "shift it, or, if it went through a low pass of first order, write tau.turn: {low_pass: 5" in stated[0]
 
 
 @pytest.mark.parametrize("late", [-0.002, 0.0])
@@ -221,9 +221,9 @@ def test_a_low_pass_of_second_order_is_not_told_as_one_of_first(clean, arm, chan
     # The noise above the motion tells the order: it falls off twice as steeply.
     recording = clean(seconds=40.0)
     tau = lfilter(*butter(2, hertz, fs=500.0), recording.tau - recording.tau[0], axis=0) + recording.tau[0]
-    told = check_recording(changed(recording, tau=tau), arm)
-    assert any("went through a low-pass that the positions did not" in text for text in told)
-    assert not any("first order" in text for text in told)
+    stated = check_recording(changed(recording, tau=tau), arm)
+    assert any("went through a low-pass that the positions did not" in text for text in stated)
+    assert not any("first order" in text for text in stated)
 
 
 EVERY, SECOND = np.ones(3), np.array([0.0, 1.0, 0.0])

@@ -216,9 +216,9 @@ def test_a_check_against_the_model_counts_measured_forces(planar, pushed):
     force = {"lower": np.column_stack([along, 0 * along, 0 * along])}
     tau = np.column_stack([-needed, (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 1]])
     held = replace(pushed, tau=tau, forces=force)
-    told = "the torque of shoulder has the opposite sign"
-    assert not any(told in sentence for sentence in check_recording(held, planar))
-    assert any(told in sentence for sentence in check_recording(replace(held, forces={}), planar))
+    stated = "the torque of shoulder has the opposite sign"
+    assert not any(stated in sentence for sentence in check_recording(held, planar))
+    assert any(stated in sentence for sentence in check_recording(replace(held, forces={}), planar))
 
 
 def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar):

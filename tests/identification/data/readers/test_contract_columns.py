@@ -82,29 +82,29 @@ def test_a_temperature_that_is_of_no_joint_stops_no_log(columns):
         pytest.param(
             lambda columns: table(columns, t=1.7e18 + 1e7 * columns["t"]),
             r"column t is .* which no sensor gives .* give the time in seconds",
-            id="a time in nanoseconds is told",
+            id="a time in nanoseconds is refused",
         ),
         pytest.param(
             lambda columns: table(columns, t=put(columns["t"], 10, 0.05)),
             r"row 11: the time goes back from 0\.09 s to 0\.05 s",
-            id="a time that goes back is told with both times",
+            id="a time that goes back is refused with both times",
         ),
         pytest.param(
             lambda columns: table(columns, t=put(columns["t"], 10, columns["t"][9])),
             r"row 11: the time 0\.09 s is that of the row before, but q\.a differs",
-            id="the same time with other values is told",
+            id="the same time with other values is refused",
         ),
         pytest.param(
             lambda columns: contract_table(
                 RawTable("log.csv", {name: values[:49] for name, values in columns.items()})
             ),
             "has 49 rows, too few to tell anything: record at least 50",
-            id="too few rows are told",
+            id="too few rows are refused",
         ),
         pytest.param(
             lambda columns: contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()})),
             "has no rows",
-            id="no rows are told",
+            id="no rows are refused",
         ),
     ],
 )

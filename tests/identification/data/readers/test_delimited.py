@@ -115,27 +115,27 @@ def test_a_row_of_another_length_between_spaces_is_told(write, lines):
         pytest.param(
             lambda write, lines: read_table(write([lines[0].replace("q.b", "q.a"), *lines[1:]])),
             r"the column name q\.a is there twice",
-            id="a name given twice is told",
+            id="a name given twice is refused",
         ),
         pytest.param(
             lambda write, lines: read_table(write([lines[0].replace("q.b", ""), *lines[1:]])),
             "column 5 has no name",
-            id="a column without name is told",
+            id="a column without name is refused",
         ),
         pytest.param(
             lambda write, lines: read_table(write(lines[1:])),
             "no column names: line 1 holds numbers; put a line such as t,q",
-            id="numbers without names are told",
+            id="numbers without names are refused",
         ),
         pytest.param(
             lambda write, lines: read_table(write(lines[:1])),
             r"has no rows: there is nothing below its column names t, q\.a",
-            id="names without rows are told",
+            id="names without rows are refused",
         ),
         pytest.param(
             lambda write, lines: read_table(write(lines, encoding="utf-16")),
             "is UTF-16 text: save it as UTF-8",
-            id="utf 16 is told",
+            id="utf 16 is refused",
         ),
     ],
 )
