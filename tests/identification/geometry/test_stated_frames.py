@@ -1,4 +1,4 @@
-"""Poses that are stated in the robot's root frame. Oracle: poses of base and target that were put in, by NumPy alone."""
+"""Poses stated in the robot's root frame. Oracle: poses of base and target that were put in, by NumPy alone."""
 
 from dataclasses import replace
 
