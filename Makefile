@@ -1,6 +1,7 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
-#   make nightly the long tests that `make test` leaves out: coverage, power and whole studies
+#   make nightly the long tests that `make test` leaves out: coverage, power and whole studies; then make shapes
+#   make shapes tests whose calls are checked against the annotations of shapes
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
@@ -33,7 +34,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test nightly lint wheel lowest bench blind drake speed mutants fuzz docs papers lock clean setup tools
+.PHONY: demo test nightly shapes lint wheel lowest bench blind drake speed mutants fuzz docs papers lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -45,6 +46,11 @@ test: setup
 
 nightly: setup
 	@env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -m nightly
+	@$(MAKE) --no-print-directory shapes
+
+# Apart from the others, as checks take a third more of the time of all of them.
+shapes: setup
+	@env -u PYTHONDONTWRITEBYTECODE PHANTOM_DYN_SHAPES=1 $(BIN)/python -m pytest tests
 
 lint: setup
 	@$(BIN)/ruff check .

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-# Shape annotations of these packages are checked, save those of compiled functions. Where checks would
-# cost many times what they check (a step of phantom_dyn.simulation, a fit of the diagnosis), modules are named one by
-# one.
+# What `make shapes` sets: annotations of shapes are checked, which takes a third more of the time of all tests.
+SHAPES = "PHANTOM_DYN_SHAPES" in os.environ
+# Shape annotations of these packages are checked there, save those of compiled functions. Where checks would cost many
+# times what they check (a step of phantom_dyn.simulation, a fit of the diagnosis), modules are named one by one.
 CHECKED = [
     "identification.data",
     "identification.degrade",
@@ -51,9 +52,9 @@ CHECKED = [
 ]
 # Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float
 # (PEP 484).
-install_import_hook(CHECKED, "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+if SHAPES:
+    install_import_hook(CHECKED, "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -63,7 +64,7 @@ from phantom_dyn.model.robot import Robot
 TESTS = Path(__file__).resolve().parent
 CHECKOUT = TESTS.parent
 ROBOTS = TESTS / "robots"
-# Folders whose tests check annotations, as they call one function after the other. So do those in no folder.
+# Folders whose tests `make shapes` runs, as they call one function after the other. So do those in no folder.
 CHECKING = {
     TESTS / folder
     for folder in (
@@ -101,18 +102,23 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.freeze()
 
 
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Check annotations where they add something: they take up to two thirds of a test's time.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is of the other kind of run: `make shapes` runs what checks, all others what needs no check."""
+    left = {item for item in items if (not checks_shapes(item) if SHAPES else item.get_closest_marker("shapes"))}
+    config.hook.pytest_deselected(items=list(left))
+    items[:] = [item for item in items if item not in left]
 
-    They are checked in the folders ``CHECKING``. Left out are tests marked ``whole``, which run as a whole, or many
-    times, what others check, and all but the first case of a parametrised test, since the others call the same
-    functions.
+
+def checks_shapes(item: pytest.Item) -> bool:
+    """Whether a test is one of `make shapes`: those in the folders ``CHECKING``.
+
+    Left out are tests marked ``whole``, which run as a whole, or many times, what others check, and all but the first
+    case of a parametrised test, since the others call the same functions.
     """
     case = getattr(item, "callspec", None)
     later = case is not None and any(case.indices.values())
-    elsewhere = item.path.parent != TESTS and CHECKING.isdisjoint(item.path.parents)
-    whole = item.get_closest_marker("whole") is not None
-    jaxtyping.config.update("jaxtyping_disable", later or elsewhere or whole)
+    here = item.path.parent == TESTS or not CHECKING.isdisjoint(item.path.parents)
+    return here and not later and item.get_closest_marker("whole") is None
 
 
 @pytest.fixture(scope="session")

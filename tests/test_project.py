@@ -52,7 +52,8 @@ def test_rng_gives_the_same_numbers_in_every_run(rng):
     assert rng.random() == np.random.default_rng(zlib.crc32(name.encode())).random()
 
 
-def test_a_wrong_shape_is_caught_by_the_annotations_in_tests():
+@pytest.mark.shapes
+def test_a_wrong_shape_is_caught_by_the_annotations():
     # Oracle: jaxtyping's own check of the field `t: Float[Array, " N"]`.
     with pytest.raises(jaxtyping.TypeCheckError, match="Recording"):
         Recording(file="a.csv", joint_names=("j1",), t=np.zeros((2, 2)), q=np.zeros((2, 1)), tau=None)

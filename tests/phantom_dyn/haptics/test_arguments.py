@@ -2,7 +2,6 @@
 
 import math
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -38,14 +37,8 @@ from phantom_dyn.haptics.stability.passivity import passive_damping, simulate_te
 from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
 from phantom_dyn.haptics.stability.virtual_wall import simulate_damping, simulate_wall
 
-
-@pytest.fixture(autouse=True)
-def as_a_user_has_it():
-    """Without the checker of shapes that runs in tests only."""
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", False)
-
+# As a user has it: without the checker of shapes.
+pytestmark = pytest.mark.whole
 
 NAN, INF, T = math.nan, math.inf, 1e-3
 AXIS = RigidAxis(1.0, 2.0)
