@@ -139,10 +139,15 @@ def test_the_log_of_emps_holds_newtons_and_not_volts(data_folder, mirror, tmp_pa
     np.testing.assert_allclose(log[:, 2], np.load(data_folder / "emps" / "emps_train.npz")["force"], rtol=1e-8)
 
 
-def test_diagnose_emps_names_friction_beside_its_published_values(mirror, tmp_path):
-    out = printed("diagnose_emps.py", tmp_path, **mirror)
-    assert "friction on joint axis" in out
-    assert re.search(r"torque_positive .* N +20\.1440|torque .* N +20\.3935", out)
+@pytest.fixture(scope="module")
+def emps(mirror, tmp_path_factory) -> str:
+    """What the example prints of EMPS."""
+    return printed("diagnose_emps.py", tmp_path_factory.mktemp("emps"), **mirror)
+
+
+def test_diagnose_emps_names_friction_beside_its_published_values(emps):
+    assert "friction on joint axis" in emps
+    assert re.search(r"torque_positive .* N +20\.1440|torque .* N +20\.3935", emps)
 
 
 def test_the_readme_shows_the_answer_that_is_printed_for_its_log(capsys, monkeypatch):
@@ -174,11 +179,10 @@ def test_the_moving_picture_of_the_readme_is_what_its_script_draws(tmp_path):
     np.testing.assert_allclose(points[0], points[1], atol=1.0)
 
 
-def test_the_readme_shows_what_is_found_on_emps(mirror, tmp_path):
+def test_the_readme_shows_what_is_found_on_emps(emps):
     # Oracle: the run itself.
-    out = printed("diagnose_emps.py", tmp_path, **mirror)
     (shown,) = re.findall(r"friction of ([\d.]+ ± [\d.]+) and ([\d.]+ ± [\d.]+) N,", README)
-    assert all(value in out for value in shown)
+    assert all(value in emps for value in shown)
 
 
 def test_identify_emps_prints_estimates_within_half_a_per_cent_of_the_published_ones(mirror, tmp_path):
@@ -322,12 +326,15 @@ def reports(out: str, folder: Path) -> list[str]:
     return [str(path.parent.relative_to(folder)) for path in paths]
 
 
-def test_the_demo_without_a_network_ends_with_what_needs_none(offline, tmp_path):
-    command = [sys.executable, str(EXAMPLES / "demo.py"), "--out", str(tmp_path)]
-    done = subprocess.run(command, env={**os.environ, **offline}, capture_output=True, text=True)
-    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
-    assert re.search(r"^Left out: could not fetch DATA_EMPS.mat .*: take it from .*$", done.stdout, flags=re.MULTILINE)
-    assert reports(done.stdout, tmp_path) == ["arm", "report"]
+def test_the_demo_without_a_network_leaves_the_real_recording_out_and_has_not_failed(
+    demo, monkeypatch, capsys, tmp_path
+):
+    for name, value in {**NO_NETWORK, "PHANTOM_DYN_DATA": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}.items():
+        monkeypatch.setenv(name, value)
+    assert demo.real_axis(tmp_path)
+    assert re.search(
+        r"^Left out: could not fetch DATA_EMPS.mat .*: take it from .*$", capsys.readouterr().out, re.MULTILINE
+    )
 
 
 @pytest.mark.nightly
@@ -360,13 +367,12 @@ def test_the_demo_opens_its_report_only_where_somebody_looks(demo, tmp_path, mon
     assert asked == [(tmp_path / "report" / "report.html").as_uri()] * opens
 
 
-def test_the_demo_without_the_simulator_says_what_installs_it(offline, tmp_path):
-    (tmp_path / "mujoco.py").write_text("raise ModuleNotFoundError('no', name='mujoco')")
-    command = [sys.executable, str(EXAMPLES / "demo.py"), "--out", str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path), **offline}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert "needs mujoco, which is not in this environment: run make demo" in done.stdout
-    assert (done.returncode, "Traceback" in done.stderr) == (1, False)
+def test_the_demo_without_the_simulator_says_what_installs_it(demo, monkeypatch, capsys, tmp_path):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "benchmarks"]:
+        monkeypatch.delitem(sys.modules, name)
+    assert not demo.sealed_case(demo.FIXED_SEED, tmp_path)
+    assert "needs mujoco, which is not in this environment: run make demo" in capsys.readouterr().out
 
 
 def test_the_demo_refuses_a_seed_that_is_kept_for_the_report():
