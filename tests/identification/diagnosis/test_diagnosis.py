@@ -49,9 +49,9 @@ def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, 
 
 
 @pytest.mark.parametrize("size", by_night([1e-9, 1.0], 0))
-def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar2, lacking, rng, size):
+def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar2, lab, rng, size):
     # Known truth: white noise stands in the columns of the torques. A model without mass would leave as little.
-    recording = lacking()
+    recording = lab.recording(planar2, lab.motion(2, 3, swing=1.5))
     found = diagnose(planar2, (replace(recording, tau=size * rng.standard_normal(recording.q.shape)),))
     assert (found.verdict, found.findings, found.unexplained.law) == ("not_testable", (), None)
     assert all(joint.is_noise for joint in found.joints)

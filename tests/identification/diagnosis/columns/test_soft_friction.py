@@ -74,11 +74,11 @@ def test_the_law_is_what_mujoco_adds_to_coulomb_friction(tmp_path, solver):
     np.testing.assert_allclose(law, -friction[:, 0], atol=0.03)
 
 
-def test_a_model_of_mujoco_may_rub_softly_and_a_urdf_not(tmp_path):
+def test_a_model_of_mujoco_may_rub_softly_and_a_urdf_not(tmp_path, planar2):
     robot, _ = arm(tmp_path)
     soft = [move.place for move in moves_of(robot) if move.kind == "softness"]
     assert soft == ["j1", "j2"]
-    assert not [move for move in moves_of(dyn.load_robot("example:ur10")) if move.kind == "softness"]
+    assert not [move for move in moves_of(planar2) if move.kind == "softness"]
 
 
 def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:
@@ -118,20 +118,6 @@ def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):
     found = dyn.diagnose(robot, log(tmp_path, (t, q, v, a, torque, none), 0))
     assert found.findings == ()
     assert Note(Code.SOFT_FRICTION) not in found.result.notes
-
-
-def test_a_urdf_is_never_said_to_rub_softly(tmp_path):
-    # The same arm and motion as a URDF, whose torques no simulator made.
-    robot = dyn.load_robot("example:double_pendulum")
-    t = np.arange(0, 20.0, 0.005)
-    w = 2 * np.pi * np.array([0.23, 0.41])
-    q, v, a = (0.6 * x for x in (np.sin(t[:, None] * w), w * np.cos(t[:, None] * w), -(w**2) * np.sin(t[:, None] * w)))
-    torque = inverse_dynamics(robot, Motion(t, q, v, a)) + 1e-3 * np.random.default_rng(0).standard_normal(q.shape)
-    names = ",".join(f"{kind}.{joint}" for kind in ("q", "tau") for joint in robot.joint_names)
-    path = tmp_path / "log.csv"
-    np.savetxt(path, np.hstack([t[:, None], q, torque]), delimiter=",", header=f"t,{names}", comments="")
-    assert robot.soft_friction == ()
-    assert Note(Code.SOFT_FRICTION) not in dyn.diagnose(robot, str(path)).result.notes
 
 
 BARE = ARM.replace('damping="0.4" frictionloss="0.6"', "")
