@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.engine.claims import GateResult, easiest
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Bool, Float
 
 Array = np.ndarray
 
@@ -46,7 +46,9 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
 
 
 def shown_above_noise(
-    growth: Float[Array, " nv"], without: Float[Array, " nv"], has_structure: Callable[[], bool]
+    growth: Float[Array, " nv"],
+    without: Callable[[Bool[Array, " nv"]], Float[Array, " nv"]],
+    has_structure: Callable[[], bool],
 ) -> GateResult:
     """Without an effect that noise may imitate, would there be a gap?
 
@@ -55,11 +57,11 @@ def shown_above_noise(
 
     Args:
         growth: Relative growth of each joint's squared residual without it.
-        without: Residual of each joint without it, over the largest that may be noise and the error of a sound model.
+        without: Residual of some joints without it, over the largest that may be noise and the error of a sound model.
         has_structure: Whether that residual has structure or events.
     """
     grown = growth > VISIBLE_GROWTH
     if not grown.any():
         return GateResult("shown above noise", float(growth.max()), VISIBLE_GROWTH, "of the squared residual", False)
-    most = float(without[grown].max())
+    most = float(without(grown)[grown].max())
     return GateResult("shown above noise", most, 1.0, "floors", most > 1.0 or has_structure())

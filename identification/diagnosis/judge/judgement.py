@@ -30,7 +30,7 @@ from identification.diagnosis.judge.findings.sound_sizes import all_sound
 from identification.diagnosis.judge.floors import Floor, Sensed, floor_of, sensed_floor, sensed_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
-from identification.diagnosis.judge.moved_by_noise import foreseen_noise
+from identification.diagnosis.judge.moved_by_noise import foreseen_noise, most_foreseen
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import (
@@ -47,7 +47,7 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.stepwise import explain
 from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 
 # Share of a joint's samples that a regime needs to be reported.
 _FEW = 0.01
@@ -134,12 +134,21 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     sensed = sensed_of(plain.problem)
 
     @cache
-    def left_by_all(chosen: frozenset[Term]) -> _Left:
+    def before_foreseen(chosen: frozenset[Term]) -> _Left:
         return _left(explanation, plain, chosen, noise, sensed)
 
-    def over_allowed(chosen: frozenset[Term]) -> Float[Array, " nv"]:
-        left = left_by_all(chosen)
-        return sums(plain.problem, left.residual).rms() / left.floor.allowed
+    @cache
+    def left_by_all(chosen: frozenset[Term]) -> _Left:
+        return _with_foreseen_noise(before_foreseen(chosen), plain, chosen, noise)
+
+    def over_allowed(chosen: frozenset[Term], asked: Bool[Array, " nv"]) -> Float[Array, " nv"]:
+        left = before_foreseen(chosen)
+        size = np.where(asked, sums(plain.problem, left.residual).rms(), 0.0)
+        certain = size / left.floor.up_to(most_foreseen(left.judge)).allowed
+        if certain.max() > 1.0:
+            # Above the noise whatever part of it is foreseen, which takes long to compute.
+            return certain
+        return size / _with_foreseen_noise(left, plain, chosen, noise, asked).floor.allowed
 
     def has_structure(chosen: frozenset[Term]) -> bool:
         left = left_by_all(chosen)
@@ -177,7 +186,7 @@ def _above_noise(left: _Left) -> bool:
 
 
 def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: Sensed) -> _Left:
-    """Residual of a set of effects, and its noise floor."""
+    """Residual of a set of effects, and its noise floor without noise that predictors can predict."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.evaluate(named))
     residual = session.in_judged_band(residual_after(problem, torque))
@@ -190,9 +199,17 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
     floor = sensed_floor(floor, sensed, problem, noise, whole, doubt)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    judge = Judge(problem, floor.value, floor.high)
-    floor = floor.up_to(foreseen_noise(judge, plain, chosen, noise, sums(problem, whole).rms()))
-    return _Left(torque, residual, whole, doubt, rounding, floor, replace(judge, highest=floor.high))
+    return _Left(torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high))
+
+
+def _with_foreseen_noise(
+    left: _Left, plain: Search, chosen: frozenset[Term], noise: Series, asked: Bool[Array, " nv"] | None = None
+) -> _Left:
+    """The same with a floor that counts noise that predictors can predict, of all joints or of those that are asked."""
+    size = sums(plain.problem, left.whole).rms()
+    size = size if asked is None else np.where(asked, size, 0.0)
+    floor = left.floor.up_to(foreseen_noise(left.judge, plain, chosen, noise, size))
+    return replace(left, floor=floor, judge=replace(left.judge, highest=floor.high))
 
 
 def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:

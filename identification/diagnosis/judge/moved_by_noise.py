@@ -75,8 +75,15 @@ def foreseen_noise(
         if not _in_motion(loud, _of(there, every), _of(there, kept)).passed:
             squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
-    # Predictors of such noise make the floor too low; but a residual of several times the floor is a gap.
-    return np.minimum(out, ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0))
+    return np.minimum(out, most_foreseen(judge))
+
+
+def most_foreseen(judge: Judge) -> Float[Array, " nv"]:
+    """The largest mean square of each joint's noise that predictors can predict.
+
+    They make the floor too low; but a residual of several times the floor is a gap.
+    """
+    return ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0)
 
 
 def _going_with_motion(search: Search, joint: str) -> frozenset[Term]:

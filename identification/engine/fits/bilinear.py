@@ -39,19 +39,12 @@ class HeldOut:
 
     Attributes:
         a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
-        core_b, core_c: Of the core of each block, ``(B, k)`` and ``(B,)``.
-        squares: ``x core_a x`` of each block for coefficients of its own, ``(B, k)``.
+        losses: Weighted squared residual of the core of each block, ``(B,)``, for coefficients of its own, ``(B, k)``.
     """
 
     a: Float[Array, "F k k"]
     b: Float[Array, "F k"]
-    core_b: Float[Array, "B k"]
-    core_c: Float[Array, " B"]
-    squares: Callable[[Float[Array, "B k"]], Float[Array, " B"]]
-
-    def losses(self, x: Float[Array, "B k"]) -> Float[Array, " B"]:
-        """Weighted squared residual of the core of each block."""
-        return self.core_c - 2 * np.einsum("bk,bk->b", self.core_b, x) + self.squares(x)
+    losses: Callable[[Float[Array, "B k"]], Float[Array, " B"]]
 
 
 @dataclass(frozen=True)
@@ -69,14 +62,14 @@ def products_of(
 ) -> Products:
     """Products of the active columns; rows with a gain are rescaled."""
     grams = problem.grams
-    a, b = problem.total_a[active[:, None], active], problem.total_b[active]
+    a, b = grams.train_a.among(active)[0], problem.total_b[active]
     c = float(grams.c[grams.fold >= 0].sum())
     if not scalings:
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
     for scaling in scalings:
         local, at, own, mix = _mixed(problem, active, scaling)
         row, trains = grams.rows[scaling.row], grams.fold >= 0
-        row_a = grams.fold_a.of_row(scaling.row, local).sum(axis=0)
+        row_a = grams.train_a.of_row(scaling.row, local)[0]
         row_b, row_c = row.b[trains][:, local].sum(axis=0), float(row.c[trains].sum())
         new_a, new_b, new_c = _rescale(row_a[None], row_b[None], np.array([row_c]), mix, own, scaling.gain)
         a[at[:, None], at] += new_a[0] - row_a
@@ -97,10 +90,9 @@ def _mixed(
 
 
 def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scalings: tuple[Scaling, ...]) -> HeldOut:
-    """Products by fold and block; rows with a gain are rescaled."""
+    """Products by fold, and losses of blocks; rows with a gain are rescaled."""
     grams = problem.grams
     fold_a, fold_b = grams.fold_a.among(active), grams.fold_b[:, active]
-    core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
     for scaling in scalings:
         row = grams.rows[scaling.row]
         local, at, own, mix = _mixed(problem, active, scaling)
@@ -109,32 +101,44 @@ def _held_out_rescaled(problem: LinearProblem, active: Int[Array, " k"], scaling
         new_a, new_b, _ = _rescale(row_a, row_b, grams.by_fold(row.c), mix, own, scaling.gain)
         fold_a[place] += new_a - row_a
         fold_b[:, at] += new_b - row_b
-        row_a, row_b = grams.core_a.of_row(scaling.row, local), row.core_b[:, local]
-        new_a, new_b, new_c = _rescale(row_a, row_b, row.core_c, mix, own, scaling.gain)
-        core_a[place] += new_a - row_a
-        core_b[:, at] += new_b - row_b
-        core_c += new_c - row.core_c
 
-    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
-        return np.einsum("bk,bk->b", (core_a @ x[:, :, None])[:, :, 0], x)
+    def losses(x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        out = _losses(problem, active, x)
+        for scaling in scalings:
+            out += _row_losses(problem, active, scaling, x)
+        return out
 
-    return HeldOut(fold_a, fold_b, core_b, core_c, squares)
+    return HeldOut(fold_a, fold_b, losses)
 
 
 def _held_out(problem: LinearProblem, active: Int[Array, " k"]) -> HeldOut:
-    """Products by fold and block without any gain."""
+    """Products by fold, and losses of blocks, without any gain."""
     grams = problem.grams
+    return HeldOut(grams.fold_a.among(active), grams.fold_b[:, active], lambda x: _losses(problem, active, x))
 
-    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
-        return grams.core_a.squares(active, x)
 
-    return HeldOut(
-        grams.fold_a.among(active),
-        grams.fold_b[:, active],
-        grams.core_b[:, active],
-        grams.core_c,
-        squares,
-    )
+def _losses(problem: LinearProblem, active: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
+    """Weighted squared residual of the core of each block, for coefficients of its own."""
+    grams = problem.grams
+    return grams.core_c - 2 * np.einsum("bk,bk->b", grams.core_b[:, active], x) + grams.core_a.squares(active, x)
+
+
+def _row_losses(
+    problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling, x: Float[Array, "B k"]
+) -> Float[Array, " B"]:
+    """By how much the loss of each block is larger with a gain on a row.
+
+    The rescaled columns are sums of the row's own, so that their coefficients are turned into those of its own columns.
+    """
+    row, core_a = problem.grams.rows[scaling.row], problem.grams.core_a
+    local, at, own, mix = _mixed(problem, active, scaling)
+    more, given = scaling.gain - 1.0, x[:, at]
+    turned = scaling.gain * given + given[:, own : own + 1] * mix
+    turned[:, own] = given[:, own]
+    line, column = row.core_b[:, local], core_a.column_of_row(scaling.row, local, own)
+    square = core_a.squares_of_row(scaling.row, local, turned) - core_a.squares_of_row(scaling.row, local, given)
+    cross = np.einsum("bk,bk->b", line - more * column, turned) - np.einsum("bk,bk->b", line, given)
+    return square - 2 * cross - 2 * more * line[:, own] + more**2 * column[:, own]
 
 
 def _rescale(

@@ -96,6 +96,11 @@ class Grams:
         return self.fold_a.sum(axis=0)
 
     @cached_property
+    def train_a(self) -> RowProducts:
+        """Columns times columns over all blocks that train, row by row, as if ``(1, K, K)``."""
+        return self.fold_a.grouped(np.zeros(self.fold_a.shape[0], dtype=int))
+
+    @cached_property
     def everything(self) -> Float[Array, "K K"]:
         """Columns times columns over all blocks, written out."""
         return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.sum(axis=0)

@@ -79,6 +79,16 @@ class RowProducts:
         """Products of one row alone among some of the columns that touch it, by their places there."""
         return square(self.values[row], chosen)
 
+    def column_of_row(self, row: int, chosen: Int[Array, " m"], own: int) -> Float[Array, "B m"]:
+        """Of `of_row` the column with the number ``own``."""
+        return self.values[row][:, place_of(chosen, chosen[own])]
+
+    def squares_of_row(self, row: int, chosen: Int[Array, " m"], x: Float[Array, "B m"]) -> Float[Array, " B"]:
+        """For each block ``x a x`` with its own ``x``, where ``a`` is that of `of_row`."""
+        out = np.zeros(len(x))
+        _square(out, self.values[row], chosen, np.ascontiguousarray(x), 0)
+        return out
+
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
         """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
         if np.array_equal(groups, np.arange(self.shape[0])):

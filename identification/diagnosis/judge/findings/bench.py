@@ -18,7 +18,7 @@ from identification.diagnosis.search.record import Place, Record
 from identification.diagnosis.search.rival_sets import NONE_BARRED, Standing
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from identification.diagnosis.search.squares_left import squares_left
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 
 
 @dataclass(frozen=True)
@@ -99,12 +99,13 @@ class Residuals:
 
     Attributes:
         judge_of: Noise floors of the joints beside a set of effects.
-        over_allowed: Residual of each joint, over the largest that may be noise and the error of a sound model.
+        over_allowed: Residual of each joint that is asked, over the largest that may be noise and the error of a sound
+            model; less than that, and above one, where it is above the noise for certain.
         has_structure: Whether the state predicts a part of the residual, or events make a part of it.
     """
 
     judge_of: Callable[[frozenset[Term]], Judge]
-    over_allowed: Callable[[frozenset[Term]], Float[Array, " nv"]]
+    over_allowed: Callable[[frozenset[Term], Bool[Array, " nv"]], Float[Array, " nv"]]
     has_structure: Callable[[frozenset[Term]], bool]
 
 

@@ -243,4 +243,5 @@ def _nearest(
     """The fit restricted to bodies that can exist, from the unrestricted fit to the same draw of the data."""
     if all(body.exists(drawn[at]) for body, at in bodies):
         return drawn
-    return possible_minimum(precision, precision @ drawn, (-anywhere, anywhere), drawn, bodies)
+    best, _ = possible_minimum(precision, precision @ drawn, (-anywhere, anywhere), drawn, bodies)
+    return best

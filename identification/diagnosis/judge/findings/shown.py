@@ -149,8 +149,8 @@ def _noise(bench: Bench, state: State) -> State:
     for term in made:
         others = state.shown - {term}
         growth = (left_by(judge, bench.plain, others).rms() / left) ** 2 - 1.0
-        has_structure = partial(bench.residuals.has_structure, others)
-        results[term] = shown_above_noise(growth, bench.residuals.over_allowed(others), has_structure)
+        over_allowed = partial(bench.residuals.over_allowed, others)
+        results[term] = shown_above_noise(growth, over_allowed, partial(bench.residuals.has_structure, others))
     return _take_away(bench, state, results, _bar)
 
 

@@ -31,7 +31,7 @@ def judged(lab, planar2):
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
-    residuals = Residuals(lambda _: judge, lambda _: np.full_like(judge.floor, np.inf), lambda _: True)
+    residuals = Residuals(lambda _: judge, lambda *_: np.full_like(judge.floor, np.inf), lambda _: True)
     shown = shown_effects(Bench(prepared.search, plain, prepared.noise, residuals), State.of(chosen))
     return shown, judge, left_by(judge, plain, frozenset())
 

@@ -27,7 +27,7 @@ def bench_of(prepared) -> Bench:
     plain = narrow_search(prepared.search, prepared.noise)
     tiny = np.full(2, 1e-9)
     judge = Judge(plain.problem, tiny, tiny)
-    residuals = Residuals(lambda _: judge, lambda _: np.full_like(tiny, np.inf), lambda _: True)
+    residuals = Residuals(lambda _: judge, lambda *_: np.full_like(tiny, np.inf), lambda _: True)
     return Bench(prepared.search, plain, prepared.noise, residuals)
 
 
