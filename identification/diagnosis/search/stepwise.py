@@ -37,7 +37,8 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
     """The set of effects that explains the recordings with the fewest parameters.
 
     Free inertial parameters of all links explain a little of any missing effect. So they are tested last, beside the
-    other effects; where they alone explain more than all others, the search begins with them.
+    other effects; where they alone explain more than all others, the search begins with them. On a robot of many joints
+    gains of torque constants are tested last, too: a fit with one takes many times as long.
 
     Args:
         search: Problem, rivals, threshold.
@@ -46,9 +47,12 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
     """
     chosen = dropped(search, frozenset(term for term in start if term.named))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
+    late = {term for term in search.terms if term is whole or (search.many_joints and term.effect.scales_joint)}
+    if late and chosen.isdisjoint(late):
+        others = replace(search, terms=tuple(term for term in search.terms if term not in late))
+        chosen = _improved(others, chosen, progress)
     if whole is not None and whole not in chosen:
-        others = replace(search, terms=tuple(term for term in search.terms if term is not whole))
-        chosen, alone = _improved(others, chosen, progress), search.alone[whole]
+        alone = search.alone[whole]
         if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
             stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
             if not stays.passed:
@@ -148,7 +152,8 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
     """The set with the most promising effect of each other joint, too, without those that prove unnecessary.
 
-    Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most.
+    Free inertial parameters explain a little of any missing effect, so they are added alone, where they gain most. So
+    are gains of torque constants, as a fit with one takes many times as long.
 
     Args:
         search: Rivals.
@@ -158,7 +163,7 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
     """
     taken = {best.joint}
     for term in ranked:
-        if term.joint is None or term.joint in taken or term.effect.inertial == "free":
+        if term.joint is None or term.joint in taken or term.effect.inertial == "free" or term.effect.scales_joint:
             continue
         taken.add(term.joint)
         if possible(chosen, term) and claimed(search, with_term(chosen, term), chosen):
