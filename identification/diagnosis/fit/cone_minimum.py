@@ -205,10 +205,10 @@ def _set_up(
         for k in range(n):
             i, j = places[k, 0], places[k, 1]
             gradient[first + k] -= inverse[i, j] if i == j else 2.0 * inverse[i, j]
-            for c in range(k + 1):
+            for c in range(k, n):
                 p, q = places[c, 0], places[c, 1]
                 pair = inverse[i, p] * inverse[j, q] + inverse[i, q] * inverse[j, p]
-                hessian[first + k, first + c] += (0.5 if i == j else 1.0) * (1.0 if p == q else 2.0) * pair
+                hessian[first + k, first + c] += (1.0 if i == j else 2.0) * (0.5 if p == q else 1.0) * pair
         for r in range(reach.shape[1]):
             slack = 0.0
             for k in range(n):
@@ -216,7 +216,7 @@ def _set_up(
             for k in range(n):
                 part = reach[body, r, k] / slack
                 gradient[first + k] -= part
-                for c in range(k + 1):
+                for c in range(k, n):
                     hessian[first + k, first + c] += part * reach[body, r, c] / slack
     return loss
 
@@ -246,28 +246,38 @@ def _invert(inverse: Array) -> None:
 
 @inlined
 def _factorise(a: Array) -> None:
-    """Overwrite the lower triangle of a matrix with its Cholesky factor."""
-    for j in range(len(a)):
-        pivot = a[j, j]
-        for k in range(j):
-            pivot -= a[j, k] * a[j, k]
-        a[j, j] = np.sqrt(max(pivot, 1e-300))
-        for i in range(j + 1, len(a)):
-            left = a[i, j]
-            for k in range(j):
-                left -= a[i, k] * a[j, k]
-            a[i, j] = left / a[j, j]
+    """Overwrite the upper triangle of a matrix with its Cholesky factor.
+
+    Four rows of the factor are made at a time, and taken out of all rows below in one pass: the compiler then keeps a
+    row in registers.
+    """
+    n = len(a)
+    for first in range(0, n, 4):
+        last = min(first + 4, n)
+        for j in range(first, last):
+            pivot = 1.0 / np.sqrt(max(a[j, j], 1e-300))
+            for k in range(j, n):
+                a[j, k] *= pivot
+            for i in range(j + 1, last):
+                part = a[j, i]
+                for k in range(i, n):
+                    a[i, k] -= part * a[j, k]
+        for i in range(last, n):
+            left, one, two = a[i, i:], a[first, i:], a[first + 1, i:]
+            three, four = a[first + 2, i:], a[first + 3, i:]
+            for k in range(len(left)):
+                left[k] -= one[0] * one[k] + two[0] * two[k] + three[0] * three[k] + four[0] * four[k]
 
 
 @inlined
 def _solve(factor: Array, x: Array) -> None:
     """Overwrite the right side with the solution."""
     for i in range(len(x)):
-        for k in range(i):
-            x[i] -= factor[i, k] * x[k]
         x[i] /= factor[i, i]
+        for k in range(i + 1, len(x)):
+            x[k] -= factor[i, k] * x[i]
     for back in range(len(x)):
         i = len(x) - 1 - back
         for k in range(i + 1, len(x)):
-            x[i] -= factor[k, i] * x[k]
+            x[i] -= factor[i, k] * x[k]
         x[i] /= factor[i, i]

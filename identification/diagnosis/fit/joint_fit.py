@@ -271,7 +271,8 @@ def _descended(
         if not all(body.exists((x + step)[at]) for body, at in bodies):
             shown = np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0)
             held = total + np.diag(shown)
-            step = possible_minimum(held, gradient + held @ x, (lower, upper), x + step, bodies) - x
+            best, _ = possible_minimum(held, gradient + held @ x, (lower, upper), x + step, bodies)
+            step = best - x
         if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
             break
         loss = c.sum() + precision @ x**2

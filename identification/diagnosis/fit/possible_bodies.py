@@ -70,6 +70,20 @@ class Body:
         return (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
 
 
+@dataclass(frozen=True)
+class Binding:
+    """What binds at a minimum: bodies that would be impossible without their cone, and coefficients at their bounds.
+
+    Attributes:
+        bodies: Whether each is held in its cone.
+        low, high: Coefficients at their lower and upper bounds, ``(k,)``.
+    """
+
+    bodies: tuple[bool, ...]
+    low: Bool[Array, " k"]
+    high: Bool[Array, " k"]
+
+
 def bodies_of_term(robot: Robot, term: Term) -> tuple[Body, ...]:
     """Bodies whose inertial parameters an effect sets free."""
     own = term.effect.regressor_columns(robot, term.joint)
@@ -151,14 +165,14 @@ def among_possible_bodies(
     if not bodies:
         return found
     with_prior = square + np.diag(precision)
-    x, objective, without = found.x, found.objective, found.without.copy()
+    x, objective, without, binding = found.x, found.objective, found.without.copy(), None
     if not exist(x):
-        x = possible_minimum(with_prior, line, bounds, found.x, bodies)
+        x, binding = possible_minimum(with_prior, line, bounds, found.x, bodies)
         objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
             less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k] = possible_minimum(less, other, bounds, without[k], bodies)
+            without[k], _ = possible_minimum(less, other, bounds, without[k], bodies, binding)
     return Minimum(x, objective, without)
 
 
@@ -173,7 +187,8 @@ def possible_minimum(
     bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
     x: Float[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-) -> Float[Array, " k"]:
+    binding: Binding | None = None,
+) -> tuple[Float[Array, " k"], Binding]:
     """Minimum of ``x a x / 2 - b x`` within bounds, with bodies that can exist.
 
     Coefficients are held at the bounds that bind, and bodies that cannot exist are found in the cone, with all else
@@ -186,12 +201,20 @@ def possible_minimum(
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
         x: The minimum within the bounds alone.
         bodies: Each with the places of its changes among the coefficients.
+        binding: What binds at the minimum of a similar loss, where there is one: it binds here, too, nearly always.
+
+    Returns:
+        The minimum, and what binds there.
     """
     lower, upper = bounds
     free_bodies = np.zeros(len(b), dtype=bool)
     free_bodies[np.concatenate([at for _, at in bodies])] = True
-    within = [not body.exists(x[at]) for body, at in bodies]
-    held = ~free_bodies & ((x <= lower) | (x >= upper))
+    if binding is None:
+        within, low, high = tuple(not body.exists(x[at]) for body, at in bodies), x <= lower, x >= upper
+    else:
+        within, low, high = binding.bodies, binding.low, binding.high
+        x = np.where(low, lower, np.where(high, upper, x))
+    held = ~free_bodies & (low | high)
     for _ in range(_EXCHANGES):
         x = _in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])
         slope = a @ x - b
@@ -199,14 +222,14 @@ def possible_minimum(
         released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
         wrong = [not taken and not body.exists(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
         if not released.any() and not outside.any() and not any(wrong):
-            return x
+            return x, Binding(within, held & (x <= lower), held & (x >= upper))
         x, held = np.clip(x, lower, upper), (held & ~released) | outside
-        within = [taken or new for taken, new in zip(within, wrong, strict=True)]
+        within = tuple(taken or new for taken, new in zip(within, wrong, strict=True))
     # Near twins can exchange their bounds without end: all bodies in the cone, and the best of the rest beside them.
     x, others = np.clip(_in_cone(a, b, x, held, bodies), lower, upper), ~free_bodies
     beside = b[others] - a[np.ix_(others, free_bodies)] @ x[free_bodies]
     x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
-    return x
+    return x, Binding((True,) * len(bodies), others & (x <= lower), others & (x >= upper))
 
 
 def _in_cone(

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.possible_bodies import body_of, impossible, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Binding, body_of, impossible, possible_minimum
 from identification.engine.numerics.bounded import bounded_solve
 from identification.estimators.consistent.consistent_bodies import PSEUDO
 from phantom_dyn.model.inertia import point_mass_parameters
@@ -46,7 +46,7 @@ def test_the_minimum_is_that_of_cvxpy_on_the_same_cone(planar2, rng, count):
     a, b, bounds = made_up(rng, bodies)
     free = bounded_solve(a, b, *bounds)
     assert any(not body.exists(free[list(body.columns)]) for body in bodies)
-    found = possible_minimum(a, b, bounds, free, [(body, np.array(body.columns)) for body in bodies])
+    found, _ = possible_minimum(a, b, bounds, free, [(body, np.array(body.columns)) for body in bodies])
     wanted = by_cvxpy(a, b, bounds, bodies)
 
     def loss(x):
@@ -55,6 +55,18 @@ def test_the_minimum_is_that_of_cvxpy_on_the_same_cone(planar2, rng, count):
     assert all(body.exists(found[list(body.columns)]) for body in bodies)
     assert np.all((found >= bounds[0] - 1e-9) & (found <= bounds[1] + 1e-9))
     assert loss(found) - loss(wanted) < 1e-5 * (loss(wanted) - loss(free))
+
+
+def test_the_minimum_is_the_same_whatever_a_search_for_it_begins_to_hold(planar2, rng):
+    bodies = [body_of(planar2, k + 1, tuple(range(10 * k, 10 * k + 10))) for k in range(2)]
+    a, b, bounds = made_up(rng, bodies)
+    free, places = bounded_solve(a, b, *bounds), [(body, np.array(body.columns)) for body in bodies]
+    found, _ = possible_minimum(a, b, bounds, free, places)
+    bounded = np.isfinite(bounds[0])
+    wrong = Binding((False, True), bounded & (found > bounds[0]), np.zeros_like(bounded))
+    again, binding = possible_minimum(a, b, bounds, free, places, wrong)
+    assert again @ a @ again - 2.0 * b @ again == pytest.approx(found @ a @ found - 2.0 * b @ found, rel=1e-6)
+    np.testing.assert_array_equal(binding.low, bounded & (again <= bounds[0]))
 
 
 def test_a_load_within_reach_makes_a_body_that_exists_and_its_absence_none(planar2):
