@@ -1,13 +1,17 @@
 """Minimum of a quadratic loss over inertial parameters of bodies that can exist: a compiled interior-point method.
 
-The unknowns are the ten entries of each pseudo-inertia, where the cone is simplest: with ``V`` the inverse, the barrier
-``-log det`` has the gradient ``-V`` and the Hessian ``tr(V B_k V B_l)``, with ``B_k`` the symmetric unit matrices
-[Boyd]_. Newton's method follows the central path from bodies inside the cone. A general solver of cones takes 2.5 times
-as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for many minima.
+The unknowns are the ten entries of each pseudo-inertia ``S``, where the cone is simplest, and a multiplier ``Z`` of
+each. At the minimum ``S Z`` is zero. Steps solve for both at once, where ``S Z`` is a multiple of the identity that
+falls from step to step: the direction of [Helmberg]_, with the Hessian ``tr(S^-1 B_k Z B_l)`` of the symmetric unit
+matrices ``B_k``, and a predicted step whose products the next one corrects [Mehrotra]_. A general solver of cones takes
+five times as long for one body (benchmarks/test_cone_minimum_benchmark.py), and a diagnosis asks for many minima.
 
 References:
-    .. [Boyd] S. Boyd, L. Vandenberghe, Convex Optimization, Cambridge University Press, 2004, sections 11.3 and 11.6.
-       Minima are checked against Clarabel in tests/identification/diagnosis/fit/test_cone_minimum.py.
+    .. [Helmberg] C. Helmberg, F. Rendl, R. J. Vanderbei, H. Wolkowicz, An interior-point method for semidefinite
+       programming, SIAM Journal on Optimization 6(2), 1996.
+    .. [Mehrotra] S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM Journal on
+       Optimization 2(4), 1992. Minima are checked against Clarabel in
+       tests/identification/diagnosis/fit/test_cone_minimum.py.
 """
 
 from __future__ import annotations
@@ -25,14 +29,14 @@ _PLACES = np.array([(i, j) for i in range(4) for j in range(i, 4)])
 # Gap between loss and lower bound at which the iteration ends: as a share of what the cone costs, and in squared
 # deviations where that is small.
 _GAP = 1e-6
-# Factor by which the weight of the loss grows from one point of the central path to the next.
-_FASTER = 20.0
-# Largest number of steps, shortened ones included; forty are usual.
-_STEPS = 600
-# A point is on the path where the square of Newton's decrement is below this.
-_ON_PATH = 0.1
-# Part of the expected decrease that a step has to reach, and the factor that shortens it if it does not.
-_DECREASE, _SHORTER = 0.1, 0.6
+# Largest number of steps; twenty are usual.
+_STEPS = 60
+# Least share of the present products of bodies and multipliers that a step aims at.
+_LEAST_AIM = 0.01
+# Share of the way to the edge of the cone that a step goes.
+_INSIDE = 0.95
+# Factor that shortens a step until it stays inside, and how often it may.
+_SHORTER, _SHORTENED = 0.8, 60
 
 
 def _unit(i: int, j: int) -> Array:
@@ -61,6 +65,34 @@ class Cone(NamedTuple):
     places: Array
 
 
+class Path(NamedTuple):
+    """Where the iteration is: bodies, slacks of their reach, multipliers, and the next step of all.
+
+    Attributes:
+        inertias, inverses: Pseudo-inertias and their inverses, ``(B, 4, 4)``.
+        multipliers: Of the pseudo-inertias, ``(B, 4, 4)``.
+        change, answer: Steps of pseudo-inertias and multipliers, ``(B, 4, 4)``.
+        bent: What the products of both steps change in the answer, ``(B, 4, 4)``.
+        slacks, forces: Slacks of the reach and their multipliers, ``(B, F)``.
+        opened, pushed: Steps of slacks and multipliers, ``(B, F)``.
+        curved: As ``bent``, ``(B, F)``.
+        work: Room for one matrix, ``(4, 4)``.
+    """
+
+    inertias: Array
+    inverses: Array
+    multipliers: Array
+    change: Array
+    answer: Array
+    bent: Array
+    slacks: Array
+    forces: Array
+    opened: Array
+    pushed: Array
+    curved: Array
+    work: Array
+
+
 def best_bodies(
     a: Float[Array, "10B 10B"], b: Float[Array, " 10B"], given: Float[Array, "B 10"], reach: Float[Array, "B F 10"]
 ) -> Float[Array, " 10B"]:
@@ -74,174 +106,285 @@ def best_bodies(
     """
     count = len(given)
     standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)
-    change, room, inverse = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count)), np.empty((count, 4, 4))
+    change, room = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count))
     cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES)
-    _follow_path(standard.T @ a @ standard, standard.T @ b, cone, change, room, inverse)
-    # Given bodies on the edge of the cone stay as they are: no step from there is accepted.
+    path = Path._make([*np.zeros((6, count, 4, 4)), *np.zeros((5, *reach.shape[:2])), np.zeros((4, 4))])
+    _minimise(standard.T @ a @ standard, standard.T @ b, cone, path, change, room)
+    # Given bodies on the edge of the cone stay as they are: no step from there stays inside.
     return standard @ change
 
 
 @fused
-def _follow_path(a: Array, b: Array, cone: Cone, x: Array, room: Array, inverse: Array) -> None:
-    """Follow the central path to its end.
+def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, room: Array) -> None:
+    """Go to the minimum by steps of bodies and multipliers.
 
     Args:
         a: Quadratic part over the entries of all pseudo-inertias, ``(10 B, 10 B)``.
         b: Linear part.
         cone: The bodies.
+        path: Zeros.
         x: Changes of the entries: zero at first, then the minimum.
-        room: Work array: rows for a matrix, one for a gradient, one for a step, which is zero at first.
-        inverse: Work array for the inverse of each pseudo-inertia, ``(B, 4, 4)``.
+        room: Work array: rows for a matrix, one for a slope and one for a step.
     """
     n = len(x)
-    hessian, gradient, step = room[:n], room[n], room[n + 1]
+    hessian, slope, step = room[:n], room[n], room[n + 1]
     numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
-    # How much lower the loss could be than that of the given bodies without the cone: this gives the first weight.
+    # How much lower the loss could be than that of the given bodies without the cone: this gives the first multipliers.
     most = 0.0
-    for i in range(n):
-        gradient[i] = b[i]
-        for j in range(n):
-            hessian[i, j] = a[i, j]
+    _set_up(a, b, x, hessian, slope)
     _factorise(hessian)
-    _solve(hessian, gradient)
     for i in range(n):
-        most += 0.5 * b[i] * gradient[i]
-    weight = numbers / max(most, _GAP)
-    length, least, decrement = 0.0, np.inf, 0.0
-    # Slope and curvature of the loss along a step: in a difference of two losses the small change would be rounding.
-    slope, bend = 0.0, 0.0
+        step[i] = b[i]
+    _solve(hessian, step)
+    for i in range(n):
+        most += 0.5 * b[i] * step[i]
+    if not _placed(cone, path, x):
+        return
+    _begin(max(most, _GAP) / numbers, path)
+    # Part of the multipliers' equations that is still open.
+    still_open = 1.0
     for _ in range(_STEPS):
-        barrier = _barrier(length, cone, x, step, inverse)
-        change = weight * length * (slope + 0.5 * length * bend)
-        if not change + barrier <= least - _DECREASE * length * decrement:
-            length *= _SHORTER
-            continue
-        for i in range(n):
-            x[i] += length * step[i]
-        loss = _set_up(weight, a, b, cone, x, hessian, gradient, inverse)
+        loss, gap = _set_up(a, b, x, hessian, slope), _gap(0.0, path)
+        if max(gap, still_open * most) <= _GAP * max(loss + most, 1.0):
+            return
+        _add_curvature(cone, path, hessian)
         _factorise(hessian)
-        for i in range(n):
-            step[i] = -gradient[i]
-        _solve(hessian, step)
-        decrement, slope, bend = 0.0, 0.0, 0.0
-        for i in range(n):
-            decrement -= gradient[i] * step[i]
-            along = pull = 0.0
-            for j in range(n):
-                along += a[i, j] * x[j]
-                pull += a[i, j] * step[j]
-            slope += (along - b[i]) * step[i]
-            bend += pull * step[i]
-        length, least = 1.0, barrier
-        if decrement < _ON_PATH:
-            if numbers <= weight * _GAP * max(loss + most, 1.0):
-                return
-            # The next point of the path is sought from here.
-            weight *= _FASTER
-            length, least = 0.0, np.inf
+        # How far a step to the minimum itself would come says where the next one aims at, and its products correct it.
+        length = _step(0.0, cone, path, hessian, slope, step)
+        aim = gap / numbers * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
+        _bend(path)
+        length = _INSIDE * _step(aim, cone, path, hessian, slope, step)
+        still_open *= 1.0 - length
+        _advance(length, path, x, step)
+        if length <= 0.0 or not _placed(cone, path, x):
+            return
 
 
 @inlined
-def _barrier(length: float, cone: Cone, x: Array, step: Array, factors: Array) -> float:
-    """Barrier at the end of a step, infinite outside of the cone; the Cholesky factors are kept."""
-    start, reach, places = cone
-    barrier, n = 0.0, len(places)
-    for body in range(len(start)):
-        factor = factors[body]
-        for k in range(n):
-            factor[places[k, 1], places[k, 0]] = start[body, k] + x[body * n + k] + length * step[body * n + k]
-        for r in range(reach.shape[1]):
-            slack = 0.0
-            for k in range(n):
-                slack += reach[body, r, k] * factor[places[k, 1], places[k, 0]]
-            if not slack > 0.0:
-                return np.inf
-            barrier -= np.log(slack)
-        for j in range(len(factor)):
-            pivot = factor[j, j]
-            for k in range(j):
-                pivot -= factor[j, k] * factor[j, k]
-            if not pivot > 0.0:
-                return np.inf
-            barrier -= np.log(pivot)
-            factor[j, j] = np.sqrt(pivot)
-            for i in range(j + 1, len(factor)):
-                left = factor[i, j]
-                for k in range(j):
-                    left -= factor[i, k] * factor[j, k]
-                factor[i, j] = left / factor[j, j]
-    return barrier
-
-
-@inlined
-def _set_up(
-    weight: float,
-    a: Array,
-    b: Array,
-    cone: Cone,
-    x: Array,
-    hessian: Array,
-    gradient: Array,
-    inverses: Array,
-) -> float:
-    """Write Hessian and gradient of loss and barrier; Cholesky factors of the pseudo-inertias become their inverses.
-
-    Returns:
-        The loss.
-    """
+def _set_up(a: Array, b: Array, x: Array, hessian: Array, slope: Array) -> float:
+    """Write the slope of the loss and its Hessian, and return the loss."""
+    n = len(x)
+    for i in range(n):
+        slope[i] = -b[i]
+    for i in range(n):
+        for j in range(n):
+            slope[j] += a[i, j] * x[i]
+            hessian[i, j] = a[i, j]
     loss = 0.0
-    for i in range(len(x)):
-        slope = -b[i]
-        for j in range(len(x)):
-            slope += a[i, j] * x[j]
-            hessian[i, j] = weight * a[i, j]
-        gradient[i] = weight * slope
-        loss += 0.5 * x[i] * (slope - b[i])
-    start, reach, places = cone
-    n = len(places)
-    for body in range(len(start)):
-        inverse, first = inverses[body], body * n
-        _invert(inverse)
-        for k in range(n):
-            i, j = places[k, 0], places[k, 1]
-            gradient[first + k] -= inverse[i, j] if i == j else 2.0 * inverse[i, j]
-            for c in range(k, n):
-                p, q = places[c, 0], places[c, 1]
-                pair = inverse[i, p] * inverse[j, q] + inverse[i, q] * inverse[j, p]
-                hessian[first + k, first + c] += (1.0 if i == j else 2.0) * (0.5 if p == q else 1.0) * pair
-        for r in range(reach.shape[1]):
-            slack = 0.0
-            for k in range(n):
-                slack += reach[body, r, k] * (start[body, k] + x[first + k])
-            for k in range(n):
-                part = reach[body, r, k] / slack
-                gradient[first + k] -= part
-                for c in range(k, n):
-                    hessian[first + k, first + c] += part * reach[body, r, c] / slack
+    for i in range(n):
+        loss += 0.5 * x[i] * (slope[i] - b[i])
     return loss
 
 
 @inlined
-def _invert(inverse: Array) -> None:
-    """Overwrite the Cholesky factor of a matrix with its inverse."""
-    m = len(inverse)
-    for j in range(m):
+def _begin(mean: float, path: Path) -> None:
+    """Write the first multipliers: a multiple of the inverses."""
+    for body in range(len(path.inertias)):
+        for i in range(4):
+            for j in range(4):
+                path.multipliers[body, i, j] = mean * path.inverses[body, i, j]
+        for r in range(path.slacks.shape[1]):
+            path.forces[body, r] = mean / path.slacks[body, r]
+
+
+@inlined
+def _advance(length: float, path: Path, x: Array, step: Array) -> None:
+    """Take a part of the step; nothing is corrected any more."""
+    for i in range(len(x)):
+        x[i] += length * step[i]
+    for body in range(len(path.inertias)):
+        for i in range(4):
+            for j in range(4):
+                path.multipliers[body, i, j] += length * path.answer[body, i, j]
+                path.bent[body, i, j] = 0.0
+        for r in range(path.slacks.shape[1]):
+            path.forces[body, r] += length * path.pushed[body, r]
+            path.curved[body, r] = 0.0
+
+
+@inlined
+def _placed(cone: Cone, path: Path, x: Array) -> bool:
+    """Write pseudo-inertias, their inverses and the slacks; False if one is outside of the cone."""
+    start, reach, places = cone
+    n = len(places)
+    for body in range(len(start)):
+        inertia = path.inertias[body]
+        for k in range(n):
+            entry = start[body, k] + x[body * n + k]
+            inertia[places[k, 0], places[k, 1]] = inertia[places[k, 1], places[k, 0]] = entry
+        for r in range(reach.shape[1]):
+            slack = 0.0
+            for k in range(n):
+                slack += reach[body, r, k] * inertia[places[k, 0], places[k, 1]]
+            path.slacks[body, r] = slack
+            if not slack > 0.0:
+                return False
+        if not _invert(inertia, path.inverses[body]):
+            return False
+    return True
+
+
+@inlined
+def _gap(length: float, path: Path) -> float:
+    """Bodies and slacks times their multipliers after a part of a step: the loss above its lower bound."""
+    gap = 0.0
+    for body in range(len(path.inertias)):
+        for i in range(4):
+            for j in range(4):
+                here = path.inertias[body, i, j] + length * path.change[body, i, j]
+                gap += here * (path.multipliers[body, i, j] + length * path.answer[body, i, j])
+        for r in range(path.slacks.shape[1]):
+            slack = path.slacks[body, r] + length * path.opened[body, r]
+            gap += slack * (path.forces[body, r] + length * path.pushed[body, r])
+    return gap
+
+
+@inlined
+def _add_curvature(cone: Cone, path: Path, hessian: Array) -> None:
+    """Add the curvature of all bodies to the upper triangle of the Hessian."""
+    reach, places = cone.reach, cone.places
+    n = len(places)
+    for body in range(len(cone.start)):
+        inverse, multiplier, first = path.inverses[body], path.multipliers[body], body * n
+        for k in range(n):
+            i, j = places[k, 0], places[k, 1]
+            for c in range(k, n):
+                p, q = places[c, 0], places[c, 1]
+                pair = inverse[q, i] * multiplier[j, p] + inverse[q, j] * multiplier[i, p]
+                pair += inverse[p, i] * multiplier[j, q] + inverse[p, j] * multiplier[i, q]
+                hessian[first + k, first + c] += (0.5 if i == j else 1.0) * (0.5 if p == q else 1.0) * pair
+        for r in range(reach.shape[1]):
+            stiffness = path.forces[body, r] / path.slacks[body, r]
+            for k in range(n):
+                for c in range(k, n):
+                    hessian[first + k, first + c] += stiffness * reach[body, r, k] * reach[body, r, c]
+
+
+@fused
+def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step: Array) -> float:
+    """Write the step to where bodies times multipliers are ``aim``.
+
+    Returns:
+        The part of it that stays inside of the cone, at most one.
+    """
+    reach, places = cone.reach, cone.places
+    n = len(places)
+    for body in range(len(cone.start)):
+        for k in range(n):
+            i, j = places[k, 0], places[k, 1]
+            pull = (1.0 if i == j else 2.0) * (aim * path.inverses[body, i, j] - path.bent[body, i, j])
+            for r in range(reach.shape[1]):
+                pull += reach[body, r, k] * (aim - path.curved[body, r]) / path.slacks[body, r]
+            step[body * n + k] = pull - slope[body * n + k]
+    _solve(factor, step)
+    length = 1.0
+    for body in range(len(cone.start)):
+        change, answer = path.change[body], path.answer[body]
+        for k in range(n):
+            change[places[k, 0], places[k, 1]] = change[places[k, 1], places[k, 0]] = step[body * n + k]
+        for r in range(reach.shape[1]):
+            opened = 0.0
+            for k in range(n):
+                opened += reach[body, r, k] * step[body * n + k]
+            slack, force = path.slacks[body, r], path.forces[body, r]
+            pushed = (aim - path.curved[body, r] - force * opened) / slack - force
+            path.opened[body, r], path.pushed[body, r] = opened, pushed
+            if opened < 0.0:
+                length = min(length, -slack / opened)
+            if pushed < 0.0:
+                length = min(length, -force / pushed)
+        _mixed(path.inverses[body], change, path.multipliers[body], path.work, answer)
+        for i in range(4):
+            for j in range(4):
+                kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.bent[body, i, j]
+                answer[i, j] = kept - answer[i, j]
+        length = _inside(length, path.inertias[body], change, path.work)
+        length = _inside(length, path.multipliers[body], answer, path.work)
+    return length
+
+
+@inlined
+def _bend(path: Path) -> None:
+    """Write what the products of a predicted step change in the multipliers."""
+    for body in range(len(path.inertias)):
+        _mixed(path.inverses[body], path.change[body], path.answer[body], path.work, path.bent[body])
+        for r in range(path.slacks.shape[1]):
+            path.curved[body, r] = path.opened[body, r] * path.pushed[body, r]
+
+
+@inlined
+def _mixed(left: Array, middle: Array, right: Array, work: Array, out: Array) -> None:
+    """Write the symmetric part of the product of three matrices."""
+    for i in range(4):
+        for j in range(4):
+            work[i, j] = 0.0
+            for k in range(4):
+                work[i, j] += left[i, k] * middle[k, j]
+    for i in range(4):
+        for j in range(i + 1):
+            both = 0.0
+            for k in range(4):
+                both += work[i, k] * right[k, j] + work[j, k] * right[k, i]
+            out[i, j] = out[j, i] = 0.5 * both
+
+
+@inlined
+def _inside(length: float, matrix: Array, change: Array, factor: Array) -> float:
+    """The length of a step, shortened until a matrix stays positive definite; zero if it does not."""
+    for _ in range(_SHORTENED):
+        for i in range(4):
+            for j in range(i + 1):
+                factor[i, j] = matrix[i, j] + length * change[i, j]
+        if _has_factor(factor):
+            return length
+        length *= _SHORTER
+    return 0.0
+
+
+@inlined
+def _has_factor(factor: Array) -> bool:
+    """Overwrite the lower triangle of a matrix with its Cholesky factor; False if it is not positive definite."""
+    for j in range(4):
+        pivot = factor[j, j]
+        for k in range(j):
+            pivot -= factor[j, k] * factor[j, k]
+        if not pivot > 0.0:
+            return False
+        factor[j, j] = np.sqrt(pivot)
+        for i in range(j + 1, 4):
+            left = factor[i, j]
+            for k in range(j):
+                left -= factor[i, k] * factor[j, k]
+            factor[i, j] = left / factor[j, j]
+    return True
+
+
+@inlined
+def _invert(matrix: Array, inverse: Array) -> bool:
+    """Write the inverse of a positive definite matrix; False if it is not one."""
+    for i in range(4):
+        for j in range(i + 1):
+            inverse[i, j] = matrix[i, j]
+    if not _has_factor(inverse):
+        return False
+    for j in range(4):
         inverse[j, j] = 1.0 / inverse[j, j]
-        for i in range(j + 1, m):
+        for i in range(j + 1, 4):
             left = 0.0
             for k in range(j, i):
                 left -= inverse[i, k] * inverse[k, j]
             inverse[i, j] = left / inverse[i, i]
     # Row by row into the upper triangle: finished rows of the lower one are not needed any more.
-    for i in range(m):
+    for i in range(4):
         for j in range(i + 1):
             total = 0.0
-            for k in range(i, m):
+            for k in range(i, 4):
                 total += inverse[k, i] * inverse[k, j]
             inverse[j, i] = total
-    for i in range(m):
+    for i in range(4):
         for j in range(i):
             inverse[i, j] = inverse[j, i]
+    return True
 
 
 @inlined
