@@ -20,7 +20,7 @@ from places import CHECKOUT
 SEED = 12  # a pendulum: the quickest to move
 # An effect and a null; by night pendulum, planar arm, three-joint arm and PHANToM, an offset, and each other kind. With
 # them at least so many of these single effects of four noise floors or more that are named.
-FEW = (("single", range(12, 13)), ("null", range(1)))
+FEW = (("single", range(SEED, SEED + 1)), ("null", range(SEED, SEED + 1)))
 SOME = (("single", range(1, 4)), *FEW, ("pair", range(1, 2)), ("outside", range(1)))
 LARGE = 4.0
 

@@ -52,8 +52,8 @@ LESSONS = [page for page in PAGES if page.parent.name in ("tutorials", "how_to")
 
 OTHERS = [page for page in PAGES if page not in LESSONS and snippets(page)]
 
-# An arm of six joints: its diagnosis takes longest.
-LONG = {"ur_rtde"}
+# An arm of six joints takes longest, and laws of a user are compiled.
+LONG = {"ur_rtde", "own_effects"}
 
 
 @pytest.mark.whole

@@ -119,7 +119,7 @@ def command(tmp_path):
             [sys.executable, "-m", "identification.cli", *line.split()],
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most)),
             # Python would cut its own byte code off at the limit, and a later process would stumble over it.
-            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/proc/nowhere"} | environment,
+            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"} | environment,
             cwd=tmp_path,
             capture_output=True,
             text=True,

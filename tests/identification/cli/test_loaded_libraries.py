@@ -114,6 +114,7 @@ def test_the_models_say_that_they_have_no_place_for_it(diagnosed):
 
 
 @pytest.mark.whole
+@pytest.mark.nightly
 def test_with_reads_the_finding_back(covered, diagnosed, capsys):
     known = ["--with", str(diagnosed / "corrected.yaml")]
     assert main(["diagnose", str(ARM), str(covered), *known, "--effects", str(FILE)]) == 0

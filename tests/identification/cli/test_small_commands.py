@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.cli import doctor_command, view_command
 from identification.cli.doctor_command import required
 from identification.cli.main import main
@@ -233,13 +234,17 @@ def degraded(clean: Path, out: Path, *words: str) -> int:
 @pytest.mark.whole
 @pytest.mark.parametrize(
     ("effect", "joint", "settings"),
-    [
-        ("coulomb_friction", "elbow", ["torque=0.3"]),
-        ("cogging", "elbow", ["order=12", "amplitude=0.15", "phase=0.5"]),
-        ("torque_constant", "shoulder", ["ratio=0.8"]),
-        ("input_delay", "elbow", ["delay=0.006"]),
-        ("backlash", "elbow", ["gap=0.002"]),
-    ],
+    by_night(
+        [
+            ("coulomb_friction", "elbow", ["torque=0.3"]),
+            ("cogging", "elbow", ["order=12", "amplitude=0.15", "phase=0.5"]),
+            ("torque_constant", "shoulder", ["ratio=0.8"]),
+            ("input_delay", "elbow", ["delay=0.006"]),
+            ("backlash", "elbow", ["gap=0.002"]),
+        ],
+        0,
+        3,
+    ),
 )
 def test_the_diagnosis_finds_what_was_degraded(clean, tmp_path, effect, joint, settings):
     # Known truth: what was put in, and nothing else.

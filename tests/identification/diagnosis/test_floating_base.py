@@ -1,5 +1,8 @@
 """Robots that are not bolted down. Oracle: known truth, on torques that Pinocchio computes for a free-flyer."""
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from floating_leg import log_of_leg, with_sensor_errors, written_leg
 from identification.data.floating.base_errors import SENSOR_ERRORS
 from identification.data.reading import recording
 from identification.data.recording import Table
+from identification.diagnosis.result import Diagnosis
 from identification.export.all_files import export_texts
 from identification.identify.identify import identify
 from identification.pipeline import diagnose
@@ -15,16 +19,24 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.loading import load_robot
 
 
-def diagnosed(folder, rng, **options):
-    file = written_leg(folder)
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory) -> Callable[..., Diagnosis]:
+    """Diagnosis of the leg that hangs or steps, and may rub, made once of each."""
+    file = written_leg(tmp_path_factory.mktemp("leg"))
     robot = load_robot(file)
-    return diagnose(robot, (recording(Table("log.csv", log_of_leg(file, rng, **options)), robot),))
+
+    @cache
+    def run(*, steps: bool, dry: float) -> Diagnosis:
+        columns = log_of_leg(file, np.random.default_rng(1), steps=steps, dry=dry)
+        return diagnose(robot, (recording(Table("log.csv", columns), robot),))
+
+    return run
 
 
 @pytest.mark.whole
 @pytest.mark.parametrize("steps", [False, True])
-def test_a_leg_as_modelled_has_no_gap_whatever_its_foot_stands_on(tmp_path, rng, steps):
-    assert diagnosed(tmp_path, rng, steps=steps).verdict == "no_gap"
+def test_a_leg_as_modelled_has_no_gap_whatever_its_foot_stands_on(diagnosed, steps):
+    assert diagnosed(steps=steps, dry=0.0).verdict == "no_gap"
 
 
 def with_errors(folder, rng, **options):
@@ -55,8 +67,8 @@ def test_friction_is_found_beside_ordinary_errors_of_the_bases_sensors(tmp_path,
 
 @pytest.mark.whole
 @pytest.mark.parametrize("steps", [False, True])
-def test_friction_of_the_knee_is_found_in_the_air(tmp_path, rng, steps):
-    found = diagnosed(tmp_path, rng, steps=steps, dry=0.3)
+def test_friction_of_the_knee_is_found_in_the_air(diagnosed, steps):
+    found = diagnosed(steps=steps, dry=0.3)
     assert [(one.effect, one.joint) for one in found.findings] == [("coulomb_friction", "knee")]
     torque = found.findings[0].parameters["torque"]
     assert torque.value == pytest.approx(0.3, abs=0.03)
@@ -64,9 +76,9 @@ def test_friction_of_the_knee_is_found_in_the_air(tmp_path, rng, steps):
 
 
 @pytest.mark.whole
-def test_no_feedforward_is_written_as_nobody_knows_how_the_base_will_move(tmp_path, rng):
-    found = diagnosed(tmp_path, rng, dry=0.3)
-    texts, said = export_texts(found, load_robot(tmp_path / "robot.urdf"), folder=tmp_path)
+def test_no_feedforward_is_written_as_nobody_knows_how_the_base_will_move(diagnosed, tmp_path):
+    found = diagnosed(steps=False, dry=0.3)
+    texts, said = export_texts(found, load_robot(written_leg(tmp_path)), folder=tmp_path)
     assert {"corrected.urdf", "corrected.xml", "corrected.yaml", "isaac_lab.py"} <= set(texts)
     assert not {"feedforward.py", "feedforward.csv"} & set(texts)
     assert any(
@@ -76,15 +88,15 @@ def test_no_feedforward_is_written_as_nobody_knows_how_the_base_will_move(tmp_pa
 
 
 @pytest.mark.whole
-def test_the_base_moves_in_the_files_proof_as_in_the_recording(tmp_path, rng):
-    replay = diagnosed(tmp_path, rng, dry=0.3).replay
+def test_the_base_moves_in_the_files_proof_as_in_the_recording(diagnosed):
+    replay = diagnosed(steps=False, dry=0.3).replay
     (log,) = replay.logs
     np.testing.assert_array_equal(replay.base.columns, log.motion.base.columns[log.samples])
 
 
 @pytest.mark.whole
-def test_no_sample_counts_whose_filter_reaches_a_contact(tmp_path, rng):
-    hanging, stepping = (diagnosed(tmp_path, rng, steps=steps).joints[0].hold_out_samples for steps in (False, True))
+def test_no_sample_counts_whose_filter_reaches_a_contact(diagnosed):
+    hanging, stepping = (diagnosed(steps=steps, dry=0.0).joints[0].hold_out_samples for steps in (False, True))
     assert 0 < stepping < 0.5 * hanging
 
 

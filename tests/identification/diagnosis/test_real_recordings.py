@@ -80,6 +80,7 @@ def double_pendulum(data_folder: Path) -> tuple[Robot, list[Recording]]:
     ]
 
 
+@pytest.mark.nightly
 def test_a_double_pendulum_corrected_on_five_runs_lacks_nothing_for_certain_on_the_others(double_pendulum):
     robot, runs = double_pendulum
     assert claims(judged_beside(robot, tuple(runs[0::2]), tuple(runs[1::2]))) == []
