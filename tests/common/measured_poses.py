@@ -6,6 +6,7 @@ Forward kinematics and weights are written again from the URDF with NumPy: a rob
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from xml.etree import ElementTree
 
 import numpy as np
@@ -143,6 +144,7 @@ def _placed(joints: list, q: Mapping[str, float]) -> dict[str, Array]:
     return out
 
 
+@cache
 def _joints(text: str) -> list:
     out = []
     for joint in ElementTree.fromstring(text).findall("joint"):
@@ -154,6 +156,7 @@ def _joints(text: str) -> list:
     return out
 
 
+@cache
 def masses_of(text: str) -> list:
     """Links with mass of a URDF: name, mass [kg], centre of mass [m]."""
     out = []
