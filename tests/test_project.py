@@ -1,3 +1,5 @@
+"""Tests that step MuJoCo leave no log of its warnings in the working folder."""
+
 import os
 import re
 import shutil
@@ -6,8 +8,10 @@ import sys
 import tomllib
 import zipfile
 import zlib
+from pathlib import Path
 
 import jaxtyping
+import mujoco
 import numpy as np
 import pytest
 
@@ -153,3 +157,17 @@ def test_without_the_recordings_a_test_is_skipped_but_under_ci_it_fails(ci, outc
     child = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert outcome in child.stdout
     assert f"the real recordings are not at {tmp_path / 'missing'}: set PHANTOM_DYN_DATA" in child.stdout
+
+
+SLIDER = """<mujoco><worldbody><body><joint type="slide"/><geom size="0.1"/></body></worldbody></mujoco>"""
+
+
+def test_a_simulation_that_runs_away_writes_no_log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    model = mujoco.MjModel.from_xml_string(SLIDER)
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.nan
+    mujoco.mj_step(model, data)
+    # MuJoCo has warned.
+    assert data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number > 0
+    assert not Path("MUJOCO_LOG.TXT").exists()

@@ -11,7 +11,7 @@ References:
        programming, SIAM Journal on Optimization 6(2), 1996.
     .. [Mehrotra] S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM Journal on
        Optimization 2(4), 1992. Minima are checked against Clarabel in
-       tests/identification/diagnosis/fit/test_cone_minimum.py.
+       tests/identification/diagnosis/fit/test_possible_bodies.py.
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
 """Poses alone from a file to all that is written. Oracle: forward kinematics without Pinocchio on other poses, MuJoCo,
-and the numbers that were put in."""
+and the numbers that were put in.
+
+One log with torques and poses. Oracle: an arm whose encoder reads too much, moved by the inverse dynamics of where
+it truly is, with forward kinematics written without Pinocchio.
+"""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +17,21 @@ from identification.cli.main import main
 from identification.data.recording import Recording
 from identification.diagnosis.columns.known_geometry import with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.diagnosis.result import Finding, Value
-from identification.export.corrected.corrected_yaml import known_effects
+from identification.diagnosis.result import Diagnosis, Finding, Value
+from identification.export.all_files import export_texts
+from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.geometry.diagnose_poses import diagnose_poses
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
 from identification.reporting.stored.diagnosis_files import json_text, to_json
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_notes
+from identification.words.geometry_words import all_findings
 from identification.words.note_words import sentences
 from phantom_dyn.errors import ParameterError
-from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint
+from places import ROBOTS
+from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint, pose, quaternions
 
 ZERO, PLACE = {"shoulder_lift_joint": 0.003}, ("wrist_1_joint", (0.002, 0, 0.001), (0, 0, 0))
 
@@ -203,3 +212,66 @@ def test_a_zero_that_torques_show_as_well_is_compared(ur10, tracked, by_torque, 
     (sentence,) = sentences(zero_notes((finding,), poses))
     assert sentence.startswith("The zero of shoulder_lift_joint is off by ")
     assert sentence.endswith(f"{end}.")
+
+
+OFFSET = 0.05
+
+
+@pytest.fixture(scope="module")
+def found(lab, arm, trusted) -> Diagnosis:
+    motion = lab.motion(3, seconds=8.0)
+    recording = lab.recording(arm, motion)
+    moved = {joint: motion.q[:, k] for k, joint in enumerate(arm.joint_names)}
+    text = (ROBOTS / "arm3.urdf").read_text()
+    p, R = measured(TrueRobot(text), "tool", moved, tracker=pose((1, 2, 0), (0, 0, 1)))
+    p = p + 1e-4 * np.random.default_rng(0).standard_normal(p.shape)
+    q = recording.q + OFFSET * (np.arange(3) == 1)
+    posed = replace(recording, q=q, positions={"tool": p}, orientations={"tool": quaternions(R)})
+    return diagnose(trusted(arm), (posed,))
+
+
+def _zeros(findings) -> list[float]:
+    return [one.parameters["offset"].value for one in findings if (one.effect, one.joint) == ("encoder_offset", "tilt")]
+
+
+def test_the_zero_is_found_in_poses_beside_what_torques_show(found):
+    assert _zeros(all_findings(found)[len(found.findings) :]) == [pytest.approx(OFFSET, abs=2e-4)]
+
+
+def test_a_zero_that_both_show_is_told_to_be_the_same(found):
+    assert _zeros(found.findings) == [pytest.approx(OFFSET, rel=0.1)]
+    assert found.geometry is not None
+    (sentence,) = sentences(found.geometry.notes)
+    assert sentence.startswith("The zero of tilt is off by")
+    assert sentence.endswith("they agree.")
+
+
+def test_the_file_has_the_findings_of_both_and_one_verdict(found):
+    content = to_json(found)
+    findings = content["findings"]
+    assert isinstance(findings, list)
+    assert [one.get("measured") for one in findings if isinstance(one, dict)][-1] == "poses"
+    assert content["verdict"] == "explained"
+
+
+def test_terminal_and_page_tell_both(found, arm):
+    said, page = summary(found), report_html(found, arm)
+    assert "RMS torque residual" in said
+    assert "Measured poses: tool is off by" in said
+    assert "Gap of each joint" in page
+    assert "<h2>Measured poses</h2>" in page
+
+
+def test_a_zero_that_both_show_is_corrected_once(found):
+    assert write_corrected(found, "arm3.urdf", "").count("effect: encoder_offset") == 1
+
+
+@pytest.mark.parametrize(("by_torque", "said"), [(True, False), (False, True)])
+def test_a_law_for_control_says_what_only_poses_showed(found, arm, tmp_path, by_torque, said):
+    # Without its findings the model leaves more than is claimed, so nothing is run.
+    one = found if by_torque else replace(found, findings=(), replay=None)
+    _, noted = export_texts(one, arm, folder=tmp_path)
+    assert (
+        any("feedforward.py has no place for what poses showed: it has tilt" in note for note in sentences(noted.notes))
+        == said
+    )

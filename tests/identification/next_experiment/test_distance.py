@@ -1,11 +1,21 @@
-"""Distance between rivals and motions that separate them."""
+"""Distance between rivals and motions that separate them.
+
+Candidate motions that are safe.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.result import EffectAt
+from identification.data.log import Log
+from identification.data.signals import low_pass
+from identification.diagnosis.explanation import Explanation
+from identification.diagnosis.noise.noise_floor import estimate_noise
+from identification.diagnosis.result import EffectAt, Finding, Rival
+from identification.excitation.closable import CLEAR
+from identification.next_experiment.advise import proposed
+from identification.next_experiment.candidates import SmallReversals, candidates, design_of, exciting, safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, Model
 from identification.next_experiment.separation import (
     Pair,
@@ -18,9 +28,13 @@ from identification.next_experiment.separation import (
     separation,
 )
 from identification.next_experiment.trials import followed
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.loops.solver import distance_from_singularity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.motion import Motion
+from places import ROBOTS
 
 
 def model(
@@ -200,3 +214,180 @@ def test_a_robot_that_states_no_controllers_has_no_softer_ones(slide):
 def test_a_loop_that_runs_away_gives_no_motion(slide):
     wild = tuple(replace(drive, controller=Controller(kp=KP, kd=-1e6)) for drive in slide.actuators)
     assert followed(replace(slide, actuators=wild), reference(), 1.0) is None
+
+
+KINDS = {"Fourier series", "triangles and sines", "slow triangles", "holds with small reversals"}
+
+
+def swinging(robot: Robot, reach: float = 0.5) -> Log:
+    """Every joint swings as a sine of 0.5 Hz about zero."""
+    t, w = np.arange(2000) / 200.0, np.pi * np.ones(robot.nv)
+    angle = t[:, None] * w
+    motion = Motion(t, reach * np.sin(angle), reach * w * np.cos(angle), -reach * w**2 * np.sin(angle))
+    tau = inverse_dynamics(robot, motion)
+    return Log("swing.csv", robot.joint_names, motion, tau, low_pass(20.0, 200.0), np.ones(len(t), dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    return load_robot(ROBOTS / "planar2.urdf")
+
+
+def test_limits_are_not_much_wider_than_what_was_recorded(arm):
+    # Closed form: half of the range beyond either end, and twice the speed.
+    limits = safe_limits(arm, (swinging(arm, 0.5),))
+    np.testing.assert_allclose(limits.upper, 1.0, rtol=1e-3)
+    np.testing.assert_allclose(limits.lower, -1.0, rtol=1e-3)
+    np.testing.assert_allclose(limits.velocity, 2.0 * 0.5 * np.pi, rtol=1e-3)
+
+
+def test_a_stated_torque_limit_that_is_lower_is_kept(arm):
+    from dataclasses import replace
+
+    weak = replace(arm, actuators=tuple(replace(drive, torque_limit=0.9) for drive in arm.actuators))
+    np.testing.assert_array_equal(safe_limits(weak, (swinging(arm),)).torque, 0.9)
+
+
+def test_every_candidate_keeps_position_speed_and_torque_between_its_samples_too(arm, rng):
+    # Oracle: inverse dynamics of the motion at ten times the rate it was designed at.
+    limits = safe_limits(arm, (swinging(arm),))
+    drawn = candidates(design_of(arm, limits), duration=8.0, count=16, rng=rng)
+    assert {one.kind for one in drawn} == KINDS
+    for one in (*drawn, exciting(design_of(arm, limits), 8.0, rng)):
+        motion = one.motion(500.0)
+        assert (motion.q < limits.upper + 0.01).all()
+        assert (motion.q > limits.lower - 0.01).all()
+        assert (np.abs(motion.v) < 1.02 * limits.velocity).all()
+        assert (np.abs(inverse_dynamics(arm, motion)) < 1.05 * limits.torque).all()
+        np.testing.assert_allclose(motion.v[[0, -1]], 0.0, atol=1e-9)
+
+
+def test_the_exciting_motion_tells_more_of_the_inertial_parameters_than_any_random_one(arm, rng):
+    # Oracle: the volume of their uncertainty, from the regressor of each motion.
+    limits = safe_limits(arm, (swinging(arm),))
+    problem = design_of(arm, limits)
+
+    def said(one):
+        return np.linalg.slogdet(problem.information(problem.regressor(one.motion(100.0))))[1]
+
+    best = exciting(problem, 8.0, rng)
+    assert said(best) > max(said(one) for one in candidates(problem, duration=8.0, count=16, rng=rng))
+
+
+def test_the_same_seed_draws_the_same_motions(arm):
+    limits = safe_limits(arm, (swinging(arm),))
+    one, other = (
+        candidates(design_of(arm, limits), duration=8.0, count=2, rng=np.random.default_rng(1)) for _ in range(2)
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.weights, b.weights)
+
+
+@pytest.fixture(scope="module")
+def five_bar() -> Robot:
+    return load_robot(ROBOTS / "fivebar.xml")
+
+
+def swinging_chain(robot: Robot, reach: float) -> Log:
+    """Both arms swing as sines of 0.5 and 0.4 Hz about the start."""
+    t, w = np.arange(2000) / 200.0, np.pi * np.array([1.0, 0.8])
+    angle = t[:, None] * w
+    motion = Motion(t, reach * np.sin(angle), reach * w * np.cos(angle), -reach * w**2 * np.sin(angle))
+    tau = inverse_dynamics(robot, motion)
+    return Log("swing.csv", robot.joint_names, motion, tau, low_pass(20.0, 200.0), np.ones(len(t), dtype=bool))
+
+
+def distances(robot: Robot, motion: Motion) -> np.ndarray:
+    return distance_from_singularity(robot.solutions.at(motion.q).inverse)
+
+
+@pytest.mark.nightly
+@pytest.mark.whole
+def test_every_candidate_closes_the_loop_and_stays_clear_of_a_singularity(five_bar, rng):
+    limits = safe_limits(five_bar, (swinging_chain(five_bar, 0.8),))
+    problem = design_of(five_bar, limits)
+    drawn = candidates(problem, duration=8.0, count=8, rng=rng)
+    assert len(drawn) == 8
+    for one in (*drawn, exciting(problem, 8.0, rng)):
+        motion = one.motion(300.0)
+        assert distances(five_bar, motion).min() > limits.clear - 0.01
+        assert (np.abs(inverse_dynamics(five_bar, motion)) < 1.05 * limits.torque).all()
+
+
+def test_a_robot_that_was_recorded_nearer_to_a_singularity_may_go_there_again(five_bar):
+    near = swinging_chain(five_bar, 0.1)
+    q = near.motion.q * [11.0, -11.0]
+    near = Log("near.csv", near.joint_names, Motion(near.motion.t, q, 0 * q, 0 * q), near.tau, near.band, near.valid)
+    found = float(distances(five_bar, near.motion).min())
+    assert 0.02 < found < CLEAR - 0.02
+    assert safe_limits(five_bar, (near,)).clear == pytest.approx(found)
+    assert safe_limits(five_bar, (swinging_chain(five_bar, 0.3),)).clear == CLEAR
+
+
+@pytest.mark.whole
+def test_friction_of_a_passive_joint_is_separated_from_that_of_a_drive(lab, five_bar):
+    motion = lab.motion(2, 3, swing=0.3)
+    torque = lab.acting(five_bar, motion, "coulomb_friction", "left_elbow", 0.02)
+    ready = lab.prepared(five_bar, (lab.recording(five_bar, motion, torque, noise=0.02),))
+    noise = estimate_noise(ready.session, ready.columns)[0]
+    chosen = frozenset([ready.term("coulomb_friction", "left_elbow")])
+    rivals = (Rival((EffectAt("coulomb_friction", "left"),), 0.3),)
+    finding = Finding("coulomb_friction", "left_elbow", "everywhere", {}, 0.8, (0.7, 0.9), 0.7, rivals, "one_of")
+    found = proposed(Explanation(ready.search, chosen, noise), (finding,))
+    assert found.experiment is not None
+    assert found.experiment["separates"] == [["coulomb_friction", "left_elbow"], ["coulomb_friction", "left"]]
+    assert distances(five_bar, found.motion).min() > CLEAR - 0.01
+
+
+FAMILY = SmallReversals(9.0, stops=3, reversals=4)
+
+
+def test_every_shape_begins_and_ends_at_rest():
+    np.testing.assert_allclose(FAMILY.values(np.array([0.0, 9.0]))[1:], 0.0, atol=1e-12)
+
+
+def test_velocity_and_acceleration_are_the_slopes():
+    # Oracle: central differences.
+    t, h = np.linspace(0.01, 8.99, 901), 1e-6
+    before, at, after = (FAMILY.values(t + step) for step in (-h, 0.0, h))
+    np.testing.assert_allclose(at[1], (after[0] - before[0]) / (2 * h), atol=1e-6)
+    np.testing.assert_allclose(at[2], (after[1] - before[1]) / (2 * h), atol=1e-4)
+
+
+def test_every_stop_is_held_with_reversals_of_the_size_that_was_asked_for():
+    # Closed form: a triangle of unit amplitude about each posture, the slow one on the second joint.
+    postures = np.array([[0.0, 1.0], [0.5, -1.0], [-0.3, 0.2]])
+    weights = FAMILY.weights(postures, np.full((3, 2), 0.05), np.array([False, True]))
+    t = np.linspace(0.0, 9.0, 4501)
+    q = FAMILY.values(t)[0] @ weights
+    for k, posture in enumerate(postures):
+        here = q[(t > 3.0 * k + 1.4) & (t < 3.0 * k + 2.6)]
+        np.testing.assert_allclose(here.max(axis=0) - posture, 0.05, rtol=0.03)
+        np.testing.assert_allclose(posture - here.min(axis=0), 0.05, rtol=0.03)
+
+
+def test_the_slower_triangle_turns_half_as_often():
+    t = np.linspace(0.0, 3.0, 3001)
+    v = SmallReversals(3.0, stops=1, reversals=6).values(t)[1]
+    quick, slow = (np.sum(np.diff(np.sign(column[(t > 0.9) & (t < 3.0)])) != 0) for column in v[:, 1:3].T)
+    assert quick == pytest.approx(2 * slow, abs=2)
+
+
+@pytest.mark.parametrize("duration", [0.0, np.nan, -1.0])
+def test_a_motion_without_a_length_is_refused(duration):
+    with pytest.raises(ParameterError, match="was asked for: give more than 0"):
+        SmallReversals(duration)
+
+
+def test_a_motion_without_reversals_is_refused():
+    with pytest.raises(ParameterError, match="4 postures with 1 reversals were asked for: give at least 1 with 2"):
+        SmallReversals(5.0, reversals=1)
+
+
+def test_the_farthest_posture_is_reached_at_the_largest_speed_or_acceleration():
+    # Oracle: the shapes themselves, along the way alone.
+    farthest = FAMILY.farthest(np.array([1.3, 100.0]), np.array([1e6, 7.0]))
+    weights = FAMILY.weights(np.outer([0.0, 1.0, 1.0], farthest), np.zeros((3, 2)), np.array([False, True]))
+    values = FAMILY.values(np.linspace(0.0, FAMILY.duration, 100001)) @ weights
+    assert np.abs(values[1]).max(axis=0)[0] == pytest.approx(1.3, rel=1e-4)
+    assert np.abs(values[2]).max(axis=0)[1] == pytest.approx(7.0, rel=1e-3)

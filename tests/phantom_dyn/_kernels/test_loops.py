@@ -1,11 +1,25 @@
-"""Compiled loops over samples against NumPy and SciPy."""
+"""Compiled loops over samples against NumPy and SciPy.
+
+What becomes of a function where numba is absent or off, or has nowhere to keep its machine code, and in threads.
+"""
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
 from scipy.signal import firwin, oaconvolve
 
+from phantom_dyn._kernels import jit
 from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
 from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 
 
 def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):
@@ -65,3 +79,160 @@ def test_a_column_does_not_depend_on_its_neighbours(step):
     together = filtered(KERNEL, x, step)
     for column in range(7):
         np.testing.assert_array_equal(together[:, column], filtered(KERNEL, x[:, [column]], step)[:, 0])
+
+
+# A spring of 2 N m/rad that is wound up by half a radian: known in closed form.
+SPRING = """
+from phantom_dyn.simulation.compiled.axis_steps import spring_torque
+print(spring_torque(0.5, 0.0, 2.0, 0.0, 0.0), hasattr(spring_torque, "signatures"))
+"""
+
+
+# Squares in an array that the compiled function allocates, and whether numba's means of compiling are loaded then.
+SQUARES = """
+import sys
+import numpy as np
+from phantom_dyn._kernels.jit import jit, watched_compilation
+
+@jit
+def squares(x):
+    out = np.empty_like(x)
+    for i in range(len(x)):
+        out[i] = x[i] * x[i]
+    return out
+
+if __name__ == "__main__":
+    with watched_compilation() as count:
+        for kind in sys.argv[1:]:
+            print(squares(np.array([1, 2, 3], kind)).tolist(), count.functions > 0, "numba.np.linalg" in sys.modules)
+"""
+
+
+def twice(x: float) -> float:
+    return 2 * x
+
+
+def spring_in_a_fresh_process(**environment: str) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-c", SPRING]
+    return subprocess.run(words, env=os.environ | environment, capture_output=True, text=True, check=True)
+
+
+def no_cache(folder: Path) -> dict[str, str]:
+    """Numba's words for a folder of the package and a home that cannot be written to, for any user, root included."""
+    (folder / "file").touch()
+    return {
+        "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+        "NUMBA_CACHE_DIR": str(folder / "file" / "below"),
+    }
+
+
+@pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined, jit.within])
+def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.setattr(jit, "njit", lambda: None)
+    assert decorator(twice) is twice
+
+
+@pytest.fixture(scope="module")
+def uncached(tmp_path_factory):
+    """What such a process prints."""
+    return spring_in_a_fresh_process(**no_cache(tmp_path_factory.mktemp("no_cache")))
+
+
+def test_a_function_is_compiled_where_no_folder_can_be_written_to(uncached):
+    assert uncached.stdout.strip() == "1.0 True"
+
+
+def test_one_sentence_says_that_nothing_is_kept(uncached):
+    assert uncached.stderr.count("No folder for compiled loops can be written to") == 1
+    assert "set the environment variable NUMBA_CACHE_DIR" in uncached.stderr
+
+
+def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
+    def njit(**options):
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr(jit, "njit", lambda: njit)
+    with pytest.raises(RuntimeError, match="out of order"):
+        jit.jit(twice)(1.0)
+
+
+def test_numba_that_is_off_counts_as_absent():
+    done = spring_in_a_fresh_process(NUMBA_DISABLE_JIT="1")
+    assert done.stdout.strip() == "1.0 False"
+
+
+def test_threads_may_make_the_first_call_together():
+
+    start, first = Barrier(4), jit.jit(twice)
+
+    def call(x: float) -> float:
+        start.wait(30)
+        return first(x)
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(call, (1.0, 2.0, 3.0, 4.0))) == [2.0, 4.0, 6.0, 8.0]
+
+
+@pytest.mark.parametrize("decorator", [jit.inlined, jit.within])
+def test_a_part_is_called_by_compiled_functions_and_by_python(decorator):
+    # Oracle: 2 * 3; a part without what Python's call needs would end the process.
+    part = decorator(lambda x: 2 * x)
+
+    @jit.jit
+    def whole(x: float) -> float:
+        return part(x)
+
+    assert (whole(3.0), part(3.0)) == (6.0, 6.0)
+
+
+def test_numba_is_loaded_by_the_first_call_and_not_before():
+    words = (
+        "import sys\nimport identification.pipeline\nfrom phantom_dyn.simulation.compiled import axis_steps\n"
+        "print('numba' in sys.modules)\naxis_steps.spring_torque(0.5, 0.0, 2.0, 0.0, 0.0)\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", str(jit.compiles())]
+
+
+def test_a_compiled_function_is_pickled_and_copied_by_its_name():
+    assert pickle.loads(pickle.dumps(spring_torque)) is spring_torque
+    assert copy.deepcopy(spring_torque) is spring_torque
+
+
+def test_where_nothing_is_compiled_the_plain_function_stands_in():
+    # Oracle: the two differ.
+    part = jit.interpreted_as(lambda x: x + 1.0, lambda x: 2.0 * x)
+    whole = jit.jit(lambda x: part(x))
+    assert part(3.0) == 4.0
+    assert whole(3.0) == (6.0 if jit.compiles() else 4.0)
+
+
+@pytest.fixture(scope="module")
+def squares(tmp_path_factory):
+    """What a fresh process prints that squares numbers of some kinds; a first one has kept what squares doubles."""
+    folder = tmp_path_factory.mktemp("kept")
+    (folder / "squares.py").write_text(SQUARES)
+
+    def printed(*kinds: str) -> list[str]:
+        words = [sys.executable, str(folder / "squares.py"), *kinds]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+        return subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
+
+    assert printed("float64") == ["[1.0, 4.0, 9.0] True True"]
+    return printed
+
+
+def test_a_kept_function_is_loaded_without_what_only_compiling_needs(squares):
+    assert squares("float64") == ["[1.0, 4.0, 9.0] False False"]
+
+
+def test_beside_a_kept_function_others_are_compiled(squares):
+    assert squares("float64", "int64") == ["[1.0, 4.0, 9.0] False False", "[1, 4, 9] True True"]
+    assert squares("int64", "float64") == ["[1, 4, 9] False False", "[1.0, 4.0, 9.0] False False"]
+
+
+def test_a_numba_whose_cache_is_another_is_left_as_it_is():
+    assert jit._loading_little(twice) is twice
+    assert not hasattr(twice, "load_overload")

@@ -1,4 +1,11 @@
-"""What a judgement puts together. Oracle: by hand on made-up sums, joints and recordings."""
+"""What a judgement puts together. Oracle: by hand on made-up sums, joints and recordings.
+
+Figures of each joint, and moves that end at their limits. Oracle: closed forms.
+
+The judged band: its noise floor, what is visible above it, and fits in it. Oracle: closed forms and known truths.
+
+The ledger of a diagnosis. Known truth: friction on the elbow; oracles: the findings, and what they close.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,13 +13,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.gap import RowGaps, Sums
+from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.judgement import _less, _located, _timed, evidence_of, joint_gaps
 from identification.diagnosis.judge.regimes import regime_split
-from identification.diagnosis.result import Burst, JointGap, Unexplained
+from identification.diagnosis.judge.shares import closed_together
+from identification.diagnosis.judge.verdict import adjusted, hidden_by
+from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
+from identification.diagnosis.result import Burst, Diagnosis, EffectAt, JointGap, Unexplained
+from identification.gates import ORDER
+from identification.pipeline import diagnose
 
 CLEAN = Unexplained(0.2, False, None, None)
 HERE = Unexplained(0.2, True, "shoulder", "posture")
@@ -168,3 +182,181 @@ def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatc
     assert shown.chosen == frozenset()
     (result,) = search.record.met(offset.place)
     assert (result.gate, result.value, result.needed, result.passed) == ("torque is there", 0.9, 1.0, False)
+
+
+FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.09, 0.18]), np.array([0.11, 0.22]), ("above_band", "predictors"))
+
+
+def left(*rms: float, blocks: int = 4) -> Sums:
+    """Residuals of this size on the two joints, the same in every block of fifty samples."""
+    counts = np.full((blocks, 2), 50.0)
+    return Sums(np.square(rms) * counts, counts)
+
+
+def test_a_joint_closes_the_part_of_its_own_gap_that_is_no_longer_left(quiet):
+    first, second = joint_gaps(quiet.problem, FLOOR, left(1.5, 0.3), left(1.0, 0.21), left(0.2, 0.2))
+    assert first.closed == pytest.approx((1.0**2 - 0.2**2) / (1.0**2 - 0.1**2))
+    assert second.closed is None  # within the interval of its noise
+    assert (first.rms_before, first.rms_within_tolerance, first.rms_after) == pytest.approx((1.5, 1.0, 0.2))
+    assert first.noise_floor_interval == pytest.approx((0.09, 0.11))
+    assert first.hold_out_samples == 200
+
+
+def test_findings_close_together_what_they_take_off_the_loss_beyond_the_floor(quiet):
+    # Losses 100 and 4 on one joint, 1 on the other: (50.5 - 2.5) / (50.5 - 1).
+    judge = Judge(quiet.problem, FLOOR.value, FLOOR.high)
+    gap = closed_together(judge, left(1.0, 0.2), left(0.2, 0.2))
+    assert gap.closed == pytest.approx(48.0 / 49.5)
+    assert gap.interval == pytest.approx((48.0 / 49.5, 48.0 / 49.5))
+
+
+def test_where_all_is_within_the_noise_there_is_nothing_to_close(quiet):
+    gap = closed_together(Judge(quiet.problem, FLOOR.value, FLOOR.high), left(0.105, 0.21), left(0.1, 0.2))
+    assert (gap.closed, gap.interval) == (None, None)
+
+
+def test_a_mass_at_its_limit_could_hide_a_payload_and_others_hide_nothing(quiet):
+    problem = quiet.problem
+    names = [move.name for move in problem.columns.nuisances]
+    mass = next(k for k, name in enumerate(names) if name.endswith(" mass"))
+    found = fit(problem, ())
+    theta = found.theta.copy()
+    theta[: problem.nuisances] = 0.0
+    theta[mass] = -problem.columns.nuisances[mass].bound
+    inside = next(k for k in range(problem.nuisances) if k != mass and problem.columns.nuisances[k].relative)
+    theta[inside] = 0.9 * problem.columns.nuisances[inside].bound
+    sure = replace(found, problem=replace(problem, precision=np.full(len(theta), 1e12)))
+    moves = {move.quantity: move for move in adjusted(problem, replace(sure, theta=theta))}
+    assert set(moves) == {names[mass], names[inside]}
+    assert moves[names[mass]].at_limit
+    assert moves[names[mass]].hides.kind == "payload"
+    assert not moves[names[inside]].at_limit
+    assert moves[names[inside]].hides is None
+
+
+def test_what_hides_behind_a_mass_is_its_tolerance_of_it(quiet, planar2):
+    move = next(move for move in quiet.columns.nuisances if move.name == "lower mass")
+    kilograms = move.bound * planar2.model.inertias[2].mass
+    hidden = hidden_by(planar2, move)
+    assert (hidden.kind, hidden.size) == ("payload", pytest.approx(kilograms))
+
+
+def unfiltered(problem: Problem) -> Problem:
+    """The same problem where the judged band is all of the band, so that nothing is smoothed."""
+    return replace(problem, session=replace(problem.session, cutoff_hz=1e3))
+
+
+def test_the_floor_is_the_root_of_the_mean_square_of_usable_noise(quiet, rng):
+    # Closed form over the samples that may be used; those that may not hold anything.
+    problem = unfiltered(quiet.problem)
+    use = np.ones_like(problem.columns.usable[0])
+    use[::3] = False
+    noise = np.where(use, rng.normal(size=use.shape) * [1.0, 5.0], 1e3)
+    columns = replace(problem.columns, usable=(use,))
+    expected = [np.sqrt(np.mean(noise[use[:, j], j] ** 2)) for j in range(2)]
+    np.testing.assert_allclose(noise_floor(problem.session, columns, (noise,)), expected)
+
+
+def test_without_any_noise_the_floor_is_a_millionth_of_the_torque(quiet):
+    problem = unfiltered(quiet.problem)
+    nothing = tuple(np.zeros_like(part) for part in quiet.noise)
+    torque = np.outer(np.tile([1.0, 3.0], len(nothing[0]) // 2 + 1)[: len(nothing[0])], [2.0, 0.0])
+    columns = replace(problem.columns, model_torque=(torque,))
+    floor = noise_floor(problem.session, columns, nothing)
+    assert floor == pytest.approx([1e-6 * torque[:, 0].std(), 1e-12])
+
+
+@pytest.fixture(scope="module")
+def rubbing(lab, planar2):
+    """The arm with 0.3 N m of friction on the elbow that its model lacks."""
+    motion = lab.motion(2, 4)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0]),))
+
+
+def test_a_plain_search_keeps_thresholds_and_spurious_gains(rubbing):
+    search = replace(rubbing.search, spurious={("payload", None): 7.0}, rows=RowGaps(np.array([1.0, 2.0]), np.zeros(2)))
+    plain = narrow_search(search, rubbing.noise)
+    assert plain.threshold == search.threshold
+    assert plain.spurious == search.spurious
+    assert plain.rows is search.rows
+
+
+@pytest.mark.parametrize(("share", "smoothed"), [(0.5, True), (0.98, True), (0.995, False)])
+def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rubbing, share, smoothed):
+    # The columns as computed, less what lies above the judged band where that is narrower by a hundredth.
+    session = rubbing.session
+    session = replace(session, cutoff_hz=share * session.logs[0].band.cutoff_hz)
+    search = replace(rubbing.search, problem=replace(rubbing.problem, session=session))
+    plain = narrow_search(search, rubbing.noise).problem
+    columns = rubbing.columns
+    assert (plain.white.residual[0] is not columns.residual[0]) is smoothed
+    for name in ("residual", "model_torque"):
+        np.testing.assert_allclose(getattr(plain.white, name)[0], session.in_judged_band(getattr(columns, name))[0])
+    for narrow, wide in zip(plain.white.values[0], columns.values[0], strict=True):
+        np.testing.assert_allclose(narrow, session.log_in_judged_band(wide, 0))
+    weights = weights_of(plain.white, session.in_judged_band(rubbing.noise))
+    np.testing.assert_array_equal(plain.weights.per_sample, weights.per_sample)
+
+
+def test_a_judge_sees_series_in_its_band(rubbing):
+    judge = Judge(rubbing.problem, np.ones(2), np.ones(2))
+    np.testing.assert_array_equal(judge.narrow(rubbing.noise)[0], rubbing.session.in_judged_band(rubbing.noise)[0])
+
+
+FRICTION = EffectAt("coulomb_friction", "elbow")
+
+
+@pytest.fixture(scope="module")
+def rubbed(lab, planar2) -> Diagnosis:
+    """The arm with 0.3 N m of friction on the elbow that its model lacks."""
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = -0.3 * np.sign(motion.v) * [0.0, 1.0]
+    return diagnose(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def test_findings_are_what_is_claimed_and_minor_ones_what_is_minor(rubbed):
+    for outcome, findings in (("claimed", rubbed.findings), ("minor", rubbed.minor)):
+        claims = {claim.effects for claim in rubbed.ledger if claim.outcome == outcome}
+        assert claims == {(EffectAt(one.effect, one.joint),) for one in findings}
+    assert {(FRICTION,)} == {claim.effects for claim in rubbed.ledger if claim.outcome == "claimed"}
+
+
+def test_what_is_claimed_has_passed_all_gates_and_what_is_not_has_failed_the_last(rubbed):
+    for claim in rubbed.ledger:
+        passed = [result.passed for result in claim.gates]
+        assert passed == [True] * len(passed) if claim.outcome == "claimed" else passed[-1] is False
+        assert all(passed[:-1])
+
+
+def test_gates_stand_in_the_order_in_which_they_are_asked(rubbed):
+    for claim in rubbed.ledger:
+        places = [ORDER[result.gate] for result in claim.gates]
+        assert places == sorted(places)
+
+
+def test_no_effect_stands_in_the_ledger_twice(rubbed):
+    effects = [claim.effects for claim in rubbed.ledger]
+    assert len(effects) == len(set(effects))
+    assert len(effects) >= 10
+
+
+def test_a_law_that_resembles_what_is_named_is_displaced_by_it(rubbed):
+    (viscous,) = [claim for claim in rubbed.ledger if claim.effects == (EffectAt("viscous_friction", "elbow"),)]
+    assert (viscous.outcome, viscous.instead) == ("displaced", (FRICTION,))
+    assert 0.0 < viscous.figures["closes"] < 1.0
+    assert viscous.figures["floors_more"] > 0.5
+
+
+def test_what_an_effect_closes_alone_is_what_the_single_finding_closes(rubbed):
+    # Oracle: a single finding closes what is closed together.
+    (claim,) = [one for one in rubbed.ledger if one.outcome == "claimed"]
+    assert claim.figures["closes"] == pytest.approx(rubbed.gap.closed, rel=1e-5)
+
+
+def test_on_a_robot_without_a_gap_all_are_too_little_by_chance(lab, planar2):
+    found = diagnose(planar2, (lab.recording(planar2, lab.motion(2, 4)),))
+    assert found.findings == ()
+    assert found.ledger
+    for claim in found.ledger:
+        assert claim.outcome == "not_claimed"
+        assert claim.failed is not None

@@ -1,13 +1,18 @@
-"""The law of a rest, and of a diagnosis."""
+"""The law of a rest, and of a diagnosis.
+
+The oracles are transfer functions in closed form, and laws without memory that must not be taken for one.
+"""
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import phantom_dyn as dyn
 from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of
+from identification.diagnosis.law.smooth import frequency_answers, input_gains
 from identification.diagnosis.result import JointGap
-from rests import made_up_rest
+from rests import RATE, made_up_rest
 
 JOINT = JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200)
 
@@ -107,3 +112,111 @@ def test_what_is_explained_has_no_law(tmp_path):
     unexplained = dyn.diagnose(tmp_path / "robot.urdf", tmp_path / "log.csv").result.unexplained
     assert unexplained.law is None
     assert unexplained.dependence is None
+
+
+CORNER_HZ = 0.4
+PEAK_HZ, DAMPING = 0.8, 0.15
+
+
+def through(numerator, denominator, x):
+    """An input through a transfer function, by `scipy.signal`."""
+    return signal.lsim((numerator, denominator), x, np.arange(len(x)) / RATE)[1]
+
+
+def creeping(x):
+    """A spring in series with a damper: 3 N m s/rad below its corner."""
+    w = 2 * np.pi * CORNER_HZ
+    return 3.0 * through([w], [1.0, w], x["v.j1"])
+
+
+def swinging(x):
+    """A part on a spring with a resonance, 0.4 kg m^2."""
+    w = 2 * np.pi * PEAK_HZ
+    return 0.4 * through([w * w], [1.0, 2 * DAMPING * w, w * w], x["a.j1"])
+
+
+@pytest.fixture(scope="module")
+def creep():
+    return law_of(made_up_rest(creeping, seconds=48.0), (JOINT,))
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return law_of(made_up_rest(swinging, seconds=48.0), (JOINT,))
+
+
+def test_the_frequency_of_the_velocity_is_the_input_of_a_spring_behind_a_damper(creep):
+    assert creep[0].inputs == ("freq(v.j1)",)
+
+
+def test_its_formula_has_the_corner_and_the_damping(creep):
+    (term,) = creep[1].terms
+    hz = float(term.term.split()[1])
+    assert term.term.startswith("low(v, ")
+    assert hz == pytest.approx(CORNER_HZ, rel=0.3)
+    assert term.coefficient == pytest.approx(-3.0, rel=0.25)
+
+
+def test_it_holds_over_the_frequencies_of_the_motion(creep):
+    low, high = creep[0].valid["freq(v.j1)"]
+    assert 0.05 < low < 0.3
+    assert 0.6 < high < 1.2
+
+
+def test_gain_and_phase_are_those_of_the_transfer_function():
+    (answer,) = frequency_answers(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    hz = np.array(answer.hz)
+    truth = -3.0 / (1.0 + 1j * hz / CORNER_HZ)
+    assert answer.unit == "N m/(rad/s)"
+    np.testing.assert_allclose(answer.gain, np.abs(truth), rtol=0.1)
+    turned = np.array(answer.phase) - np.degrees(np.angle(truth))
+    np.testing.assert_allclose((turned + 180) % 360 - 180, 0.0, atol=6.0)
+
+
+def test_their_bands_hold_the_transfer_function():
+    (answer,) = frequency_answers(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    truth = np.abs(3.0 / (1.0 + 1j * np.array(answer.hz) / CORNER_HZ))
+    inside = (np.array(answer.gain_low) <= 1.02 * truth) & (0.98 * truth <= np.array(answer.gain_high))
+    assert inside.mean() > 0.8
+
+
+def test_a_resonance_is_an_answer_to_the_motion(swing):
+    assert swing[1].inputs == ("freq(v.j1)",)
+
+
+def test_the_answer_to_the_torque_is_told_where_the_torque_comes_late():
+    law, found = law_of(made_up_rest(lambda x: x["tl.j1"] - np.interp(x["t"] - 0.03, x["t"], x["tl.j1"])), (JOINT,))
+    assert found.inputs == ("freq(tl.j1)",)
+    assert law.like == "a torque that was filtered or comes late"
+
+
+def test_an_answer_that_no_short_formula_makes_names_the_frequency_alone():
+    rng = np.random.default_rng(5)
+    kernel = rng.normal(size=12).repeat(8) / 20
+
+    def law(x):
+        return np.convolve(x["v.j1"], kernel)[: len(x["t"])]
+
+    gains = input_gains(made_up_rest(law, seconds=96.0, noise=0.02))
+    assert gains.frequency == "freq(v.j1)"
+
+
+@pytest.mark.parametrize(
+    "still",
+    [
+        lambda x: 2.0 * x["q.j1"] + 0.7 * x["v.j1"] - 0.4 * x["a.j1"],
+        lambda x: 2.0 * np.sign(x["v.j1"]),
+        lambda x: x["q.j1"] ** 3,
+        lambda x: 2.0 * np.exp(-x["t"] / 6.0) * np.sign(x["v.j1"]),
+    ],
+    ids=["spring, damping and inertia", "friction", "hardening spring", "warming friction"],
+)
+def test_what_has_no_memory_is_no_frequency(still):
+    rest = made_up_rest(still)
+    assert input_gains(rest).frequency is None
+    assert not any(name.startswith("freq") for name in law_of(rest, (JOINT,))[1].inputs)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_has_no_frequency(seed):
+    assert input_gains(made_up_rest(lambda x: np.zeros(len(x["t"])), seed=seed)).frequency is None

@@ -1,14 +1,32 @@
-"""Fits of sets of effects: each against the same fit made in another way, or by itself."""
+"""Fits of sets of effects: each against the same fit made in another way, or by itself.
+
+When a gain is claimed: above chance, on enough blocks, and a fair part of the gap. Oracles: closed forms.
+
+What is written down of decisions. Oracle: by hand.
+
+What subsets of effects leave, from summed products. Oracle: the residual itself, sample by sample.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from identification.diagnosis.columns.terms import FoundEffect
-from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.fitting import Fitted, fit
 from identification.diagnosis.fit.gap import held_out_torque
-from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.noise.noise_floor import noise_floor
+from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
+from identification.diagnosis.search.claims import claimed, energy_by_block, least_gain
 from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.record import Record
+from identification.diagnosis.search.search import RowGaps
+from identification.diagnosis.search.squares_left import squares_left
+from identification.engine.claims import GateResult
 from identification.engine.fits.bilinear import products_of
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -105,3 +123,159 @@ def test_what_a_torque_scale_leaves_of_each_row_adds_up_to_what_it_leaves(rough)
         beyond[np.searchsorted(found.active, scaling.column)] -= scaling.gain - 1.0
     left = products.held_out.losses(np.tile(beyond, (len(found.loss), 1)))
     assert found.row_losses.sum() == pytest.approx(left.sum(), rel=1e-5)
+
+
+@dataclass(frozen=True)
+class Given:
+    """Fits that are given: one of the empty set, one of any other."""
+
+    plain: Fitted
+    rich: Fitted
+
+    def held_out(self, chosen: frozenset) -> Fitted:
+        return self.rich if chosen else self.plain
+
+
+def given(quiet, loss: np.ndarray, in_sample: float) -> tuple:
+    """A search in which a torque offset has this held-out loss and this gain in sample, and the effect."""
+    chosen, plain = frozenset([quiet.term("torque_offset", "elbow")]), quiet.search.evaluate(frozenset())
+    rich = replace(
+        quiet.search.evaluate(chosen), loss=loss, penalty=plain.penalty, objective=plain.objective - in_sample
+    )
+    return replace(quiet.search, fits=Given(plain, rich)), chosen
+
+
+@pytest.mark.parametrize(("gains", "claims"), [([40.0, 40.0], False), ([40.0, 40.0, 15.0], True), ([150.0], True)])
+def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or_very_large(quiet, gains, claims):
+    # Closed form: a threshold of ten; all other blocks gain nothing, so two standard errors are more than the gain.
+    plain = quiet.search.evaluate(frozenset())
+    loss = plain.loss.copy()
+    loss[: len(gains)] -= gains
+    search, chosen = given(quiet, loss, sum(gains))
+    assert claimed(search, chosen, frozenset()) is claims
+
+
+@pytest.mark.parametrize(
+    ("held_out", "in_sample", "claims"),
+    [(11.0, 11.0, True), (11.0, 9.0, False), (9.0, 11.0, False), (11.0, -50.0, False), (300.0, 9.0, False)],
+)
+def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_and_in_sample(
+    quiet, held_out, in_sample, claims
+):
+    # Closed form: a threshold of ten, and a gain that is the same in every block.
+    loss = quiet.search.evaluate(frozenset()).loss
+    search, chosen = given(quiet, loss - held_out / len(loss), in_sample)
+    assert claimed(search, chosen, frozenset()) is claims
+
+
+@pytest.mark.parametrize(
+    ("by_row", "least"), [([0.0, 1.0], 10.0), ([1.0, 0.0], 100.0), ([1.0, 1.0], 20.0), ([20.0, 1.0], 105.0)]
+)
+def test_a_gain_counts_on_joints_where_it_closes_a_hundredth_of_the_gap(quiet, by_row, least):
+    # By hand: chance gives 10; fair parts are 100 on the first joint and 1 on the second. In the third case 20 are 10
+    # on the second joint, in the last 105 are 100 on the first.
+    search = replace(quiet.search, rows=RowGaps(np.array([1e4, 1e2]), np.zeros(2)))
+    one = frozenset([quiet.term("base_tilt", None)])
+    assert least_gain(search, one, frozenset(), np.array(by_row)) == pytest.approx(least)
+
+
+@pytest.mark.parametrize(("beside", "least"), [("torque_offset", 10.0), ("coulomb_friction", 100.0)])
+def test_what_an_exact_law_has_closed_is_no_gap_that_the_next_claim_has_to_close_a_part_of(lab, planar2, beside, least):
+    # By hand: the offset is all of the gap, and is taken off to the noise; what friction leaves may be of its own
+    # making.
+    motion = lab.motion(2)
+    torque = lab.acting(planar2, motion, "torque_offset", "elbow", 2.0)
+    made = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    search = replace(made.search, rows=RowGaps(np.array([1e4, 1e4]), np.zeros(2)))
+    claim, there = (frozenset([made.term(name, "elbow")]) for name in ("viscous_friction", beside))
+    assert least_gain(search, claim, there, np.array([0.0, 1.0])) == pytest.approx(least)
+
+
+@pytest.mark.parametrize(
+    ("acting", "gains", "claims"),
+    [
+        ({3: 1.0, 7: 0.5}, {3: 15.0, 7: 5.0}, True),
+        ({3: 1.0, 7: 0.5}, {3: 22.0, 7: -2.0}, False),
+        ({3: 1.0, 7: 0.05}, {3: 22.0, 7: -2.0}, True),
+        ({3: 1.0, 7: 0.5, 0: 1e-3, 1: 1e-3}, {3: 15.0, 7: 5.0}, False),
+    ],
+)
+def test_an_effect_that_is_zero_in_most_blocks_is_judged_where_it_acts(quiet, monkeypatch, acting, gains, claims):
+    # Closed form: a threshold of ten, and a gain of twenty in two blocks, which the two best are not left out of.
+    plain = quiet.search.evaluate(frozenset())
+    energy, loss = np.zeros(len(plain.loss)), plain.loss.copy()
+    for block, share in acting.items():
+        energy[block] = share
+    for block, gain in gains.items():
+        loss[block] -= gain
+    monkeypatch.setattr(claims_module, "energy_by_block", lambda problem, terms: energy)
+    search, chosen = given(quiet, loss, 20.0)
+    assert claimed(search, chosen, frozenset()) is claims
+
+
+def test_the_energy_by_block_is_that_of_the_columns_in_the_cores(quiet):
+    # Brute force over samples, of white columns.
+    term, problem = quiet.term("coulomb_friction", "elbow"), quiet.problem
+    values = problem.white.values[0][1][:, problem.columns.rows[1].index(term.columns[0])]
+    use = problem.white.usable[0][:, 1]
+    squares = np.array([(values[b.core : b.stop][use[b.core : b.stop]] ** 2).sum() for b in problem.blocks])
+    np.testing.assert_allclose(energy_by_block(problem, frozenset([term])), squares / squares.max(), rtol=1e-9)
+
+
+LOW, HIGH = GateResult("gain", 1.0, 2.0, "1", False), GateResult("gain", 3.0, 2.0, "1", True)
+LASTING = GateResult("lasting", 5.0, 2.0, "1", True)
+
+
+def test_the_last_result_of_a_gate_counts(quiet):
+    record, term = Record(), quiet.term("coulomb_friction", "elbow")
+    record.kept([term], HIGH, LASTING)
+    record.lost([term], LOW)
+    assert record.met(term.place) == (LOW, LASTING)
+
+
+def test_what_comes_back_has_failed_nothing_and_nothing_is_in_its_place(quiet):
+    record = Record()
+    term, other = quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")
+    record.lost([term], LOW, instead=[other])
+    assert record.instead(term.place) == (other.place,)
+    record.kept([term], LASTING)
+    assert record.met(term.place) == (LASTING,)
+    assert record.instead(term.place) == ()
+
+
+def test_a_trial_changes_nothing_before_it_is_taken(quiet):
+    record, term = Record(), quiet.term("coulomb_friction", "elbow")
+    trial = record.forked()
+    trial.kept([term], HIGH)
+    assert record.places == ()
+    record.take(trial)
+    assert record.places == (term.place,)
+
+
+def test_a_structure_without_a_name_is_no_claim(quiet):
+    record, nameless = Record(), next(term for term in quiet.search.terms if not term.named)
+    record.kept([nameless], HIGH)
+    assert record.places == ()
+
+
+@pytest.fixture(scope="module")
+def planar(lab, planar2):
+    """A plain search whose band is the recording's, and effects of which one scales all that is beside it."""
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = -0.3 * np.sign(motion.v) * [0.0, 1.0] + np.array([0.4, 0.0])
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    plain = narrow_search(prepared.search, prepared.noise)
+    floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
+    places = [("coulomb_friction", "elbow"), ("torque_offset", "shoulder"), ("torque_constant", "elbow")]
+    return plain, Judge(plain.problem, floor, floor), frozenset(prepared.term(*place) for place in places)
+
+
+def test_every_subset_leaves_what_its_residual_says(planar):
+    plain, judge, terms = planar
+    left = squares_left(plain, terms)
+    for size in range(len(terms) + 1):
+        for some in map(frozenset, combinations(terms, size)):
+            expected, found = left_by(judge, plain, some), left(some)
+            np.testing.assert_allclose(found.counts.sum(axis=0), expected.counts.sum(axis=0))
+            # The residual is low-passed across the edges of blocks, at which the fit changes.
+            np.testing.assert_allclose(found.rms(), expected.rms(), rtol=2e-3)

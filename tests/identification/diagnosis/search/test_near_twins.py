@@ -1,17 +1,34 @@
-"""Near twins in the search. Oracle: the table of relations, and the laws of friction that hold more than one number."""
+"""Near twins in the search. Oracle: the table of relations, and the laws of friction that hold more than one number.
+
+Effects that imitate a finding where joints move along one line. Oracle: joints whose load never changes.
+
+Sizes that no sound robot has. Oracles: by hand, and recorded torques and speeds.
+
+Shortcuts for robots of many joints and effects. Oracle: the same search without them, and a known truth.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from identification.data.recording import Recording
-from identification.diagnosis.search.claims import _made_beside_twins
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search import claims, swaps
+from identification.diagnosis.search import search as search_module
+from identification.diagnosis.search.claims import _made_beside_twins, dropped
 from identification.diagnosis.search.containment import are_near_twins
-from identification.diagnosis.search.swaps import alternatives
+from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
+from identification.diagnosis.search.plausible_sizes import RANGES, implausible
+from identification.diagnosis.search.rival_sets import Standing
+from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, places_of
+from identification.diagnosis.search.stepwise import forward
+from identification.diagnosis.search.swaps import alternatives, swapped
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
+from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 from places import ROBOTS
@@ -61,3 +78,186 @@ def test_beside_its_twin_an_effect_is_measured_by_the_torque_that_it_makes(servo
     made = rich.theta[column] ** 2 * rich.problem.total_a[column, column]
     assert _made_beside_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
     assert _made_beside_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
+
+
+@pytest.fixture(scope="module")
+def in_line(lab, planar2):
+    """Both joints follow one slow sine of some degrees; the elbow rubs with 0.5 N m more than modelled."""
+    t = np.arange(0.0, 30.0, 0.002)
+    q = np.column_stack([0.06 * np.sin(2 * t) + 0.9, 0.03 * np.sin(2 * t) + 0.3])
+    v, a = (np.column_stack([s * f for s in (0.06, 0.03)]) for f in (2 * np.cos(2 * t), -4 * np.sin(2 * t)))
+    motion = Motion(t, q, v, a)
+    torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def term(prepared, name, joint):
+    return next(t for t in prepared.search.terms if t.place == (name, joint))
+
+
+def test_both_joints_are_along_a_line(in_line):
+    assert along_lines(in_line.session) == {0, 1}
+
+
+def test_a_load_that_hardly_changes_makes_friction_under_load_of_coulomb_friction(in_line):
+    rubs = term(in_line, "coulomb_friction", "elbow")
+    found = imitated_by(in_line.search, frozenset([rubs]), rubs)
+    assert found is not None
+    assert "load_dependent_friction" in {one.effect.name for one in found}
+
+
+def test_friction_is_not_imitated_where_joints_move_freely(lab, planar2):
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    assert along_lines(prepared.session) == frozenset()
+    rubs = term(prepared, "coulomb_friction", "elbow")
+    assert imitated_by(prepared.search, frozenset([rubs]), rubs) is None
+
+
+def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
+    known = Rival((EffectAt("stribeck_friction", "elbow"),), 0.1)
+    loaded = term(in_line, "load_dependent_friction", "elbow")
+    found = beside_imitation(Standing(0.9, (known,)), (loaded,))
+    assert found.probability == 0.45
+    assert found.rivals == (Rival((EffectAt("load_dependent_friction", "elbow"),), 0.45), known)
+    assert beside_imitation(Standing(0.9, (known,)), None) == Standing(0.9, (known,))
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "most"),
+    [("payload", None, 0.85), ("torque_constant", "elbow", 0.85), ("viscous_friction", "elbow", 0.99)],
+)
+def test_no_load_and_no_torque_scale_is_certain_along_a_line_and_friction_is(in_line, name, joint, most):
+    assert on_a_line(Standing(0.99, ()), term(in_line, name, joint)).probability == most
+    assert on_a_line(Standing(0.5, ()), term(in_line, name, joint)).probability == 0.5
+
+
+@pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
+def test_one_number_is_as_certain_as_the_normal_law_says(deviations):
+    # Closed form: the square of a standard normal number.
+    found = certainty(np.array([0.2 * deviations]), np.array([[0.04]]))
+    assert found == pytest.approx(2.0 * norm.cdf(deviations) - 1.0)
+
+
+def test_units_do_not_matter_to_a_certainty():
+    # Two independent numbers, one of them in millionths: three deviations of each are eighteen squared ones in all.
+    found = certainty(np.array([3.0, 3e-6]), np.diag([1.0, 1e-12]))
+    assert found == pytest.approx(1.0 - np.exp(-0.5 * 18.0))
+
+
+@pytest.mark.parametrize(("excess", "nothing"), [(0.0, False), (0.4, False), (9.0, True), (-0.9, True)])
+def test_a_torque_constant_at_the_ends_of_what_is_possible_is_none(quiet, planar2, excess, nothing):
+    # Closed form: a ratio of 1 / (1 + excess); a tenth and ten are the ends.
+    assert ends_on_nothing(planar2, quiet.term("torque_constant", "elbow"), np.array([excess])) == nothing
+
+
+def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(lab, planar2):
+    # Known truth: friction that rises with speed, so that a torque that falls with it ends on its bound.
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * (0.5 + 0.2 * np.tanh(2 * np.abs(motion.v))) * [0.0, 1.0]
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    term = prepared.term("stribeck_friction", "elbow")
+    found = prepared.search.evaluate(frozenset([term]))
+    assert found.theta[term.columns[1]] == 0.0
+    assert places_of(planar2, term, found) == (("coulomb_friction", "elbow"),)
+
+
+@pytest.mark.parametrize(("excess", "ratio"), [(9.0 / 4.0, 4.0 / 13.0), (-0.2, None), (0.9, None), (-0.6, 2.5)])
+def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, excess, ratio):
+    fault = implausible(quiet.session, quiet.term("torque_constant", "elbow"), np.array([excess]))
+    assert (None if fault is None else fault[1]) == (ratio if ratio is None else pytest.approx(ratio))
+
+
+@pytest.mark.parametrize(("effect", "by_speed"), [("coulomb_friction", False), ("viscous_friction", True)])
+def test_no_drive_moves_a_joint_against_twice_the_torque_that_it_ever_gave(quiet, effect, by_speed):
+    # By hand: twice the largest torque of the elbow, for viscous friction over its largest speed.
+    (log,) = quiet.session.logs
+    most = 2.0 * np.abs(log.tau[:, 1]).max() / (np.abs(log.motion.v[:, 1]).max() if by_speed else 1.0)
+    term = quiet.term(effect, "elbow")
+    assert implausible(quiet.session, term, np.array([0.99 * most])) is None
+    fault = implausible(quiet.session, term, np.array([1.01 * most]))
+    assert fault is not None
+    parameter, value = fault
+    assert parameter.plausible is not None
+    assert parameter.plausible[1] == pytest.approx(most)
+    assert value == pytest.approx(1.01 * most)
+
+
+def test_what_is_no_friction_has_no_range_by_the_recorded_torque(quiet):
+    # A spring may hold more than the drive does.
+    term = quiet.term("torque_offset", "elbow")
+    assert implausible(quiet.session, term, np.array([5.0 * quiet.session.largest_torque[1]])) is None
+
+
+def test_each_range_says_why():
+    assert all(one.because and one.most > 0.0 for one in RANGES)
+
+
+@pytest.fixture(scope="module")
+def made(lab, planar2):
+    """Friction on both joints and an offset on one that the model lacks."""
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = -0.3 * np.sign(motion.v) * [0.7, 1.0] + np.array([0.4, 0.0])
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def steps(search) -> tuple[frozenset, int]:
+    """What forward selection finds, and in how many steps."""
+    said: list[str] = []
+    return forward(search, frozenset(), said.append), len(said)
+
+
+def test_effects_of_different_joints_join_in_one_step_and_are_the_same(made, monkeypatch):
+    one_by_one, many = steps(made.search)
+    monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
+    together, few = steps(made.search)
+    assert together == one_by_one
+    assert {term.joint for term in together} == {"shoulder", "elbow"}
+    assert few < many
+
+
+@pytest.mark.parametrize("tried", [1, 2])
+def test_what_is_missed_least_is_what_a_fit_without_it_loses_least(made, monkeypatch, tried):
+    needed = [("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow"), ("torque_offset", "shoulder")]
+    needless = [("viscous_friction", "shoulder"), ("cable_drag", "elbow"), ("torque_offset", "elbow")]
+    known = {term.place for term in made.search.terms}
+    chosen = frozenset(made.term(*place) for place in (*needed, *needless) if place in known)
+    assert len(chosen) > 4
+    monkeypatch.setattr(claims, "_MOST_TRIED", tried)
+    assert {term.place for term in dropped(made.search, chosen)} == set(needed)
+
+
+@pytest.fixture
+def passes(monkeypatch) -> list[int]:
+    """How many effects there are at each pass of elimination."""
+    seen: list[int] = []
+    plain = claims.least_missed
+    monkeypatch.setattr(claims, "least_missed", lambda *given: seen.append(len(given[1])) or plain(*given))
+    return seen
+
+
+def test_needless_effects_of_different_joints_go_in_one_pass_and_are_the_same(made, monkeypatch, passes):
+    needed = [("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow"), ("torque_offset", "shoulder")]
+    needless = [("viscous_friction", "shoulder"), ("torque_offset", "elbow")]
+    chosen = frozenset(made.term(*place) for place in (*needed, *needless))
+    one_by_one = dropped(made.search, chosen)
+    assert passes == [5, 4, 3]
+    passes.clear()
+    monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
+    assert dropped(made.search, chosen) == one_by_one
+    assert passes == [5, 3]
+
+
+def test_effects_of_different_joints_are_swapped_in_one_pass_and_are_the_same(made, monkeypatch):
+    wrong = frozenset(made.term("viscous_friction", joint) for joint in ("shoulder", "elbow"))
+    chosen = wrong | {made.term("torque_offset", "shoulder")}
+    tried: list[frozenset] = []
+    monkeypatch.setattr(swaps, "dropped", lambda search, some: tried.append(some) or dropped(search, some))
+    one_by_one = swapped(made.search, chosen)
+    assert len(tried) == 2
+    tried.clear()
+    monkeypatch.setattr(search_module, "_MANY_JOINTS", 0)
+    assert swapped(made.search, chosen) == one_by_one
+    assert len(tried) == 1
+    assert {term.place for term in one_by_one} >= {("coulomb_friction", "shoulder"), ("coulomb_friction", "elbow")}

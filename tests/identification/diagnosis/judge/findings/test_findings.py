@@ -1,17 +1,41 @@
+# pyright: reportAttributeAccessIssue=false
+"""What gave way to rivals is asked again where one of these falls. Oracle: the sets, written by hand.
+
+Intervals of bodies on the edge of what can exist. Oracles: the edge itself, and a body well inside of it.
+
+What a voltage shows of a drive. Known truth: constants and friction of a simulated motor, in closed form.
+"""
+
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+import phantom_dyn as dyn
 from identification.diagnosis.columns.terms import Term
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.joint_fit import joint_fit
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
-from identification.diagnosis.judge.findings.shown import evened, instead_of, shown_effects, together
+from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
+from identification.diagnosis.judge.findings.findings import one_sided
+from identification.diagnosis.judge.findings.shown import (
+    _without_exchanges,
+    evened,
+    instead_of,
+    shown_effects,
+    together,
+)
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
 from identification.gates.rivalry import likelier_than_rivals
+from identification.notes import Code
 from identification.pipeline import diagnose
+from identification.words.notes_on_findings import FINDING_WORDS
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
 
 
 @pytest.fixture
@@ -163,3 +187,136 @@ def test_rivals_on_different_joints_take_their_places_at_once(ways, outdone, exp
     chosen = frozenset(Named(name, gone.get(name, "elbow")) for name in ("coulomb", "offset"))
     sets = [frozenset(one for one in chosen if one.name != old) | {Named(new, joint)} for old, new, joint in ways]
     assert {one.name for one in together(chosen, sets, set(outdone))} == expected
+
+
+@pytest.fixture
+def place(quiet):
+    """A term of the planar arm by effect and joint."""
+    return lambda effect, joint: next(
+        term for term in quiet.search.terms if (term.effect.name, term.joint) == (effect, joint)
+    )
+
+
+@pytest.fixture
+def exchanged(place, quiet):
+    """Viscous friction gave way to a coupling and a spring together."""
+    gone = frozenset([place("viscous_friction", "elbow")])
+    rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
+    state = State(rivals, rivals, outdone=frozenset(term.place for term in gone), exchanged=((gone, rivals),))
+    return SimpleNamespace(record=quiet.search.record.forked()), state, gone, rivals
+
+
+def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
+    bench, before, gone, rivals = exchanged
+    fallen = min(rivals, key=lambda term: term.effect.name)
+    after = _without_exchanges(bench, before, replace(before, shown=rivals - {fallen}))
+    assert (after.found, after.shown) == (gone, gone)
+    assert after.barred == {fallen.place}
+    assert after.outdone == frozenset()
+
+
+def test_it_stays_away_while_all_of_them_are_there(exchanged):
+    bench, before, _, _ = exchanged
+    assert _without_exchanges(bench, before, before) is before
+
+
+def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place):
+    bench, before, _, rivals = exchanged
+    simpler = frozenset([place("torque_offset", "elbow")])
+    after = replace(before, shown=(rivals - {place("parasitic_spring", "elbow")}) | simpler)
+    assert _without_exchanges(bench, before, after) is after
+
+
+@pytest.mark.parametrize(("spring", "offset", "back"), [(0.6, 0.1, True), (0.4, 0.5, False)])
+def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exchanged, place, spring, offset, back):
+    bench, before, gone, _ = exchanged
+    rival = frozenset([place("parasitic_spring", "elbow")])
+    likelier = (
+        Rival((EffectAt("parasitic_spring", "elbow"),), spring),
+        Rival((EffectAt("torque_offset", "elbow"),), offset),
+    )
+    standing = Standing(1.0 - spring - offset, likelier)
+    shown = Shown(None, gone, None, dict.fromkeys(gone, standing))
+    # What fails to be shown by motion is hidden, and still found.
+    before = replace(before, found=rival, shown=rival, exchanged=((gone, rival),), looked_at=(shown,))
+    after = _without_exchanges(bench, before, replace(before, shown=frozenset()))
+    assert after.shown == (gone if back else frozenset())
+    assert after.barred == frozenset()
+    # It may not take the place of what is back once more.
+    assert ({term.place for term in rival} <= after.outdone) is back
+
+
+def shown_on(lab, robot, torque_of) -> Shown:
+    """Inertial parameters of the elbow, found in a recording with a torque beyond the model."""
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    prepared = lab.prepared(robot, (lab.recording(robot, motion, torque_of(motion)),))
+    term = next(t for t in prepared.columns.terms if t.place == ("inertial_parameters", "elbow"))
+    found = fit(prepared.problem, (term,))
+    fitted = joint_fit(prepared.problem, (term,), found)
+    return cast(Shown, SimpleNamespace(problem=prepared.problem, joint_fit=fitted, named=frozenset([term])))
+
+
+def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):
+    inertia = float(planar2.model.inertias[2].toDynamicParameters()[6])
+    # More inertia is missing than the elbow has.
+    shown = shown_on(lab, planar2, lambda motion: 30.0 * inertia * motion.a * [0.0, 1.0])
+    (note,) = one_sided(shown)
+    assert note.joint == "elbow"
+    (mass,) = [part for part in note.numbers["intervals"] if part[0] == "elbow.m"]
+    # No link weighs less than nothing.
+    assert -float(planar2.model.inertias[2].mass) <= mass[1] < mass[2]
+    assert "to one side" in FINDING_WORDS[note.code](note)
+
+
+def test_a_heavier_link_that_exists_has_none(lab, planar2):
+    def heavier(motion):
+        return lab.acting(planar2, motion, "payload", None, 0.3, 0.1, 0.0, -0.2)
+
+    assert one_sided(shown_on(lab, planar2, heavier)) == ()
+
+
+# Torque constant [N m/A], resistance [Ohm] and viscous friction [N m s/rad] of the motor.
+CONSTANT, RESISTANCE, VISCOUS = 1.0, 1.25, 0.3
+TRUE_SUM = CONSTANT**2 / RESISTANCE + VISCOUS
+
+URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.8"/>
+<inertia ixx="0.003" ixy="0" ixz="0" iyy="0.003" iyz="0" izz="0.0005"/></inertial></link>
+<joint name="servo" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_the_sum_does_not_depend_on_the_stated_constants(tmp_path, rng, factor):
+    # The same torque per volt from another constant and resistance: back-EMF and friction change places.
+    (tmp_path / "lever.urdf").write_text(URDF)
+    (tmp_path / "robot.yaml").write_text(
+        f"joints: {{servo: {{torque_constant: {factor * CONSTANT}, resistance: {factor * RESISTANCE}}}}}\n"
+    )
+    robot = dyn.load_robot(tmp_path / "lever.urdf")
+    t, w = np.arange(0, 20.0, 0.01), 2 * np.pi * np.array([0.23, 0.61, 0.97])
+    q, v, a = (
+        (0.5 * x).sum(axis=1)[:, None]
+        for x in (np.sin(t[:, None] * w), w * np.cos(t[:, None] * w), -(w**2) * np.sin(t[:, None] * w))
+    )
+    torque = inverse_dynamics(robot, Motion(t, q, v, a)) + VISCOUS * v
+    volts = (torque + CONSTANT**2 / RESISTANCE * v) * RESISTANCE / CONSTANT + 0.02 * rng.standard_normal(v.shape)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.hstack([t[:, None], q, volts]), delimiter=",", header="t,q.servo,u.servo", comments="")
+    found = dyn.diagnose(robot, str(path))
+    (note,) = [one for one in found.result.notes if not isinstance(one, str) and one.code is Code.DRIVE_SUM]
+    assert note.joint == "servo"
+    assert abs(note.numbers["sum"] - TRUE_SUM) < 3 * note.numbers["std"] + 0.003
+    assert note.numbers["back_emf"] == pytest.approx(factor * CONSTANT**2 / RESISTANCE)
+
+
+def test_a_torque_has_no_such_sum(tmp_path):
+    robot = dyn.load_robot("example:double_pendulum")
+    t = np.arange(0, 20.0, 0.01)
+    w = 2 * np.pi * np.array([0.23, 0.41])
+    q, v, a = (0.6 * x for x in (np.sin(t[:, None] * w), w * np.cos(t[:, None] * w), -(w**2) * np.sin(t[:, None] * w)))
+    torque = inverse_dynamics(robot, Motion(t, q, v, a)) + 0.3 * v
+    names = ",".join(f"{kind}.{joint}" for kind in ("q", "tau") for joint in robot.joint_names)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.hstack([t[:, None], q, torque]), delimiter=",", header=f"t,{names}", comments="")
+    found = dyn.diagnose(robot, str(path))
+    assert {one.effect for one in found.findings} == {"viscous_friction"}
+    assert not [one for one in found.result.notes if not isinstance(one, str) and one.code is Code.DRIVE_SUM]

@@ -1,6 +1,8 @@
-"""What noise moves is no effect. Oracle: a simulated swing whose truth is known, and closed forms of spectra."""
+"""Sizes: which are shown, which a sound device may have, what noise moves."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,15 +12,115 @@ from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.shown import _noise
+from identification.diagnosis.judge.findings.shown_numbers import moments_instead, only_shown, reach_of
+from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
 from identification.diagnosis.judge.judged_band import Judge, search_below
-from identification.diagnosis.judge.moved_by_noise import (
-    _loud_until,
-    foreseen_noise,
-    loud_search,
-    noise_may_make,
-)
+from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise, loud_search, noise_may_make
+from identification.diagnosis.result import Value
+from identification.notes import Code
 from identification.pipeline import diagnose
+from identification.words.verdict_words import headline
 from phantom_dyn import load_robot
+
+
+@pytest.fixture(scope="module")
+def session(lab, planar2):
+    motion = lab.motion(2, 3)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, np.zeros_like(motion.q)),)).session
+
+
+def test_a_place_that_is_known_to_no_better_than_the_robot_is_large_is_not_shown(session, planar2):
+    reach = reach_of(planar2)
+    values = {"center_x": Value(0.1, 0.01 * reach, "m"), "center_y": Value(0.0, 2.0 * reach, "m")}
+    found = only_shown(values, session, None)
+    assert [value.shown for value in found.values()] == [True, False]
+    assert found["center_x"] == values["center_x"]
+
+
+def test_a_load_that_is_large_beside_the_robot_is_shown_by_its_own_size(session, planar2):
+    moment = 10.0 * reach_of(planar2) * sum(float(inertia.mass) for inertia in planar2.model.inertias[1:])
+    values = {"moment_x": Value(moment, 0.1 * moment, "kg m"), "moment_y": Value(0.0, 0.1 * moment, "kg m")}
+    assert [value.shown for value in only_shown(values, session, None).values()] == [True, False]
+
+
+def test_a_torque_whose_deviation_is_above_all_that_was_measured_is_not_shown(session, planar2):
+    largest = max(float(np.abs(log.tau[:, 1]).max()) for log in session.logs)
+    values = {"torque": Value([0.1, 0.2], [0.01, 2.0 * largest], "N m")}
+    assert only_shown(values, session, "elbow")["torque"].std == [0.01, np.inf]
+
+
+def test_of_a_mass_beside_moments_a_wide_interval_is_not_shown(session):
+    # 95 % of a mass of 1 kg with a deviation of 0.2 kg are 0.78 kg wide, more than a half of it.
+    moments = {"moment_x": Value(0.2, 0.01, "kg m")}
+    assert not only_shown({"mass": Value(1.0, 0.2, "kg"), **moments}, session, None)["mass"].shown
+    assert only_shown({"mass": Value(1.0, 0.1, "kg"), **moments}, session, None)["mass"].shown
+    assert moments_instead(1.0, 0.2)
+    assert not moments_instead(1.0, 0.1)
+
+
+def finding(effect: str, joint: str) -> Any:
+    """As much of a finding as is looked at."""
+    return SimpleNamespace(effect=effect, joint=joint)
+
+
+def shown_with(quiet, sizes) -> Any:
+    """What is shown of an arm, with sizes of effects on its elbow."""
+    theta = np.zeros(len(quiet.problem.precision))
+    terms = [quiet.term(effect, "elbow") for effect in sizes]
+    for term, size in zip(terms, sizes.values(), strict=True):
+        theta[list(term.columns)] = size
+    fit = SimpleNamespace(coefficients=lambda term: theta[list(term.columns)])
+    found = SimpleNamespace(theta=theta)
+    return SimpleNamespace(problem=quiet.problem, named=frozenset(terms), found=found, joint_fit=fit)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "codes"),
+    [
+        ({"coulomb_friction": 0.1, "viscous_friction": 0.05}, []),
+        # Pushes at high speed, where it is larger than what holds back.
+        ({"coulomb_friction": 0.02, "viscous_friction": -1.0}, [Code.FRICTION_DRIVES]),
+        # At its bound no friction is left, and none drives.
+        ({"coulomb_friction": 0.0, "viscous_friction": 0.0}, []),
+    ],
+)
+def test_friction_of_all_findings_together_holds_back(quiet, sizes, codes):
+    notes = [note for note in size_notes(shown_with(quiet, sizes)) if note.code is Code.FRICTION_DRIVES]
+    assert [note.code for note in notes] == codes
+    assert {note.joint for note in notes} <= {"elbow"}
+
+
+def test_a_torque_constant_of_four_is_said_to_be_none(quiet):
+    # By hand: 1 / (1 - 0.75) is 4, where two is the most.
+    (note,) = size_notes(shown_with(quiet, {"torque_constant": -0.75}))
+    assert note.code is Code.IMPLAUSIBLE_SIZE
+    assert note.numbers["value"] == pytest.approx(4.0)
+    assert note.numbers["most"] == pytest.approx(2.0)
+
+
+def test_only_findings_that_are_named_have_to_be_sound(quiet):
+    notes = size_notes(shown_with(quiet, {"torque_constant": -0.75}))
+    constant, friction = (finding(name, "elbow") for name in ("torque_constant", "other"))
+    assert not all_sound([friction, constant], notes)
+    assert all_sound([friction], notes)
+
+
+def test_a_joint_whose_friction_drives_it_has_no_sound_finding(quiet):
+    notes = size_notes(shown_with(quiet, {"coulomb_friction": 0.02, "viscous_friction": -1.0}))
+    at = [finding("viscous_friction", joint) for joint in ("elbow", "shoulder")]
+    assert not all_sound(at[:1], notes)
+    assert all_sound(at[1:], notes)
+
+
+def test_a_gap_is_not_explained_by_a_torque_constant_that_no_motor_has(lab, planar2):
+    # Known truth: the torque of the elbow is recorded three times too small, its friction with it.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = lab.acting(planar2, motion, "torque_constant", "elbow", 3.0)
+    found = diagnose(planar2, (lab.recording(planar2, motion, torque),))
+    assert ("torque_constant", "elbow") in {(one.effect, one.joint) for one in found.findings}
+    assert found.verdict == "partly_explained"
+    assert "a size that no sound robot has" in headline(found)
+
 
 RATE, SECONDS = 1000.0, 15.0
 INERTIA, WEIGHT, VISCOUS, COULOMB = 0.0225, 0.4905, 0.02, 0.01  # about the pin [kg m^2, N m, N m s/rad, N m]
