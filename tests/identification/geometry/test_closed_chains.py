@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.cli.main import main
 from identification.data.recording import Recording
 from identification.diagnosis.columns.known_geometry import as_known, places_of_loops
@@ -86,7 +87,7 @@ def test_a_link_length_is_found_within_two_tenths_of_a_millimetre(name, moved, j
 
 
 @pytest.mark.parametrize("name", list(LINKAGES))
-@pytest.mark.parametrize("seed", [210, 211, 212])
+@pytest.mark.parametrize("seed", by_night([210, 211, 212], 0, 1))
 def test_a_linkage_that_is_right_is_not_blamed(name, seed):
     how = {"poses": 20 + 20 * (seed % 3), "turned": bool(seed % 2)} | ({} if seed % 3 else {"root_poses": None})
     result = judged(name, tracked(name, seed, **how))

@@ -275,7 +275,7 @@ def together(robot, logs, changes):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(("config", "frame"), [("", "swing"), ("payload_frame: tip", "tip")])
+@pytest.mark.parametrize(("config", "frame"), by_night([("", "swing"), ("payload_frame: tip", "tip")], 1))
 def test_a_known_payload_where_the_file_says_is_no_gap(tmp_path, config, frame):
     # A frame called tip counts where it is stated, and the joint where none is.
     robot = loaded(tmp_path, TROLLEY, config)
@@ -310,7 +310,7 @@ NUMBER = r"(-?[0-9][0-9.e-]*)"
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("config", ["", "payload_frame: tip"])
+@pytest.mark.parametrize("config", by_night(["", "payload_frame: tip"], 1))
 def test_the_proposed_experiment_done_to_the_letter_names_the_truth(tmp_path, config):
     # Known truth: the drive gives 0.8 of its torque. Without friction a load explains one recording as well.
     robot = loaded(tmp_path, LEVER, config)
