@@ -23,8 +23,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.speed_table import machine
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, cheap_translation
-from phantom_dyn.haptics.cheap.cheap_cycle import COLUMNS, AxisNumbers, along, at_rest, axis_numbers
-from phantom_dyn.haptics.cheap.cheap_hardware import felt
+from phantom_dyn.haptics.cheap.cheap_hardware import COLUMNS, AxisNumbers, along, at_rest, axis_numbers, felt
 
 CYCLES, AXES, BATCH = 10_000, 6, 100
 SLOWEST, FASTEST = 500.0, 2000.0  # Hz

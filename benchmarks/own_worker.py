@@ -20,7 +20,7 @@ import numpy as np
 from identification.data.log import Band, Log
 from identification.data.reading import read_recording
 from identification.data.signals import process
-from identification.estimators.reduced_fit import refit
+from identification.estimators.fit import refit
 from identification.estimators.weighted_least_squares import ols
 from identification.regression.reduction import combined
 from identification.regression.regressor import EffectOnJoint, gap_regressor, torque_regressor

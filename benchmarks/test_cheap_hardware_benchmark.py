@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.haptics_step_cost import ALL, EFFECTS
-from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
-from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, rendered, rendered_axes
 
 CYCLES, MOTORS = 10_000, 6
 

@@ -13,12 +13,11 @@ import pytest
 
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber
-from identification.excitation.design_problem import DesignProblem, Grid
+from identification.excitation.descent import feasible_postures, random_motion
+from identification.excitation.design_problem import DesignProblem, Grid, base_of
 from identification.excitation.excite import condition_of, excite
-from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
-from identification.excitation.starts import feasible_postures, random_motion
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
 

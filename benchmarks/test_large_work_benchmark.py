@@ -15,8 +15,8 @@ from joblib import parallel_config
 from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.batch.diagnose_each import diagnose_each
 from phantom_dyn import load_robot
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 
 PENDULUM = Path(__file__).parents[1] / "tests" / "robots" / "pendulum.urdf"

@@ -18,8 +18,8 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.maps.quantities import felt_at
 
@@ -30,7 +30,7 @@ NAMES = ("manipulability", "apparent_mass", "apparent_mass_matrix", "viscous_fri
 ALONE = """
 import json, resource, sys, time
 from phantom_dyn import load_robot
-from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.operational_map import operational_map
 text, names, jobs = sys.argv[1], sys.argv[2].split(","), int(sys.argv[3])

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from identification.estimators.reduced_fit import refit
+from identification.estimators.fit import refit
 from identification.regression.reduction import Reduction, reduce_blocks
 
 JOINTS, SAMPLES = 5, 20_000

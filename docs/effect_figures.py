@@ -14,8 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.references import References
+from phantom_dyn.effects.operation import Operation, References
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -18,8 +18,8 @@ from identification.export.log_and_map_files import write_map
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cea import MASS_RANGE_KG, STIFFNESS_RANGE, tip_position
 from phantom_dyn.devices.cea_dynamics import STIFFNESS_OF_RANGES, nearest_posture
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import OperationalMap, operational_map
 
 QUANTITIES = ("apparent_mass", "stiffness", "coulomb_force", "viscous_friction")

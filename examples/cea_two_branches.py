@@ -17,11 +17,13 @@ from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cable_friction import CableFriction, rescaled
 from phantom_dyn.devices.cea import FRICTION_TESTS, LENGTHS, LinkLengths, tip_position
-from phantom_dyn.devices.cea_rods import Rods, branch_with_rods_urdf, branch_with_rods_yaml
 from phantom_dyn.devices.cea_two_branches import (
     PLATFORM,
     POSTURE,
     Platform,
+    Rods,
+    branch_with_rods_urdf,
+    branch_with_rods_yaml,
     motor_slope,
     shared_torque,
     two_branches_urdf,
@@ -29,8 +31,8 @@ from phantom_dyn.devices.cea_two_branches import (
 )
 from phantom_dyn.dynamics.dynamics import gravity_torque, rigid_body_regressor
 from phantom_dyn.dynamics.kinematics import frame_pose
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot

@@ -15,24 +15,22 @@ from phantom_dyn.haptics import figures
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, StickingFriction, VirtualMass, cheap_translation
 from phantom_dyn.haptics.cheap.cheap_hardware import rendered
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, Operator, RigidAxis
-from phantom_dyn.haptics.device.commutation import BrushMotor
 from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
+    BrushMotor,
     Winding,
     switched_current,
     warming,
 )
 from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE
 from phantom_dyn.haptics.device.safety import Guard, ThermalMotor, run_guard
-from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass
+from phantom_dyn.haptics.experiments.frequency_response import fit_two_mass
+from phantom_dyn.haptics.experiments.noise_and_sweep import Sweep, simulate_swept_sine, simulate_white_noise
 from phantom_dyn.haptics.experiments.relay import limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.swept_sine import Sweep, simulate_swept_sine
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer
-from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
@@ -50,8 +48,12 @@ from phantom_dyn.haptics.stability.force_feedforward import (
     worst_critical_feedforward,
 )
 from phantom_dyn.haptics.stability.force_link import ForceLink, critical_feedforward_of_link, noise_felt
-from phantom_dyn.haptics.stability.passivity import critical_loop_gain, simulate_teleoperation
-from phantom_dyn.haptics.stability.virtual_wall import critical_wall, simulate_wall
+from phantom_dyn.haptics.stability.virtual_wall import (
+    critical_loop_gain,
+    critical_wall,
+    simulate_teleoperation,
+    simulate_wall,
+)
 from phantom_dyn.walking.stairs import Stairs, climb
 from phantom_dyn.walking.walker import talos, talos_bent
 from phantom_dyn.walking.walking_reference import walk

@@ -27,10 +27,14 @@ from phantom_dyn.haptics.device.published import (
     phantom_1_0,
 )
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
-from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit, fit_two_mass
-from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.haptics.experiments.frequency_response import (
+    FrequencyResponse,
+    TwoMassFit,
+    estimate_frequency_response,
+    fit_two_mass,
+)
+from phantom_dyn.haptics.experiments.noise_and_sweep import simulate_white_noise
 from phantom_dyn.haptics.experiments.relay import LimitCycle, limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.haptics.figures import two_mass_fit_figure
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, MARKERS, key, panels
 from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, critical_stiffness, loop_bode

@@ -9,8 +9,8 @@ from arguments import chosen_folder
 
 from identification.export.log_and_map_files import write_map
 from phantom_dyn import load_robot
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 
 QUANTITIES = ("manipulability", "apparent_mass", "apparent_mass_matrix", "gravity_force")

@@ -97,16 +97,16 @@ def require_writable(path: Path, option: str) -> None:
         raise UsageError(f"{option}: cannot write {path}: no right to write in {folder}; name another place")
 
 
-def require_writable_folder(folder: Path, names: Iterable[str], option: str = "--out") -> None:
+def require_writable_folder(folder: Path, names: Iterable[str]) -> None:
     """Refuse a folder for files that cannot be written, before any work is done; nothing is made.
 
     Raises:
         UsageError: If it is a file, or one of the files cannot be written.
     """
     if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{option} {folder} is a file, wanted a folder; name another folder")
+        raise UsageError(f"--out {folder} is a file, wanted a folder; name another folder")
     for name in names:
-        require_writable(folder / name, option)
+        require_writable(folder / name, "--out")
 
 
 def require_kept(read: Iterable[str | Path | None], written: Iterable[Path]) -> None:

@@ -21,13 +21,12 @@ from identification.diagnosis.judge.bursts import burst_notes
 from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.result import Diagnosis, Judgement
-from identification.next_experiment.proposal import Proposal
+from identification.next_experiment.advise import Proposal
 from identification.notes import Code, Note, Said
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.followed import with_followed
-from identification.rollout.noise_band import borne_out_by_motion
-from identification.rollout.rollout import Explained, rollout_of
+from identification.rollout.rollout import Explained, borne_out_by_motion, rollout_of
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses

@@ -1,10 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motion of the joints of a robot, which of them slide, and their positions as Pinocchio's configurations."""
+"""Motion of the joints of a robot, Pinocchio's configurations for it, and arrays that nobody can change."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -14,10 +15,38 @@ from phantom_dyn.array_types import Array, Float
 Rows = slice | np.ndarray
 
 _PIECE = 4096
+# Numbers that the annotations of arrays name.
+_NUMBERS = {"Float": float, "Complex": complex, "Bool": bool, "Int": int}
+
+
+def read_only(array: Array, dtype: type = float) -> Array:
+    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
+    if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
+        return array
+    copy = np.array(array, dtype=dtype, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+@cache
+def _arrays_of(kind: type[ReadOnlyArrays]) -> tuple[tuple[str, type], ...]:
+    """Names and types of the fields that hold arrays, from their annotations."""
+    named = ((field.name, str(field.type).partition("[")[0]) for field in fields(kind))  # type: ignore[arg-type]
+    return tuple((name, _NUMBERS[word]) for name, word in named if word in _NUMBERS)
+
+
+class ReadOnlyArrays:
+    """Base of frozen dataclasses whose arrays are copied and cannot be written to; None stays None."""
+
+    def __post_init__(self):
+        for name, dtype in _arrays_of(type(self)):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, read_only(value, dtype))
 
 
 @dataclass(frozen=True)
-class BaseMotion:
+class BaseMotion(ReadOnlyArrays):
     """How the root of a robot moves that is not bolted down, in the root's own axes; where it is does not matter.
 
     Attributes:
@@ -31,10 +60,6 @@ class BaseMotion:
     dw: Float[Array, "N 3"]
     f: Float[Array, "N 3"]
 
-    def __post_init__(self):
-        for name in ("w", "dw", "f"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
     @property
     def columns(self) -> Float[Array, "N 9"]:
         """All three side by side."""
@@ -46,7 +71,7 @@ class BaseMotion:
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(ReadOnlyArrays):
     """``N`` samples of a robot's joint motion.
 
     Attributes:
@@ -62,10 +87,6 @@ class Motion:
     v: Float[Array, "N nv"]
     a: Float[Array, "N nv"]
     base: BaseMotion | None = field(default=None, kw_only=True)
-
-    def __post_init__(self):
-        for name in ("t", "q", "v", "a"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def at(self, rows: Rows) -> Motion:
         """Some of the samples."""
@@ -114,12 +135,3 @@ def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
             out[rows, k] = column[rows]
     out.flags.writeable = False
     return out
-
-
-def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
-    if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
-        return array
-    copy = np.array(array, dtype=dtype, order="C")
-    copy.flags.writeable = False
-    return copy

@@ -18,7 +18,7 @@ FOLDERS = {type(effect).__module__.rpartition(".")[0] for effect in EFFECTS}
 # Who may import a law, and why.
 IMPORTS = {
     # Cheap haptic hardware is made of these laws: they stand in one place, whatever uses them.
-    "phantom_dyn/haptics/cheap/cheap_cycle.py": {
+    "phantom_dyn/haptics/cheap/cheap_hardware.py": {
         "phantom_dyn.effects.drive.torque_saturation",
         "phantom_dyn.effects.friction.presliding_friction",
     },

@@ -8,10 +8,15 @@ import numpy as np
 from haptics_gallery import FRICTION_OF_FIGURE_8, PLAY_OF_FIGURE_9, creeping_probe, swinging_probe
 
 from papers.page import NOT_GIVEN, Row, Section, compared, exact
-from phantom_dyn.haptics.cheap.cheap_axis import CUTOFF_HZ, CheapAxis, cheap_rotation, cheap_translation
-from phantom_dyn.haptics.cheap.cheap_cycle import GAP_DAMPING, WINDOW, butterworth_weights, coupling_force
-from phantom_dyn.haptics.cheap.cheap_hardware import rendered
-from phantom_dyn.haptics.cheap.workstation import WORKSTATION, WorkstationAxis
+from phantom_dyn.haptics.cheap.cheap_axis import (
+    CUTOFF_HZ,
+    WORKSTATION,
+    CheapAxis,
+    WorkstationAxis,
+    cheap_rotation,
+    cheap_translation,
+)
+from phantom_dyn.haptics.cheap.cheap_hardware import GAP_DAMPING, WINDOW, butterworth_weights, coupling_force, rendered
 
 RATES = (500, 1000, 2000)
 TRANSLATION = cheap_translation(slip=1.0, order=600.0, limit=math.inf)
@@ -41,7 +46,7 @@ def _axis(name: str, axis: WorkstationAxis) -> Row:
 
 def device() -> Section:
     rows = tuple(_axis(name, axis) for name, axis in WORKSTATION.items())
-    return Section("I.C Hardware, Table 1", "`phantom_dyn.haptics.cheap.workstation`", rows)
+    return Section("I.C Hardware, Table 1", "`phantom_dyn.haptics.cheap.cheap_axis`", rows)
 
 
 def models() -> Section:

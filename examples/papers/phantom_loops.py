@@ -20,18 +20,18 @@ from phantom_dyn.haptics.device.drives import (
 )
 from phantom_dyn.haptics.device.published import low_frequency_inertia, two_mass_of_fit
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
-from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder
+from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder, SinusoidalEncoder
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import IMPROVED, STOCK, AveragedDifference
 from phantom_dyn.haptics.stability.phantom_improvements import (
+    Explained,
     Improvement,
     ModelFigure,
+    explained_improvements,
     operational_masses,
     phantom_improvements,
 )
-from phantom_dyn.haptics.stability.published_ratios import Explained, explained_improvements
 from phantom_dyn.haptics.stability.virtual_wall import critical_wall
 
 HZ = 2 * math.pi

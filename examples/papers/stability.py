@@ -26,7 +26,7 @@ from phantom_dyn.haptics.device.published import (
     PHANTOM_RADIUS,
     phantom_1_0,
 )
-from phantom_dyn.haptics.experiments.frequency_identification import NAMES
+from phantom_dyn.haptics.experiments.frequency_response import NAMES
 from phantom_dyn.haptics.stability.critical_stiffness import (
     critical_stiffness,
     linear_ratio,
@@ -126,7 +126,7 @@ def identification() -> Section:
     ]
     return Section(
         "4.2 Parameters of the model, Table 2, Figures 13 and 14",
-        "`phantom_dyn.haptics.experiments.frequency_identification.fit_two_mass`; Figure 14: `phantom_1_0_response` of "
+        "`phantom_dyn.haptics.experiments.frequency_response.fit_two_mass`; Figure 14: `phantom_1_0_response` of "
         "`examples/paper_figures.py`; LHIfAM: `empirical_transfer_function` and `swept_sine` of "
         "`examples/haptics_gallery.py`",
         (

@@ -57,8 +57,8 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import dataset, operational_map
 from phantom_dyn.model.robot_files import looks_like_robot
 from phantom_dyn.motion import Motion

@@ -11,7 +11,7 @@ from identification.api.diagnosis import Diagnosis
 from identification.api.inputs import described, listed
 from identification.api.results import Reference
 from identification.data.readers.read_table import read_raw
-from identification.degrade.degradation import degradation
+from identification.degrade.degraded_log import degradation
 from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects

@@ -100,8 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _degrade(arguments: argparse.Namespace) -> int:
     from identification.data.readers.read_table import read_table
     from identification.data.reading import recording
-    from identification.degrade.degradation import degradation
-    from identification.degrade.degraded_log import degrade
+    from identification.degrade.degraded_log import degradation, degrade
     from identification.export.log_and_map_files import write_log
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot

@@ -198,7 +198,7 @@ def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
         return None
     from identification.data.reading import read_recording
     from identification.data.signals import process
-    from identification.excitation.excited_base import earlier_factor
+    from identification.excitation.design_problem import earlier_factor
     from phantom_dyn.motion import Motion
 
     motions = []

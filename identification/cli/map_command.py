@@ -75,8 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _map(arguments: argparse.Namespace) -> int:
     from identification.export.log_and_map_files import NETCDF, write_map
-    from phantom_dyn.maps.from_robot import map_model
     from phantom_dyn.maps.grid import read_grid
+    from phantom_dyn.maps.map_model import map_model
     from phantom_dyn.maps.operational_map import operational_map
     from phantom_dyn.model.loading import load_robot
 

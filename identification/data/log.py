@@ -10,7 +10,7 @@ import numpy as np
 
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Array, Bool, Float, Int
-from phantom_dyn.effects.references import References
+from phantom_dyn.effects.operation import References
 from phantom_dyn.motion import Motion, read_only
 
 

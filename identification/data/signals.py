@@ -16,7 +16,7 @@ from identification.data.drive_loop import read_delays
 from identification.data.drives.arrivals import between_readings
 from identification.data.drives.compensation import friction_taken
 from identification.data.drives.joint_torque import external_torque, voltage_bound
-from identification.data.floating.filtered_base import filtered_base, sensors_of_base
+from identification.data.floating.base_columns import filtered_base, sensors_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
@@ -24,7 +24,7 @@ from identification.data.times import time_text
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.effects.references import References
+from phantom_dyn.effects.operation import References
 from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

@@ -16,7 +16,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.random_streams import random_stream
-from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
+from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 
 CLEARANCE = 0.01
 """Distance [m] that bodies keep by default: hulls lie outside of the shapes, robots do not track perfectly."""

@@ -12,25 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
-from identification.excitation.descent import descend
-from identification.excitation.design_problem import DesignProblem, Grid
-from identification.excitation.excited_base import base_of
-from identification.excitation.limits import Limits, limits_of
-from identification.excitation.motion_shapes import Shapes
-from identification.excitation.starts import (
+from identification.excitation.descent import (
     SHARES,
     constant_weights,
+    descend,
     farthest_within_limits,
     feasible_postures,
     largest_within_limits,
     random_motion,
     random_weights,
 )
+from identification.excitation.design_problem import DesignProblem, Grid, base_of
+from identification.excitation.limits import Limits, limits_of
+from identification.excitation.motion_shapes import Shapes
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion, ReadOnlyArrays
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10
@@ -62,7 +61,7 @@ class PlannedRecording:
 
 
 @dataclass(frozen=True)
-class Excitation:
+class Excitation(ReadOnlyArrays):
     """A designed motion.
 
     Attributes:
@@ -84,9 +83,6 @@ class Excitation:
     start: float
     reached: tuple[str, ...]
     notes: tuple[str, ...]
-
-    def __post_init__(self):
-        object.__setattr__(self, "weights", read_only(self.weights))
 
     def motion(self, rate_hz: float) -> Motion:
         """The motion from rest to rest, in equal steps; the rate is the nearest to ``rate_hz`` that samples its end.

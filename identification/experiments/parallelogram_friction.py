@@ -27,6 +27,10 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 
+_AMPLITUDE = 0.4  # of a friction test, to either side of its center [rad]
+_CENTER = (0.0, -0.26, -1.83)  # posture of q1, q2, q5 [rad]
+_RATE_HZ = 500.0
+
 MOVING: Mapping[str, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
 """Numbers of the active joints (q1, q2, q5) that move in each test, and whose torque tells something."""
 
@@ -65,18 +69,12 @@ def friction_test_motion(
     test: str,
     *,
     speeds: Sequence[float] = (0.1, 0.2, 0.4, 0.8),
-    amplitude: float = 0.4,
-    center: tuple[float, float, float] = (0.0, -0.26, -1.83),
-    rate_hz: float = 500.0,
 ) -> Motion:
     """Triangles of two periods at each speed in turn, on the joints of a friction test; the others hold still.
 
     Args:
         test: Which of the three.
         speeds: Of the straight parts, nearly [rad/s]: the turns take a tenth of the time.
-        amplitude: To either side of the center [rad].
-        center: Posture of q1, q2, q5 [rad].
-        rate_hz: Sampling rate.
 
     Raises:
         ParameterError: If the test is unknown.
@@ -84,14 +82,14 @@ def friction_test_motion(
     moving = _moving(test)
     parts = []
     for speed in speeds:
-        frequency = speed / (4 * amplitude)
-        t = np.arange(round(2 / frequency * rate_hz)) / rate_hz
-        parts.append(Triangle(amplitude, frequency).motion(t))
+        frequency = speed / (4 * _AMPLITUDE)
+        t = np.arange(round(2 / frequency * _RATE_HZ)) / _RATE_HZ
+        parts.append(Triangle(_AMPLITUDE, frequency).motion(t))
     wave = np.concatenate(parts, axis=1)
     q, v, a = (np.zeros((wave.shape[1], 3)) for _ in range(3))
     for array, values in zip((q, v, a), wave, strict=True):
         array[:, moving] = values[:, None]
-    return Motion(np.arange(wave.shape[1]) / rate_hz, q + np.array(center), v, a)
+    return Motion(np.arange(wave.shape[1]) / _RATE_HZ, q + np.array(_CENTER), v, a)
 
 
 def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> dict[int, LinearFit]:

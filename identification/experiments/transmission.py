@@ -19,7 +19,7 @@ from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError, ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 _STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
 _HARMONICS = 20.0  # of the triangle that are kept: its corners lie above
@@ -27,7 +27,7 @@ _SHARE_OF_RATE = 0.2
 
 
 @dataclass(frozen=True)
-class Loop:
+class Loop(ReadOnlyArrays):
     """A hysteresis loop: torque up and down against a blocked arm.
 
     Attributes:
@@ -39,10 +39,6 @@ class Loop:
     t: Float[Array, " N"]
     torque: Float[Array, " N"]
     position: Float[Array, " N"]
-
-    def __post_init__(self):
-        for name in ("t", "torque", "position"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float) -> Float[Array, " N"]:

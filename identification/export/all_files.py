@@ -25,19 +25,19 @@ from identification.export.corrected.corrected_files import (
     rollout_note,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
+from identification.export.corrected.corrected_urdf import (
+    joint_moves,
+    moved_mjcf,
+    moved_urdf,
+    moves_of_files,
+    not_in_files,
+)
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.export.corrected.found_effects import (
     effect_of,
     lasting_findings,
     same_torque_bodies,
     within_tolerance,
-)
-from identification.export.corrected.moved_joints import (
-    joint_moves,
-    moved_mjcf,
-    moved_urdf,
-    moves_of_files,
-    not_in_files,
 )
 from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.file_names import (

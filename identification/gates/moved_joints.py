@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-import numpy as np
-
 from identification.engine.claims import GateResult, easiest
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
-from phantom_dyn.array_types import Bool, Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Bool, Float
 
 # share: by which the squared residual of some joint has to grow without an effect that noise may imitate.
 VISIBLE_GROWTH = 0.03

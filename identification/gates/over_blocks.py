@@ -7,9 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from identification.engine.claims import GateResult, easiest
-from phantom_dyn.array_types import Float
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array, Float
 
 # standard errors over blocks: least size of a significant gain.
 SIGNIFICANT_ERRORS = 2.0

@@ -23,9 +23,18 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.least_size import large_enough
 from identification.gates.possible import possible_size
 from identification.geometry.equations import DELAY
-from identification.geometry.explanation import ExplainedPoses, explain_poses
 from identification.geometry.held_out import blocks_of, left_of_rows
-from identification.geometry.judgement import Gap, Group, bounds_of, drawn_blocks, findings_of, gap_of, groups_of
+from identification.geometry.judgement import (
+    ExplainedPoses,
+    Gap,
+    Group,
+    drawn_blocks,
+    explain_poses,
+    findings_of,
+    gap_of,
+    groups_of,
+    pose_bounds,
+)
 from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
@@ -90,7 +99,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
     gap = gap_of(explained, blocks)
     frames, evidence = _frames(explained, gap)
     found = findings_of(explained, gap)
-    bounds, unseen = bounds_of(explained, found)
+    bounds, unseen = pose_bounds(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
     once = np.ones((1, len(gap.after)))

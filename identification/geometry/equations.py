@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from identification.geometry.closing import closed_positions, followed, rounded
 from identification.geometry.measured import Measured, Path
-from identification.geometry.pins import Loops, is_carried, move_frame
+from identification.geometry.pins import Loops, closed_positions, followed, is_carried, move_frame, rounded
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.geometry.explanation import ExplainedPoses
+from identification.geometry.judgement import ExplainedPoses
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 

@@ -13,8 +13,8 @@ from uuid import uuid4
 
 from identification.file_sets import with_run, write_together
 from identification.files import require_kept, require_writable_folder
-from identification.identify.exports import MJCF, URDF
 from identification.identify.identification import Export, IdentifiedModel, Parameter
+from identification.identify.identified_model import MJCF, URDF
 
 SCHEMA = "identification/1"
 

@@ -13,13 +13,11 @@ import numpy as np
 from identification.data.log import Log
 from identification.excitation.closable import CLEAR
 from identification.excitation.criteria import ConditionNumber, DOptimality
-from identification.excitation.descent import descend
-from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
-from identification.excitation.excited_base import base_of
+from identification.excitation.descent import descend, feasible_postures, largest_within_limits, random_weights
+from identification.excitation.design_problem import DesignProblem, Grid, base_of, joint_sizes
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
 from identification.excitation.moved_tree import clear_of
-from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

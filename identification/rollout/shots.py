@@ -1,22 +1,209 @@
-"""Simulation of one window: under the recorded torque, or under the controllers that commanded it."""
+"""Simulation of one window: under the recorded torque, or under the controllers that commanded it.
+
+A link within backlash, or the motor where the encoder is on the link, has a state that no encoder reads. It is
+estimated in two steps. First feedback keeps the motors on the recording, so that their links move as that motion makes
+them. Then free motion under the recorded torque is fitted to the last readings before the window. The unknowns are all
+states at its start: also those that encoders read, as an impact is faster than any smoothing. Of the samples after the
+window's first only those are used that smooth it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from identification.data.log import Log
-from identification.rollout.driven import STEP, base_of, moved, pull, pulling, simulated
-from identification.rollout.hidden_states import HiddenStart, hidden_start, hides, pulled_to
-from identification.rollout.rollout_starts import Start, States, Window, true_state
-from identification.rollout.simulated_models import Model
+from identification.rollout.rollout_starts import (
+    STEP,
+    Start,
+    States,
+    Window,
+    base_of,
+    moved,
+    pull,
+    pulling,
+    simulated,
+    true_state,
+)
+from identification.rollout.simulated_models import LEAD, Model
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.simulation.control import Tracking, with_late_references
-from phantom_dyn.simulation.simulate import Cause
+from phantom_dyn.simulation.control import Tracking, torque_over_time, with_late_references
+from phantom_dyn.simulation.simulate import Cause, Simulation
+
+# Time [s] over which free motion is fitted to readings, and the smallest number of these. Over a longer time errors of
+# the model matter more, over a shorter one the noise of the readings.
+_THROUGH, _FEWEST = 0.1, 8
+_ROUNDS, _ENOUGH = 4, 0.02  # iterations of least squares, and relative decrease of the squares at which they end
+_FAR_OFF = 4.0  # mean square of a bad fit, in variances of the readings
+_LOOK = 0.02  # step of finite differences, as a share of a state's spread
+_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # shifts of the hidden side within backlash that are tried, in gaps
+_BLIND = 0.2  # error of smoothed speeds shortly after an impact, as a share of the usual speed
+_LATE = 0.005  # time [s] that gives the error of positions from that of the speeds
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenStart:
+    """A model with all its states, some samples before a window.
+
+    Attributes:
+        model: The model.
+        at: Index of the sample in the log.
+        start: States of links and motors there.
+    """
+
+    model: Model
+    at: int
+    start: Start
+
+
+def hides(model: Model) -> bool:
+    """True if a link may be anywhere within backlash, or the encoder is on the link behind a spring."""
+    return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
+
+
+def look_back(rate_hz: float) -> float:
+    """Longest time before a window that is used [s]."""
+    return LEAD + max(_THROUGH, _FEWEST / rate_hz)
+
+
+def tries(model: Model) -> int:
+    """Approximate number of short simulations that `hidden_start` needs."""
+    return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
+
+
+def hidden_start(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
+    """States of a model before a window; the smoothed ones at its start where too few samples precede it.
+
+    Args:
+        log: The recording.
+        states: Its smoothed states.
+        window: The window, with the number of samples before it that may be used.
+        model: A model with transmissions.
+        torque: Torque of its drives, over the whole log.
+
+    Raises:
+        ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
+    """
+    rate = log.band.rate_hz
+    fitted = max(round(_THROUGH * rate), _FEWEST)
+    if window.lead < fitted:
+        return HiddenStart(model, window.start, true_state(model, states, window.start, 1.0 / rate))
+    at = window.start - fitted
+    begun = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
+    spread = _spread(model, states, begun)
+    rows = slice(at, window.start + 1)
+    law, base = torque_over_time(log.motion.t[rows], torque[rows]), base_of(model, log, rows)
+
+    def run(moves: Array) -> Simulation:
+        return moved(model, law, _shifted(model, begun, moves * spread), base)
+
+    def misses(moves: Array) -> Array:
+        return np.concatenate([((run(moves).q - states.raw[rows]) / states.read_std).ravel(), moves])
+
+    moves = _best_fitted(misses, _elsewhere(model, spread))
+    return HiddenStart(model, at, _shifted(model, begun, moves * spread))
+
+
+def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> HiddenStart:
+    """States of a model at the start of a window by feedback alone: rougher, in one simulation instead of `tries`."""
+    lead = min(round(LEAD * log.band.rate_hz), window.lead)
+    return HiddenStart(model, window.start, _pulled(log, states, model, torque, window.start, lead))
+
+
+def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
+    """State at a sample after feedback over the samples before it; motors of links with encoders get none."""
+    start = true_state(model, states, max(at - lead, 0), 1.0 / log.band.rate_hz)
+    loose = [row_of(model.robot, part.joint) for part in model.transmissions]
+    if lead < 2 or not all(_on_motor(model, row) for row in loose):
+        return true_state(model, states, at, 1.0 / log.band.rate_hz)
+    rows = slice(at - lead, at + 1)
+    gains = pull(model, states.q[at])
+    everywhere = np.ones((lead + 1, model.robot.nv), dtype=bool)
+    law = pulling(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, everywhere)
+    out = moved(model, law, start, base_of(model, log, rows))
+    return Start(out.links.q[-1], out.links.v[-1], out.encoders.q[-1], out.encoders.v[-1])
+
+
+def _on_motor(model: Model, row: int) -> bool:
+    return model.robot.actuators[row].encoder_side == "motor"
+
+
+def _hidden(model: Model) -> list[int]:
+    return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
+
+
+def _shifted(model: Model, start: Start, moves: Float[Array, " n"]) -> Start:
+    """A start with positions and speeds of all joints changed, and those of the hidden sides relative to these."""
+    nv, rows = model.robot.nv, _hidden(model)
+    q, v, motor_q, motor_v = (np.array(x) for x in (start.q, start.v, start.motor_q, start.motor_v))
+    for place, moved_by in (
+        (q, moves[:nv]),
+        (motor_q, moves[:nv]),
+        (v, moves[nv : 2 * nv]),
+        (motor_v, moves[nv : 2 * nv]),
+    ):
+        place += moved_by
+    for k, row in enumerate(rows):
+        place, pace = (q, v) if _on_motor(model, row) else (motor_q, motor_v)
+        place[row] += moves[2 * nv + 2 * k]
+        pace[row] += moves[2 * nv + 2 * k + 1]
+    return Start(q, v, motor_q, motor_v)
+
+
+def _spread(model: Model, states: States, start: Start) -> Float[Array, " n"]:
+    """Uncertainty of the numbers of `_shifted`."""
+    v = 5.0 * states.v_std + _BLIND * states.v.std(axis=0)
+    q = 5.0 * states.q_std + _LATE * v
+    out = [*q, *v]
+    for row in _hidden(model):
+        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        apart = abs(float(start.motor_q[row] - start.q[row]))
+        out += [q[row] + gap + 0.2 * apart, 2.0 * v[row]]
+    return np.array(out)
+
+
+def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
+    """Candidate starts, in units of `_spread`: unchanged, and with one hidden side shifted within its backlash."""
+    out, nv = [np.zeros(len(spread))], model.robot.nv
+    for k, row in enumerate(_hidden(model)):
+        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        for share in _ELSEWHERE if gap > 0 else ():
+            moves = np.zeros(len(spread))
+            moves[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
+            out.append(moves)
+    return out
+
+
+def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
+    """Least squares fit from the best guess, and from the next best where that ends in a bad fit."""
+
+    def mean_square(moves: Array) -> float:
+        return float(np.mean(misses(moves) ** 2))
+
+    first, *others = sorted(guesses, key=mean_square)
+    best = _fitted(misses, first)
+    if others and mean_square(best) > _FAR_OFF:
+        best = min(best, _fitted(misses, others[0]), key=mean_square)
+    return best
+
+
+def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Least squares fit from a first guess."""
+    from scipy.optimize import least_squares
+
+    def slopes(at: Array) -> Array:
+        # Longer steps than rounding requires, as backlash makes the residuals rough.
+        missed = misses(at)
+        return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
+
+    # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
+    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from identification.words.diagnosis_words import joined, on_place
 from identification.words.effect_words import words_of
 from identification.words.numbers_and_names import NO_BREAK, with_unit
 
-Rivalry = tuple[Sequence[EffectAt], Sequence[EffectAt]]
+RivalPair = tuple[Sequence[EffectAt], Sequence[EffectAt]]
 """Two hypotheses, each by its effects."""
 
 CHANGES = {
@@ -25,7 +25,7 @@ _MOST_PAIRS = 3
 """Most causes that a sentence lists with their rivals; of more it names the first, `diagnosis.json` has all."""
 
 
-def pairs_words(pairs: Sequence[Rivalry]) -> str:
+def pairs_words(pairs: Sequence[RivalPair]) -> str:
     """Pairs as ``a from b and c``, the hypothesis of most pairs first."""
     left = list(dict.fromkeys((_hypothesis_words(one), _hypothesis_words(other)) for one, other in pairs))
     said = []
@@ -45,7 +45,7 @@ def _hypothesis_words(effects: Sequence[EffectAt]) -> str:
 
 
 def _not_separated(note: Note) -> str:
-    pairs: Sequence[Rivalry] = note.numbers["pairs"]
+    pairs: Sequence[RivalPair] = note.numbers["pairs"]
     by = {words_of(at).separated_by for pair in pairs for effects in pair for at in effects}
     changes = [words for change, words in CHANGES.items() if change in by]
     advice = (

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit, within
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _SWEEPS = 200
 """Sweeps at most; they stop when no torque moves by more than `_STILL` of its limit."""

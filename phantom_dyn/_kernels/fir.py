@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _AT_ONCE = 32
 """Most samples of one block: more of them are not faster, and their matrix has more zeros."""

@@ -8,8 +8,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.loop_closing import AnchoredTree, Closed, Limits, close_loops, drift_loop
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 
 class FollowedLoops(NamedTuple):

@@ -17,8 +17,7 @@ from phantom_dyn._kernels.jit import compiles, fused, inlined
 from phantom_dyn._kernels.poses import cross, move, place, turned, turned_back
 from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _TINY = 1e-9
 """Sine of an angle below which the rotation vector is its axis times the sine."""

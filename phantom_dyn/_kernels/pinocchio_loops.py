@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 
 def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import inlined
+from phantom_dyn.array_types import Array
 
-Array = np.ndarray
 Vector = tuple[float, float, float]
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _SWEEPS = 40
 """Sweeps of the Jacobi rotations at most; a handful is usual."""

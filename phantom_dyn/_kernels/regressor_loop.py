@@ -15,8 +15,7 @@ from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, move, place, turned_back
 from phantom_dyn._kernels.rigid_body_loops import Room, set_root
 from phantom_dyn._kernels.tree_arrays import Kinematics
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 SCATTERED, NONE = -1, -2
 """Instead of the first column of a joint: its ten columns do not stand side by side, or none of them is wanted."""

@@ -21,9 +21,8 @@ from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, re
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
 from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
 from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, ParameterError
-
-Array = np.ndarray
 
 # Samples from which on the slopes of the torque are worth a loop of their own: Pinocchio's is done with fewer long
 # before this one is compiled.

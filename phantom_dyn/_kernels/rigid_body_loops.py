@@ -9,8 +9,7 @@ import numpy as np
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, move, place, turned, turned_back
 from phantom_dyn._kernels.tree_arrays import Kinematics
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 
 class Frame(NamedTuple):

@@ -16,8 +16,7 @@ from phantom_dyn._kernels.followed_loops import FollowedLoops, follow
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 _ORIGIN, _AXIS, BODY, _FIXED = 27, 30, 33, 43
 """Places in the row of a joint that stays: from 0 rotations, then origin, axis, the ten parameters of its body."""

@@ -18,8 +18,7 @@ from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, place
 from phantom_dyn._kernels.rigid_body_loops import Room, carry, hand_over, set_root, times_inertia
 from phantom_dyn._kernels.tree_arrays import Kinematics
-
-Array = np.ndarray
+from phantom_dyn.array_types import Array
 
 
 class SlopeRoom(NamedTuple):

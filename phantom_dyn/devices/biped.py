@@ -156,14 +156,12 @@ def true_joint_coordinates(
     return _chain(lengths, links, support, ankle)
 
 
-def projection_error(
-    lengths: BipedLengths, theta: Angles, beta: Float[Array, " N"], *, support: Side = "left"
-) -> Points:
+def projection_error(lengths: BipedLengths, theta: Angles, beta: Float[Array, " N"]) -> Points:
     """Points of the projected links minus those of rigid links [m], shape ``(N, 7, 3)``; along x only.
 
     Arguments as `joint_coordinates`.
     """
-    given, true = (way(lengths, theta, beta, support=support) for way in (joint_coordinates, true_joint_coordinates))
+    given, true = (way(lengths, theta, beta) for way in (joint_coordinates, true_joint_coordinates))
     return given - true
 
 

@@ -168,24 +168,20 @@ def felt(q: Float[Array, "N 3"], *, lengths: LinkLengths = LENGTHS, stiffness: f
     return Felt(mass, coulomb, stiffness * np.sum(inverse**2, axis=1))
 
 
-def nearest_posture(
-    *, lengths: LinkLengths = LENGTHS, stiffness: float = STIFFNESS_OF_RANGES, step_deg: float = 3.0
-) -> tuple[Float[Array, " 3"], Felt]:
+def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3"], Felt]:
     """Posture at q1 = 0 that comes nearest to the published ranges, and what is felt there.
 
     "Nearest" is in logarithms; of postures within all ranges, the one of largest apparent mass.
 
     Args:
         lengths: Of the links.
-        stiffness: Of each joint [N m/rad].
-        step_deg: Of the grid over q2 and q5 [deg].
     """
-    angles = np.deg2rad(np.arange(-180.0, 180.0, step_deg))
+    angles = np.deg2rad(np.arange(-180.0, 180.0, 3.0))
     q2, q5 = (axis.ravel() for axis in np.meshgrid(angles, angles, indexing="ij"))
     # The arm on the side of x0; the other side is the same with q1 turned by half a circle.
     out = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5) > 0
     q = np.stack([np.zeros_like(q2), q2, q5], axis=1)[out]
-    found = felt(q, lengths=lengths, stiffness=stiffness)
+    found = felt(q, lengths=lengths, stiffness=STIFFNESS_OF_RANGES)
     off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
     off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
     # Far below any distance that matters: it decides only among postures that are all within the ranges.

@@ -230,14 +230,12 @@ def coriolis_matrix(
     return C
 
 
-def gravity_torque(
-    q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5, *, gravity: float = 9.81
-) -> Float[Array, "N 3"]:
-    """Gravity torque N [N m], shape ``(N, 3)``, for ``gravity`` [m/s2] along -y."""
+def gravity_torque(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANTOM_1_5) -> Float[Array, "N 3"]:
+    """Gravity torque N [N m], shape ``(N, 3)``, for 9.81 m/s2 along -y."""
     p = parameters
     N = np.zeros((len(q), 3))
-    N[:, 1] = gravity * (p.l1 * p.m_a + p.l5 * p.m_be + p.l1 * p.m_c / 2) * np.cos(q[:, 1])
-    N[:, 2] = gravity * (p.l2 * p.m_a / 2 + p.l3 * p.m_c - p.l6 * p.m_df) * np.sin(q[:, 2])
+    N[:, 1] = 9.81 * (p.l1 * p.m_a + p.l5 * p.m_be + p.l1 * p.m_c / 2) * np.cos(q[:, 1])
+    N[:, 2] = 9.81 * (p.l2 * p.m_a / 2 + p.l3 * p.m_c - p.l6 * p.m_df) * np.sin(q[:, 2])
     return N
 
 

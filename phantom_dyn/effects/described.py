@@ -46,12 +46,12 @@ class EffectWords:
         meaning: What it is, a phrase.
         next_step: What to do about it, a sentence.
         less: Name when the first parameter is negative, where that has a meaning of its own.
-        size: Phrase behind the name that gives its size, as in ``of {torque}``; a field is a parameter.
+        size: Phrase after the name that states its size, such as ``of {torque}``; a field is a parameter.
         parameters: Meaning of each parameter, where its name does not give it already.
         shown_over: Variables that its law depends on, the likeliest first; of several the data choose.
         separated_by: What distinguishes it from effects that leave the same torque in every motion.
-        kept: Part of it that a model file can express, behind "It has, "; empty if it is all or nothing.
-        lost: What a model file cannot express; the name if empty.
+        kept: The part of it that a model file can express, after "It has, "; empty if that is all of it or none.
+        lost: The part that a model file cannot express; the name if empty.
     """
 
     name: str
@@ -68,14 +68,14 @@ class EffectWords:
 
 @dataclass(frozen=True)
 class FormulaTerm:
-    """A column of an effect as a formula has it: what a torque that no effect explains may be made of.
+    """A column of an effect as a term of a formula for torque that no effect explains.
 
     Attributes:
-        kind: What it is, in words: terms of one kind stand for each other.
-        text: Over the inputs, as in ``|tl|*sign(v)``.
+        kind: Its kind in words; terms of one kind can replace each other.
+        text: The term as a function of the inputs, such as ``|tl|*sign(v)``.
         column: The same as a function. Its arguments are the inputs that it needs, by their names: ``q``, ``v`` and
             ``a`` of the joint, ``tl`` (torque that the transmission passes), ``temp`` (temperature of the drive).
-        per: What the unit of the torque is divided by, with ``{angle}``, ``{speed}`` and ``{torque}`` for the units of
+        per: Unit that divides that of the torque, with ``{angle}``, ``{speed}`` and ``{torque}`` for the units of
             the joint; empty if the coefficient is a torque.
     """
 
@@ -92,7 +92,7 @@ def less(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Something that turns with ``v_first + ratio v_second``, see `phantom_dyn.effects.friction.joint_coupling`."""
+    """Friction and inertia that move with ``v_first + ratio v_second``, from `joint_coupling`."""
 
     first: str
     second: str
@@ -108,23 +108,23 @@ class ModelNumbers:
 
     Attributes:
         whole: True if they express all of the effect.
-        viscous: Viscous coefficient more than modelled.
-        coulomb: Coulomb torque more than modelled.
-        rotor_inertia: Rotor inertia more than modelled.
-        robot: A change of links or gravity.
+        viscous: Viscous coefficient beyond the modelled one.
+        coulomb: Coulomb torque beyond the modelled one.
+        rotor_inertia: Rotor inertia beyond the modelled one.
+        robot: Function that changes links or gravity of a robot.
         turned: Rotation of gravity in the base frame, ``(3, 3)``.
         offset: Constant torque, positive along the joint.
         spring: Stiffness and rest position.
         gain: True torque over logged torque.
-        limit: Torque beyond which the drive gives no more.
+        limit: Largest torque of the drive.
         delay: Time [s] by which the drive is late.
         lag: Time constant [s] of the drive.
         reference_delay: Time [s] by which references of a position controller arrive late.
-        gap: Full width of a play.
-        stiffness: Of the transmission.
+        gap: Full width of backlash.
+        stiffness: Stiffness of the transmission.
         waves: Order, amplitude and phase of each wave of a torque over position.
-        coupling: Between two joints.
-        zero: How much the encoder reads too much.
+        coupling: Coupling of two joints.
+        zero: Reading of the encoder less the true position.
     """
 
     whole: bool = False

@@ -2,8 +2,8 @@
 
 An author gives a name, a regime, words, `Effect.parameters`, the law `Effect.torque`, its columns `Effect.signature`
 and how it enters a simulation `Effect.simulated`. All the rest has a default that is right for a torque on one joint
-that is linear in its parameters; what differs from that is said by an attribute or a small method here, and what an
-effect is to another one in `phantom_dyn.effects.relations`, so that nobody else has to know effects by name.
+that is linear in its parameters. An effect that differs says so by an attribute or a small method here. Relations
+between effects are in `phantom_dyn.effects.relations`, so that no other code has to know effects by name.
 """
 
 from __future__ import annotations
@@ -36,16 +36,14 @@ class Parameter:
         unit: SI; ``1`` if it has none.
         lower: Smallest value that the law allows; at zero the effect is absent.
         upper: Largest one.
-        default: Value of a device for which none is given; None if one has to be given.
-        above_zero: True if no device has zero, though a search may come to it.
-        plausible: Smallest and largest value that a sound device may have; outside it a size asks for a second look.
-            None if nothing can be said.
-        plausible_because: Where that range is from.
-        listed: True if it is a list, as all parameters of that effect are then (the orders of a cogging torque).
-        either_sign: True if it can be negative with nothing modelled, so that an undetected one is drawn with either
-            sign.
-        tried: Of a law alone, see `phantom_dyn.effects.user.law_effect`: values to try of a parameter that the torque
-            is not linear in; empty where it is linear.
+        default: Value for a device if none is given; None if it must be given.
+        above_zero: True if zero is impossible in a device, although a search may reach it.
+        plausible: Smallest and largest value of a sound device; a size outside it has to be checked. None if unknown.
+        plausible_because: Reason for that range.
+        listed: True if it is a list (the orders of a cogging torque); then all parameters of the effect are lists.
+        either_sign: True if it can be negative even if the model has none of it; an undetected one is then drawn with
+            either sign.
+        tried: For a `LawEffect`: values to try of a parameter in which the torque is not linear; empty for others.
     """
 
     name: str
@@ -64,7 +62,7 @@ class Parameter:
 class Effect(Rival):
     """One cause of a gap between robot and model that the catalogue has a name for.
 
-    The parameters are the contract's; where they are what the torque is linear in, they are the coefficients.
+    The parameters are those of the contract. If the torque is linear in them, they are the coefficients.
 
     Attributes:
         words: How reports describe it.
@@ -81,7 +79,7 @@ class Effect(Rival):
         return type(self).true_motion is not Effect.true_motion
 
     def reads_one_place(self, theta: Float[Array, " p"]) -> bool:
-        """True if each reading belongs to one position of the joint, as any reading does without an encoder's error."""
+        """True if each reading belongs to exactly one position of the joint, as it does for most encoders."""
         return True
 
     @abstractmethod
@@ -112,7 +110,7 @@ class Effect(Rival):
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Float[Array, " k"], coefficients: Float[Array, " k"]
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """What a finding states, and how it follows from the numbers of a fit: coefficients, then the shape's.
+        """Parameters that a finding states, and the function that gives them from coefficients and shape of a fit.
 
         By default the contract's parameters.
 
@@ -131,23 +129,23 @@ class Effect(Rival):
         return self.parameters(robot, joint), law
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
-        """Its columns as terms of a formula, where they have no shape and are of the inputs at that moment.
+        """Its columns as terms of a formula, if they have no shape and depend on inputs of the same moment alone.
 
         Args:
-            middle: Middle of what the recordings hold of an input, for a term that is written about it.
+            middle: Function that gives the middle of the recorded values of an input; some terms are written about it.
         """
         return ()
 
     def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
-        """A sentence on what such a size says of this robot; empty if there is nothing to say."""
+        """A sentence on what such a size means for this robot; empty if there is none."""
         return ""
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """The contract's parameters from what a finding or a file states: other numbers of the same, or older ones."""
+        """The contract's parameters from those of a finding or file, which may be others or older ones."""
         return stated
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
-        """The parameter that says how large the effect is, and the coefficients of one unit of it.
+        """The parameter that is the size of the effect, and the coefficients of one unit of it.
 
         By default the first parameter, which is the only coefficient.
         """
@@ -178,8 +176,8 @@ class Effect(Rival):
     ) -> Float[Array, "N nv"]:
         """Torque that the effect adds on the joints (friction opposes motion), from the contract's parameters.
 
-        For an effect of a reading, of the drive or of the transmission: minus the drive torque beyond the model's
-        that the recording shows because of it.
+        For an effect of a reading, the drive or the transmission: minus the additional drive torque that it leaves in
+        the recording.
         """
 
     def link_ahead(
@@ -195,12 +193,12 @@ class Effect(Rival):
         return robot, motion
 
     def at_work(self, operation: Operation, joint: str | None, theta: Float[Array, " p"]) -> Float[Array, " p"]:
-        """The parameters as a simulation of that operation takes them, where something in it moves them slowly."""
+        """The parameters for a simulation of that operation, if something in it (a temperature) changes them slowly."""
         return theta
 
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
-        """How it enters a simulation, with the contract's parameters."""
+        """Its channels in a simulation, from the contract's parameters."""
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
         """Its numbers in model files and control laws; by default the changed links or gravity, if that is all."""

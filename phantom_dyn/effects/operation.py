@@ -1,4 +1,10 @@
-"""What effects look at: motion, the drive torque of the model, and the drive torque of the recording."""
+"""Input of effects: motion, the drive torque of the model, and the drive torque of the recording.
+
+Where position controllers compute the torque from references, it can be computed for references that arrive later.
+Only the reference arrives late: the feedback is that of the drive itself. Where the torque that a controller asks for
+is known for the reference as it was sent, the torque for a later one differs by the gain times the change of the
+reference, within the limits of the drive.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +22,51 @@ from phantom_dyn.dynamics.dynamics import (
     modelled_friction,
     rotor_torque,
 )
-from phantom_dyn.effects.references import References
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion, ReadOnlyArrays
 
-# Cached quantities that neither a fit nor what it leaves changes.
+
+@dataclass(frozen=True)
+class References(ReadOnlyArrays):
+    """References of position controllers and the torques that they command; joints without a gain have no loop.
+
+    Attributes:
+        t: Times [s], increasing, shape ``(N,)``.
+        q_ref: References as they were sent [rad or m], shape ``(N, nv)``.
+        asked: Torque that each controller commands with them, before any limit [N m or N], shape ``(N, nv)``.
+        gain: Torque per unit of the reference [N m/rad or N/m], zero for joints without one, shape ``(nv,)``.
+        limits: Torque at which the drives clip the command, infinite if they do not, shape ``(nv,)``.
+        least: Least delay of each reference [s] that a reading of the drives' output allows, shape ``(nv,)``.
+        most: Largest one, infinite where no output was read.
+    """
+
+    t: Float[Array, " N"]
+    q_ref: Float[Array, "N nv"]
+    asked: Float[Array, "N nv"]
+    gain: Float[Array, " nv"]
+    limits: Float[Array, " nv"]
+    least: Float[Array, " nv"]
+    most: Float[Array, " nv"]
+
+    def later(self, delay: float, rows: tuple[int, ...]) -> Float[Array, "N m"]:
+        """Change of the drive torque if references arrive ``delay`` seconds later; the first one holds before it.
+
+        Args:
+            delay: Additional delay [s].
+            rows: Indices of the joints.
+        """
+        late = self.q_ref.copy()
+        for row in rows:
+            late[:, row] = np.interp(self.t - delay, self.t, self.q_ref[:, row])
+        return self.with_references(late)[:, list(rows)]
+
+    def with_references(self, q_ref: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+        """Change of the drive torque with other references [rad or m]."""
+        then = self.asked + self.gain * (q_ref - self.q_ref)
+        return np.clip(then, -self.limits, self.limits) - np.clip(self.asked, -self.limits, self.limits)
+
+
+# Cached quantities that do not change with a fit or its residual.
 _OF_THE_MOTION = ("own_friction", "transmitted", "inertia", "steepest")
 
 
@@ -29,20 +75,20 @@ class Operation(Motion):
     """A motion with the torque that drives it.
 
     Attributes:
-        robot: The given model, which the cached quantities below are of.
+        robot: The given model, from which the cached quantities below are computed.
         tau: Drive torque that the model needs (modelled friction and armature included, and effects that are known),
-            shape ``(N, nv)``. Signatures are made of it, not of the measured one, whose noise would bias a fit.
-        expected: The same with the findings so far, shape ``(N, nv)``: what a late or saturated drive is asked for.
+            shape ``(N, nv)``. Signatures are computed from it and not from the measured one, whose noise would bias a
+            fit.
+        expected: The same with the findings so far, shape ``(N, nv)``: the command of a late or saturated drive.
         logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
         residual_of_fit: Torque residual of the last fit of tolerances and findings, shape ``(N, nv)``; None before the
             first fit.
-        recording: Which of several recordings it is of, for effects that act in some of them only.
+        recording: Index of its recording, for effects that act in some recordings only.
         band_hz: Edge [Hz] of the band in which torques are judged.
-        found_load: What the findings so far add to `load`, shape ``(N, nv)``; None: nothing.
-        temperature: Of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None where no joint has one.
-        per_load: Drive torque per torque on the link, ``(N, nv)``: one, and what known friction under load adds; None:
-            one.
-        references: What controllers ask for, where the torque was computed from references; None where it was not.
+        found_load: Part of `load` from the findings so far, shape ``(N, nv)``; None for nothing.
+        temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None for no joint.
+        per_load: Drive torque per torque on the link, ``(N, nv)``: one plus known friction under load; None for one.
+        references: References and commands, if the torque was computed from references; else None.
     """
 
     robot: Robot = field(repr=False)
@@ -56,14 +102,6 @@ class Operation(Motion):
     found_load: Float[Array, "N nv"] | None = None
     references: References | None = None
     per_load: Float[Array, "N nv"] | None = None
-
-    def __post_init__(self):
-        super().__post_init__()
-        for name in ("tau", "expected", "logged"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("residual_of_fit", "temperature", "found_load", "per_load"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @classmethod
     def of(
@@ -85,9 +123,9 @@ class Operation(Motion):
         residual_of_fit: Float[Array, "N nv"] | None = None,
         found_load: Float[Array, "N nv"] | None = None,
     ) -> Operation:
-        """The same motion after another fit; what was computed of motion and model is kept, but for `partials`.
+        """The same motion after another fit; quantities that were computed from motion and model are kept.
 
-        So is what was found of the load, where nothing else is given.
+        `partials` are not kept. The found load is, unless another one is given.
         """
         found_load = self.found_load if found_load is None else found_load
         out = replace(self, expected=expected, residual_of_fit=residual_of_fit, found_load=found_load)
@@ -96,16 +134,16 @@ class Operation(Motion):
         return out
 
     def for_a_while(self) -> Operation:
-        """A copy for a short use: its `partials` and what effects keep in it are freed with it.
+        """A copy for a short use: its `partials`, and the arrays that effects store in it, are freed with it.
 
-        Those of all recordings together would be the largest part of the memory.
+        Those of all recordings together would fill most of the memory.
         """
         out = self.again(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)
         return out
 
     def made_of(self, parts: Sequence[Operation]) -> Operation:
-        """The same, with what is known of the parts of its motion; parts of another robot tell nothing of it."""
+        """The same with the cached quantities of the parts of its motion, if they are of the same robot."""
         if any(part.robot is not self.robot for part in parts):
             return self
         out = replace(self)
@@ -148,7 +186,7 @@ class Operation(Motion):
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
         """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included).
 
-        Of a long motion they are larger than all else, and soon computed: no other operation takes them over.
+        For a long motion they are large and quick to compute, so no other operation takes them over.
         """
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return _by_entry(to_q), _by_entry(to_v), _by_entry(mass_matrix(self.robot, self.q))
@@ -161,24 +199,24 @@ class Operation(Motion):
 
     @cached_property
     def steepest(self) -> Float[Array, " nv"]:
-        """For each joint the most that the torque of any joint changes per unit of its position."""
+        """For each joint the largest change of any joint's torque per unit of its position."""
         known = "partials" in self.__dict__
         to_q = self.partials[0] if known else inverse_dynamics_derivatives(self.robot, self)[0]
         return np.abs(to_q).max(axis=(0, 1))
 
     @cached_property
     def kept(self) -> dict[tuple, Array]:
-        """What effects make of it once for all their shapes, by a name and a row."""
+        """Arrays that effects compute once for all their shapes, by a name and a row."""
         return {}
 
 
 def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
-    """Series one after the other, not to be written to: nobody needs a copy of their own."""
+    """Series one after the other, read-only."""
     out = np.concatenate(parts)
     out.flags.writeable = False
     return out
 
 
 def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
-    """The same with each entry's series in one piece of memory, those of one joint's motion side by side."""
+    """The same array with the samples of each entry next to each other in memory."""
     return np.ascontiguousarray(values.transpose(2, 1, 0)).transpose(2, 1, 0)

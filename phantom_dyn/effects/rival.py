@@ -17,14 +17,14 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.relations import related
 from phantom_dyn.model.robot import Robot
 
-# What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
+# Numbers in which the torque is not linear (a Stribeck velocity, the orders of a cogging torque); () if there are none.
 Shape = tuple[float, ...]
 # What columns are computed from besides positions and velocities:
 # - acceleration: carries the noise of a twice differentiated position;
 # - model: the model's torque or its derivatives, so that the columns change with the model's parameters; those of the
 #   rigid-body regressor do not, as torque is linear in those;
-# - load: what the transmission passes, with all other findings in it;
-# - torque: the drive's torque with all other findings in it;
+# - load: the torque that the transmission passes, all other findings included;
+# - torque: the torque of the drive, all other findings included;
 # - whole joint: the torque of the joint that the coefficient scales, other findings included.
 Source = Literal["acceleration", "model", "load", "torque", "whole joint"]
 # How a fit takes the numbers of a law:
@@ -36,7 +36,7 @@ Source = Literal["acceleration", "model", "load", "torque", "whole joint"]
 # - any size: the same, and any size can be seen;
 # - nothing: it has no column, as it adds noise to the readings and nothing else.
 Fitted = Literal["plain", "shape held", "secant", "first order", "size in shape", "any size", "nothing"]
-# Drive torque more, ``(N, nv)``, from operation, joint, coefficients and shape.
+# Additional drive torque, ``(N, nv)``, from operation, joint, coefficients and shape.
 OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
 
 
@@ -49,8 +49,8 @@ class Signature:
         columns: Shape ``(N, len(rows), k)``; measured torque = model + ``columns @ coefficients``.
         names: One per coefficient.
         units: One per coefficient.
-        steps: The part of the columns that has no noise of accelerations above the judged band: made of the signs of
-            velocities, or of a torque that ends there.
+        steps: The part of the columns that has no noise of accelerations above the judged band, as it is computed from
+            the signs of velocities or from a low-passed torque.
     """
 
     rows: tuple[int, ...]
@@ -62,11 +62,11 @@ class Signature:
 
 @dataclass(frozen=True)
 class SpecialCase:
-    """What a law is where some numbers of it are zero: the sum of simpler laws, or no effect at all.
+    """A law with some of its numbers at zero: a sum of simpler laws, or no effect at all.
 
     Attributes:
         names: Of the simpler effects, on the same joint; empty if nothing is left.
-        numbers: Of the fit, or sums of them, that are all zero where it is that.
+        numbers: Numbers of the fit, or sums of them, that are all zero in this case.
     """
 
     names: tuple[str, ...]
@@ -76,10 +76,9 @@ class SpecialCase:
 class Rival(ABC):
     """A cause that leaves columns in inverse dynamics; ``joint`` is None where it is one of the whole robot.
 
-    The coefficients are what the measured torque is linear in, once the ``shape`` (a Stribeck velocity) is fixed. A law
-    that is not linear in its parameter at all (a delay) takes its last estimate as shape: its column is the change of
-    torque per unit of the parameter between zero and the shape, so that the law is exact where coefficient and shape
-    agree.
+    The measured torque is linear in the coefficients once the ``shape`` (a Stribeck velocity) is fixed. A law that is
+    not linear in its only parameter (a delay) takes its last estimate as shape. Its column is a secant: the change of
+    torque from zero to the shape, per unit of the parameter. The law is exact if coefficient and shape are equal.
 
     Attributes:
         name: The contract's, or one of its own for a cause that the catalogue has no name for.
@@ -87,17 +86,17 @@ class Rival(ABC):
         scope: Where it sits: on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
             either on a joint or on the whole robot.
         made_of: What its columns are computed from besides positions and velocities, see `Source`.
-        acts_as: A ``load`` if its torque is on the link, so that the transmission passes it; ``dry friction`` if a
-            joint at standstill may hold it; None for all else, as viscous friction, the drive and its rotor.
-        shows_with: What its torque goes with: ``velocity``; ``acceleration``, or rate and peaks of the torque; or slow
-            motion, if it acts where a joint creeps or turns about and nowhere else. A joint that noise moves, and a
-            controller that answers it, look like the second; noise leaves the third open.
+        acts_as: A ``load`` if its torque is on the link, so that the transmission passes it; ``dry friction`` if it may
+            hold a joint at standstill; None for all others: viscous friction, the drive and its rotor.
+        shows_with: What its torque varies with: ``velocity``; ``acceleration``, or rate and peaks of the torque; or
+            ``slow motion``, if it acts only while a joint creeps or reverses. Noise in the motion, and the answer of a
+            controller to it, look like the second.
         fitted: How a fit takes its numbers, see `Fitted`.
-        inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
-            and first moments are free, the inertia follows from them), or each by itself, where only base parameters
-            can be identified and a finding lists no others. None for an effect with columns of its own.
-        built_in: True if a robot keeps it for good, so that an earlier diagnosis would have found it.
-        exact: True if rigid bodies obey its law exactly, so that what is left beside it is not of its own making.
+        inertial: How it uses columns of the rigid-body regressor, see `regressor_columns`: as a point mass (mass and
+            first moments are free, the inertia follows from them), or each column by itself; then only base parameters
+            can be identified, and a finding lists no others. None for an effect with columns of its own.
+        built_in: True if it is a permanent property of a robot, so that an earlier diagnosis would have found it.
+        exact: True if rigid bodies obey its law exactly, so that a residual beside it has another cause.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
             distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
@@ -114,7 +113,7 @@ class Rival(ABC):
     built_in: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 
-    # What these say, and the table of relations, in the words of those who ask.
+    # Attributes and relations under the names by which they are asked for.
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -123,12 +122,12 @@ class Rival(ABC):
 
     @property
     def tends_to(self) -> tuple[str, ...]:
-        """Names of effects on the same joint that it comes arbitrarily near to, without being them."""
+        """Names of effects on the same joint that it can approach as closely as one likes."""
         return related(self.name, "tends to")
 
     @property
     def on_each_joint(self) -> tuple[str, ...]:
-        """Of an effect between two joints: names of those of single joints that on both may leave much the same."""
+        """For an effect between two joints: effects of single joints that, on both, leave nearly the same torque."""
         return related(self.name, "resembles on each joint")
 
     @property
@@ -153,12 +152,12 @@ class Rival(ABC):
 
     @property
     def follows_load(self) -> bool:
-        """True if its columns are computed from what the transmission passes, with all other findings in it."""
+        """True if its columns are computed from the load of the transmission, all other findings included."""
         return "load" in self.made_of
 
     @property
     def follows_torque(self) -> bool:
-        """True if its columns are computed from the torque with all other findings in it."""
+        """True if its columns are computed from the torque of the drive, all other findings included."""
         return "torque" in self.made_of
 
     @property
@@ -168,7 +167,7 @@ class Rival(ABC):
 
     @property
     def shared(self) -> bool:
-        """True if one cause may give it one number on several joints, as a wrong current scale of drives of one kind.
+        """True if one cause may give several joints the same number, such as a wrong current scale of equal drives.
 
         It then also sits on several joints, their names joined by ``+``.
         """
@@ -181,17 +180,17 @@ class Rival(ABC):
 
     @property
     def rubs(self) -> bool:
-        """True if it is friction whose torque a joint at standstill may hold."""
+        """True if it is friction that may hold a joint at standstill."""
         return self.acts_as == "dry friction"
 
     @property
     def goes_with_motion(self) -> Literal["velocity", "acceleration"] | None:
-        """What of the motion its torque goes with, however fast that is."""
+        """Whether its torque varies with velocity or acceleration, at any speed."""
         return None if self.shows_with == "slow motion" else self.shows_with
 
     @property
     def acts_when_slow(self) -> bool:
-        """True if it may act where a joint creeps or turns about, and nowhere else."""
+        """True if it acts only while a joint creeps or reverses."""
         return self.shows_with == "slow motion"
 
     @property
@@ -211,7 +210,7 @@ class Rival(ABC):
 
     @property
     def seen_by(self) -> Literal["coefficient", "shape", "neither"]:
-        """What says how large it is; neither, where any size can be seen."""
+        """Whether its size is the coefficient or the shape; neither, if any size can be seen."""
         return "shape" if self.fitted == "size in shape" else "neither" if self.fitted == "any size" else "coefficient"
 
     @property
@@ -221,9 +220,9 @@ class Rival(ABC):
 
     @property
     def displaces(self) -> bool:
-        """True if with it the links are elsewhere than the readings say, or feel another gravity.
+        """True if with it the links are not where the readings say, or feel another gravity.
 
-        What a wrong mass leaves there is another torque.
+        The torque of a wrong mass then differs too.
         """
         return False
 
@@ -239,11 +238,11 @@ class Rival(ABC):
         return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Shapes to try at first: one that is empty if the torque is linear in every parameter."""
+        """Shapes to try first; a single empty one if the torque is linear in every parameter."""
         return ((),)
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """Shapes to try next, about a fit: the same and its neighbours, or the last estimate of a secant."""
+        """Shapes to try after a fit: the same and its neighbours, or the last estimate of a secant."""
         return (shape,)
 
     def at_estimate(self, coefficients: Float[Array, " k"], shape: Shape) -> Shape:
@@ -252,7 +251,7 @@ class Rival(ABC):
         return near[len(near) // 2]
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Which columns of the rigid-body regressor an ``inertial`` effect sets free."""
+        """Indices of the columns of the rigid-body regressor that an ``inertial`` effect uses."""
         return ()
 
     @abstractmethod
@@ -266,7 +265,7 @@ class Rival(ABC):
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """The same with what the recordings say of a coefficient beside their torques; by default nothing."""
+        """The bounds, narrowed by what the recordings tell besides their torques; by default not narrowed."""
         return self.coefficient_bounds(robot, joint, shape)
 
     def lightest(self, robot: Robot) -> float:
@@ -274,16 +273,15 @@ class Rival(ABC):
         return 0.0
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """Inertia about its own centre, per mass [m^2], of what such an effect may stand for; a point has none."""
+        """Inertia about its own centre, per mass [m^2], of the part that a point mass stands for; a point has none."""
         return np.zeros(6)
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """What it is where it hardly differs from something simpler, the simplest first.
+        """Simpler laws that it becomes if some of its numbers are zero, the simplest first.
 
-        By default it is no effect at all where its coefficients are zero (the share of it that is there, where it has
-        its size from its shape), or where its shape is, if any size of it can be seen.
+        By default: no effect at all, if the coefficients are zero, or if the shape is zero and any size can be seen.
         """
         return (SpecialCase((), np.array(shape) if self.seen_by == "neither" else coefficients),)
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.motion import configurations, read_only
+from phantom_dyn.motion import ReadOnlyArrays, configurations
 
 _MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
 _LAST_STEP = 1e-11
@@ -42,7 +42,7 @@ class Anchor:
 
 
 @dataclass(frozen=True)
-class ClosedChain:
+class ClosedChain(ReadOnlyArrays):
     r"""Joint positions of the tree as :math:`x = S\,(q, z) + o`, with ``z`` such that the anchors hold.
 
     ``nt`` joints of the tree, ``nv`` active ones ``q``, and ``nz`` unknowns ``z``: the passive joints that no linear
@@ -71,10 +71,6 @@ class ClosedChain:
     start: Float[Array, " nt"]
     viscous_friction: Float[Array, " np"]
     coulomb_friction: Float[Array, " np"]
-
-    def __post_init__(self):
-        for name in ("linear_map", "offset", "start", "viscous_friction", "coulomb_friction"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def nv(self) -> int:

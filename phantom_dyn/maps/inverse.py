@@ -9,8 +9,7 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.from_robot import map_model
-from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
+from phantom_dyn.maps.map_model import MapModel, map_model, tip_of, within_limits
 from phantom_dyn.model.robot import Robot
 
 CLOSE = 1e-9

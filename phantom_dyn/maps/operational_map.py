@@ -59,7 +59,7 @@ def operational_map(
     """Quantities at every point of a grid.
 
     Args:
-        model: From `phantom_dyn.maps.from_robot.map_model`.
+        model: From `phantom_dyn.maps.map_model.map_model`.
         grid: Over the tip or over joints. What it leaves out stays as in ``model.posture``.
         names: Of quantities.
         jobs: Processes at most; by default one per processor core. On Dask or Ray through `joblib.parallel_config`,

@@ -1,32 +1,200 @@
 # pyright: reportAttributeAccessIssue=false
 """The shape of a robot as triangles: its visual meshes reduced to a budget of faces, or capsules along its links.
 
-Loading and reducing meshes takes a second, so reduced ones are kept from run to run in the user's cache. The name of a
-file there is a hash of all that its content follows from: the robot's file, its meshes, the libraries that read and
-reduce them. So it is never out of date; what cannot be read, or written, is computed again.
+Visual shapes are read from a URDF with yourdfpy and trimesh, from an MJCF with MuJoCo and coal. Loading and reducing
+meshes takes a second, so reduced ones are kept from run to run in the user's cache. The name of a file there is a hash
+of all that its content follows from: the robot's file, its meshes, the libraries that read and reduce them. So it is
+never out of date; what cannot be read, or written, is computed again.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 from zipfile import BadZipFile
 
+import coal
 import numpy as np
 import pinocchio as pin
 import platformdirs
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import RobotError
+from phantom_dyn.model.from_mjcf.mjcf_compiler import mjcf_with_shapes
+from phantom_dyn.model.from_mjcf.mjcf_tree import pose_of, tree_of_mjcf
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, reduced, surface
-from phantom_dyn.shapes.visuals import mesh_finder, visuals
+from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, moved, reduced, surface
+
+if TYPE_CHECKING:
+    import mujoco
+
+_SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
+"""Of mjtGeom."""
+_SEEN = 2
+"""Groups that MuJoCo's viewer shows at first are 0 to this one."""
+
+
+def shapes_of_mjcf(path: Path, use: Literal["visual", "collision"]) -> tuple[pin.Model, pin.GeometryModel]:
+    """The whole model of a MJCF and its shapes; planes and tables of heights are left out.
+
+    Args:
+        path: The file.
+        use: What is seen, or what touches.
+
+    Raises:
+        RobotError: If MuJoCo refuses the file, as where a mesh is missing.
+    """
+    compiled = mjcf_with_shapes(path)
+    model, shapes = tree_of_mjcf(compiled), pin.GeometryModel()
+    for k in range(compiled.ngeom):
+        touches = bool(compiled.geom_contype[k] or compiled.geom_conaffinity[k])
+        wanted = touches if use == "collision" else int(compiled.geom_group[k]) <= _SEEN
+        geometry = _geometry(compiled, k) if wanted else None
+        if geometry is None:
+            continue
+        body = compiled.body(int(compiled.geom_bodyid[k])).name
+        frame = 0 if body == "world" else model.getFrameId(body, pin.FrameType.BODY)
+        owner = model.frames[frame]
+        place = owner.placement * pose_of(compiled.geom_pos[k], compiled.geom_quat[k])
+        name = compiled.geom(k).name or f"{body}_{k}"
+        shapes.addGeometryObject(pin.GeometryObject(name, owner.parentJoint, frame, place, geometry))
+    return model, shapes
+
+
+def _geometry(compiled: mujoco.MjModel, k: int) -> coal.CollisionGeometry | None:
+    kind, (x, y, z) = int(compiled.geom_type[k]), compiled.geom_size[k].tolist()
+    if kind == _SPHERE:
+        return coal.Sphere(x)
+    if kind == _CAPSULE:
+        return coal.Capsule(x, 2 * y)
+    if kind == _CYLINDER:
+        return coal.Cylinder(x, 2 * y)
+    if kind == _BOX:
+        return coal.Box(2 * x, 2 * y, 2 * z)
+    if kind == _ELLIPSOID:
+        return coal.Ellipsoid(x, y, z)
+    return _mesh(compiled, int(compiled.geom_dataid[k])) if kind == _MESH else None
+
+
+def _mesh(compiled: mujoco.MjModel, mesh: int) -> coal.CollisionGeometry:
+    first, count = int(compiled.mesh_vertadr[mesh]), int(compiled.mesh_vertnum[mesh])
+    start, faces = int(compiled.mesh_faceadr[mesh]), int(compiled.mesh_facenum[mesh])
+    out = coal.BVHModelOBBRSS()
+    out.beginModel(faces, count)
+    out.addVertices(np.array(compiled.mesh_vert[first : first + count], dtype=float))
+    out.addTriangles(np.array(compiled.mesh_face[start : start + faces], dtype=np.uint32))
+    out.endModel()
+    return out
+
+
+# Joint of the whole model that moves a shape, where the shape stands in that joint's frame, and its triangles.
+_Shapes = list[tuple[int, pin.SE3, Mesh]]
+
+
+def visuals(robot: Robot) -> list[tuple[int, Mesh]]:
+    """Visual shapes of the robot's file: index of the joint that moves each, triangles in that joint's frame.
+
+    Empty where the file has none, and where a mesh is missing or cannot be read: half a robot misleads.
+    """
+    try:
+        path = find_robot(robot.source)
+        full, shapes = _of_urdf(path) if path.suffix == ".urdf" else _of_mjcf(path)
+    except Exception:  # readers of meshes raise whatever a broken file makes them; a picture refuses no diagnosis
+        return []
+    names = list(robot.model.names)
+    out = []
+    for joint, place, mesh in shapes:
+        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
+        while joint and full.names[joint] not in names:
+            place, joint = full.jointPlacements[joint] * place, full.parents[joint]
+        if len(mesh.faces):
+            index = names.index(full.names[joint]) if joint else 0
+            out.append((index, moved(mesh, place.rotation, place.translation)))
+    return out
+
+
+def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:
+    full = pin.buildModelFromUrdf(str(path))
+    if b"<visual" not in path.read_bytes():
+        return full, []
+    import yourdfpy  # takes most of a second to load
+
+    parts: dict[str, list[Mesh]] = {}
+    scene = yourdfpy.URDF.load(str(path), filename_handler=mesh_finder(path)).scene
+    for node in scene.graph.nodes_geometry:
+        link = scene.graph.transforms.parents[node]
+        place, name = scene.graph.get(node, frame_from=link)
+        shape = scene.geometry[name]
+        if not len(shape.faces):
+            raise RobotError(f"{path.name}: the mesh of {link} holds no triangles.")
+        mesh = Mesh(np.array(shape.vertices, dtype=float), np.array(shape.faces, dtype=int))
+        # A file may hold a link in dozens of parts, and reduced one by one each of them keeps its least faces.
+        parts.setdefault(link, []).append(moved(mesh, place[:3, :3], place[:3, 3]))
+    frames = {link: full.frames[full.getFrameId(link, pin.BODY)] for link in parts}
+    return full, [(frames[link].parentJoint, frames[link].placement, joined(one)) for link, one in parts.items()]
+
+
+def mesh_finder(file: Path) -> Callable[[str], str]:
+    """Path of a mesh that a URDF names, from the folders above the file and those that ROS's variables name."""
+
+    def found(fname: str) -> str:
+        scheme, there, rest = fname.partition("://")
+        if there and scheme in ("package", "model"):
+            tried = [folder / rest for folder in package_folders(file)]
+        else:
+            tried = [file.parent / (rest if there else fname)]
+        here = next((path for path in tried if path.is_file()), None)
+        if here is None:
+            raise RobotError(f"{file.name}: the mesh {fname} is not there.")
+        return str(here)
+
+    return found
+
+
+def package_folders(file: Path) -> list[Path]:
+    """Where ``package://`` may lead: the folders above the file, and those that ROS's variables name."""
+    named = [
+        Path(folder) / below
+        for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"))
+        for folder in os.environ.get(variable, "").split(os.pathsep)
+        if folder
+    ]
+    return [*file.resolve().parents, *named]
+
+
+def _of_mjcf(path: Path) -> tuple[pin.Model, _Shapes]:
+    full, shapes = shapes_of_mjcf(path, "visual")
+    return full, [(one.parentJoint, one.placement, _triangles(one.geometry)) for one in shapes.geometryObjects]
+
+
+def _triangles(geometry: coal.CollisionGeometry) -> Mesh:
+    if isinstance(geometry, coal.BVHModelBase):
+        return Mesh(np.array(geometry.vertices(), dtype=float), _faces(geometry))
+    if isinstance(geometry, coal.Box):
+        x, y, z = 2 * np.array(geometry.halfSide)
+        return box(np.array([0.0, 0.0, 1.0]), z, x, y)
+    if isinstance(geometry, coal.Cylinder):
+        return cylinder(np.array([0.0, 0.0, 1.0]), 2 * geometry.halfLength, geometry.radius)
+    if isinstance(geometry, coal.Capsule):
+        half = np.array([0.0, 0.0, geometry.halfLength])
+        return capsule(-half, half, geometry.radius)
+    if isinstance(geometry, coal.Sphere):
+        return ball(np.zeros(3), geometry.radius)
+    return joined([])
+
+
+def _faces(geometry: coal.BVHModelBase) -> Int[Array, "F 3"]:
+    triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
+    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=int).reshape(-1, 3)
+
 
 FACES = 2000
 """Triangles of a whole robot by default: a drawing in a report stays small."""

@@ -11,11 +11,11 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)
-class Tracking:
+class Tracking(ReadOnlyArrays):
     r"""Drive torque :math:`\mathrm{clip}(f + k_p (q_r - q) + k_d (v_r - v)) + e` from tables over time.
 
     Linear between the times, held before the first and behind the last.
@@ -41,8 +41,7 @@ class Tracking:
     limits: Float[Array, " nv"]
 
     def __post_init__(self):
-        for name in ("t", "feedforward", "q_ref", "v_ref", "kp", "kd", "extra", "limits"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        super().__post_init__()
         if self.t.ndim != 1 or len(self.t) < 2 or not (np.diff(self.t) > 0).all():
             raise ParameterError("The times of a tracking law do not increase: give at least two.")
         wanted = (len(self.t), len(np.atleast_1d(self.limits)))

@@ -21,7 +21,7 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import BaseMotion, Motion, read_only
+from phantom_dyn.motion import BaseMotion, Motion, ReadOnlyArrays
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking, with_late_references
@@ -59,7 +59,7 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(ReadOnlyArrays):
     """What a recording of the robot holds, and the true motion behind it.
 
     Attributes:
@@ -76,10 +76,6 @@ class Simulation:
     tau: Float[Array, "N nv"]
     encoders: Motion = field(repr=False)
     links: Motion = field(repr=False)
-
-    def __post_init__(self):
-        for name in ("t", "q", "tau"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def simulate(

@@ -9,7 +9,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 Side = Literal["left", "right"]
 
@@ -24,7 +24,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Joystick:
+class Joystick(ReadOnlyArrays):
     """A controller over time; what was set holds until the next sample, and before the first one the robot stands.
 
     Attributes:
@@ -40,12 +40,10 @@ class Joystick:
     walking: Bool[Array, " K"]
 
     def __post_init__(self):
+        super().__post_init__()
         for name in ("t", "speed", "turn"):
-            values = read_only(getattr(self, name))
-            if not np.isfinite(values).all():
+            if not np.isfinite(getattr(self, name)).all():
                 raise ParameterError(f"The joystick's {name} has a value that is not finite: give numbers.")
-            object.__setattr__(self, name, values)
-        object.__setattr__(self, "walking", read_only(self.walking, bool))
         if not len(self.t) or (np.diff(self.t) <= 0).any():
             raise ParameterError("The joystick's times must increase, and there must be one: sort them.")
 

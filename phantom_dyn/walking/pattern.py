@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState, Profile, entry, holding_point, pendulum
 from phantom_dyn.walking.footsteps import (
     Command,
@@ -62,17 +62,13 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class FootMotion:
+class FootMotion(ReadOnlyArrays):
     """A sole over time: x, y, z of its middle [m] and heading [rad]; shapes ``(N, 4)``, contact ``(N,)``."""
 
     position: Float[Array, "N 4"]
     velocity: Float[Array, "N 4"]
     acceleration: Float[Array, "N 4"]
     contact: Bool[Array, " N"]
-
-    def __post_init__(self):
-        for name in ("position", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> tuple[Phase, ...]:

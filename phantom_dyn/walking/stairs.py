@@ -26,7 +26,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick, Side
 from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
@@ -74,7 +74,7 @@ class Stairs:
 
 
 @dataclass(frozen=True)
-class StairReference:
+class StairReference(ReadOnlyArrays):
     """A walk of ``N`` samples over stairs along x.
 
     Attributes:
@@ -102,10 +102,6 @@ class StairReference:
     zmp: Float[Array, "N 3"]
     margin: Float[Array, " N"]
     clearance: Float[Array, " N"]
-
-    def __post_init__(self) -> None:
-        for name in ("t", "zmp", "margin", "clearance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def stair_gait(walker: Walker, stairs: Stairs) -> Gait:

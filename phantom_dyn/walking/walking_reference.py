@@ -8,7 +8,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick
 from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
@@ -18,7 +18,7 @@ from phantom_dyn.walking.zmp import SupportPolygon, support_polygon, zmp_from_co
 
 
 @dataclass(frozen=True)
-class WalkingReference:
+class WalkingReference(ReadOnlyArrays):
     """A walk of ``N`` samples; world axes, the ground at z = 0.
 
     Attributes:
@@ -48,10 +48,6 @@ class WalkingReference:
     polygons: tuple[SupportPolygon, ...]
     polygon_index: Int[Array, " N"]
     margin: Float[Array, " N"]
-
-    def __post_init__(self):
-        for name in ("t", "zmp", "margin"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def landings(self) -> Float[Array, " L"]:

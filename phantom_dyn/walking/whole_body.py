@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker
 
@@ -35,16 +35,12 @@ class ComMotion:
 
 
 @dataclass(frozen=True)
-class WholeBodyMotion:
+class WholeBodyMotion(ReadOnlyArrays):
     """Motion of a floating-base model in Pinocchio's coordinates; shapes ``(N, nq)`` and ``(N, nv)``."""
 
     q: Float[Array, "N nq"]
     v: Float[Array, "N nv"]
     a: Float[Array, "N nv"]
-
-    def __post_init__(self):
-        for name in ("q", "v", "a"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: FootMotion) -> WholeBodyMotion:

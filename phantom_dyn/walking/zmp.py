@@ -27,11 +27,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)
-class SupportPolygon:
+class SupportPolygon(ReadOnlyArrays):
     """Convex hull of the contact points on level ground.
 
     Attributes:
@@ -39,9 +39,6 @@ class SupportPolygon:
     """
 
     vertices: Float[Array, "K 2"]
-
-    def __post_init__(self):
-        object.__setattr__(self, "vertices", read_only(self.vertices))
 
     def margin(self, points: Float[Array, "N 2"]) -> Float[Array, " N"]:
         """Distance to the boundary [m], positive inside and negative outside, shape ``(N,)``.

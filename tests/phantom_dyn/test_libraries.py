@@ -30,8 +30,8 @@ from phantom_dyn.errors import ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread, starts_processes, worker_count
 from phantom_dyn.libraries import is_installed, missing_library, optional_library
 from phantom_dyn.maps import operational_map as streaming
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.motion import Motion, read_only, side_by_side
 

@@ -11,12 +11,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from identification.data.log import Log
-from phantom_dyn.array_types import Float
+from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.moving_base import place_on_base, torque_of_base
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
-
-Array = np.ndarray
 
 _SIZES = {
     "accelerometer offset": 0.2,

@@ -15,11 +15,10 @@ from identification.data.floating.base_columns import carriers
 from identification.data.floating.detected_contacts import torque_rest
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import BaseReadings, Fault, Recording
+from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.moving_base import place_on_base
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
-
-Array = np.ndarray
 
 _SECOND = 1.0
 """[s] Over it a base gains no speed that matters, and turns by little."""

@@ -13,7 +13,7 @@ from identification.data.floating.base_columns import carriers
 from identification.data.floating.detected_contacts import slow_motion
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array
-from phantom_dyn.dynamics.stance import contact_free, wrench_and_torque
+from phantom_dyn.dynamics.moving_base import contact_free, wrench_and_torque
 from phantom_dyn.model.robot import Robot
 
 _RATE = 50.0

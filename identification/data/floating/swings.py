@@ -10,11 +10,9 @@ from scipy import ndimage
 from identification.data.floating.base_columns import carriers
 from identification.data.log import Log
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-
-Array = np.ndarray
 
 _MARGIN = 0.02
 """Seconds left out before and after a contact of a foot begins or ends: a threshold of a force is crossed late."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from identification.data.readers.bags.unitree_orders import MOTOR_ORDERS
+from identification.data.readers.bags.unitree import MOTOR_ORDERS
 from identification.data.readers.column_map import ColumnMap, Source, matching, read_column_map, source_of
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened

@@ -12,8 +12,7 @@ from identification.diagnosis.columns.structure import STRUCTURES
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect
-from phantom_dyn.effects.operation import Operation, joined
-from phantom_dyn.effects.references import References
+from phantom_dyn.effects.operation import Operation, References, joined
 from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases

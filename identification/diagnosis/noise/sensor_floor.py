@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.data.floating.filtered_base import read_once_more
+from identification.data.floating.base_columns import read_once_more
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis.columns.residual_columns import Columns

@@ -78,20 +78,18 @@ class ReferenceBody:
         return whitened.reshape(16, 10)
 
 
-def reference_body(
-    standard: Float[Array, " 10"], *, mass: float | None = None, length: float | None = None
-) -> ReferenceBody:
+def reference_body(standard: Float[Array, " 10"], *, mass: float | None = None) -> ReferenceBody:
     """How to measure bodies by a given one; eigenvalues that are too small or negative are lifted, see `_FLOOR`.
 
     Args:
         standard: Its ten parameters.
         mass: Unit of mass [kg]; by default its own, 1 for a body without mass.
-        length: Unit of length [m]; by default its radius of gyration about the joint, 0.1 where it has none.
     """
     unit = mass if mass is not None else float(standard[0])
     unit = unit if unit > 0 else 1.0
     squared = max(0.5 * float(standard[4] + standard[6] + standard[9]), 0.0) / unit
-    reach = length if length is not None else float(np.sqrt(squared))
+    # Unit of length [m]: the radius of gyration about the joint.
+    reach = float(np.sqrt(squared))
     reach = reach if reach > 1e-4 else 0.1
     scale = unit * np.concatenate([[1.0], np.full(3, reach), np.full(6, reach**2)])
     values, vectors = np.linalg.eigh(pseudo_inertia(standard / scale))

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -155,40 +157,28 @@ def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str |
 
 def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
     """Springs, offsets, gains, limits, zeros, plays, compliances and cogging of one joint."""
-    if numbers.spring is not None:
-        corrected = replace(
-            corrected, springs={**corrected.springs, at: _parallel_springs(corrected.springs.get(at), *numbers.spring)}
-        )
-    if numbers.offset is not None:
-        corrected = replace(
-            corrected, offsets={**corrected.offsets, at: corrected.offsets.get(at, 0.0) + numbers.offset}
-        )
-    if numbers.gain is not None:
-        corrected = replace(corrected, gains={**corrected.gains, at: corrected.gains.get(at, 1.0) * numbers.gain})
-    if numbers.limit is not None:
-        corrected = replace(
-            corrected, limits={**corrected.limits, at: min(corrected.limits.get(at, np.inf), numbers.limit)}
-        )
-    if numbers.zero is not None:
-        corrected = replace(corrected, zeros={**corrected.zeros, at: corrected.zeros.get(at, 0.0) + numbers.zero})
-    if numbers.gap is not None:
-        corrected = replace(corrected, plays={**corrected.plays, at: corrected.plays.get(at, 0.0) + numbers.gap})
-    if numbers.stiffness is not None:
-        softer = 1.0 / (1.0 / numbers.stiffness + 1.0 / corrected.compliances.get(at, np.inf))
-        corrected = replace(corrected, compliances={**corrected.compliances, at: softer})
-    if numbers.waves:
-        corrected = replace(
-            corrected, cogging={**corrected.cogging, at: (*corrected.cogging.get(at, ()), *numbers.waves)}
-        )
-    return corrected
+    more = {
+        "springs": (numbers.spring, _parallel_springs),
+        "offsets": (numbers.offset, operator.add),
+        "gains": (numbers.gain, operator.mul),
+        "limits": (numbers.limit, min),
+        "zeros": (numbers.zero, operator.add),
+        "plays": (numbers.gap, operator.add),
+        "compliances": (numbers.stiffness, lambda one, other: 1.0 / (1.0 / other + 1.0 / one)),
+        "cogging": (numbers.waves or None, operator.add),
+    }
+    changed: dict[str, Any] = {}
+    for name, (number, together) in more.items():
+        known = getattr(corrected, name)
+        if number is not None:
+            changed[name] = known | {at: together(known[at], number) if at in known else number}
+    return replace(corrected, **changed)
 
 
-def _parallel_springs(one: tuple[float, float] | None, stiffness: float, relaxed: float) -> tuple[float, float]:
+def _parallel_springs(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
     """Stiffness and relaxed position of two springs in parallel."""
-    if one is None or one[0] + stiffness == 0:
-        return stiffness, relaxed
-    whole = one[0] + stiffness
-    return whole, (one[0] * one[1] + stiffness * relaxed) / whole
+    whole = one[0] + other[0]
+    return (whole, (one[0] * one[1] + other[0] * other[1]) / whole) if whole else other
 
 
 def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
@@ -238,6 +228,8 @@ def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:
         robot: A robot without closed loops.
         zeros: Offsets of encoders by joint [rad or m].
     """
+    if not zeros:
+        return robot
     model = robot.model.copy()
     data = model.createData()
     q = np.zeros((1, robot.nv))

@@ -3,21 +3,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
+from identification.diagnosis.columns.known_geometry import known_twists, moved_on
+from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
 from identification.export.headers import root_of
 from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
+from identification.geometry.pins import around, loops_of
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
+from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
+
+if TYPE_CHECKING:
+    from identification.geometry.result import GeometryResult
 
 LEVEL = "level"
 """Link on which a tilted robot stands."""
@@ -106,5 +116,195 @@ def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
     root.insert(1, joint)
 
 
-def _numbers(text: str | None, default: str) -> Float[Array, " 3"]:
+def _numbers(text: str | None, default: str) -> Float[Array, " k"]:
     return np.array([float(x) for x in (text or default).split()])
+
+
+_OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
+_FILES = ("corrected.urdf", "corrected.xml")
+_HEADS = ("<robot", "<mujoco")
+
+
+@dataclass(frozen=True)
+class JointMove:
+    """The true placement of a joint, ``placement @ exp(twist)``, and the offset of its encoder [rad or m]."""
+
+    twist: Float[Array, " 6"]
+    zero: float = 0.0
+
+
+def joint_moves(
+    found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
+) -> dict[str, JointMove]:
+    """Moves of the joints, by name, of all findings and known effects.
+
+    Args:
+        found: Findings of measured poses; None without poses.
+        known_zeros: Joints whose zeros are findings of the torques, so that the model has them already.
+        known: Known effects; the places of joints among them are moved first.
+    """
+    out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
+    for finding in () if found is None else found.findings:
+        if finding.joint is None or finding.effect not in (LINK, ZERO):
+            continue
+        move = out.get(finding.joint, JointMove(np.zeros(6)))
+        if finding.effect == LINK:
+            twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
+            out[finding.joint] = JointMove(moved_on(move.twist, twist), move.zero)
+        elif finding.effect == ZERO and finding.joint not in known_zeros:
+            out[finding.joint] = JointMove(move.twist, finding.parameters["offset"].value)
+    return out
+
+
+@dataclass(frozen=True)
+class FileMoves:
+    """Moves that model files can contain, and notes on those that they cannot."""
+
+    urdf: Mapping[str, JointMove]
+    mjcf: Mapping[str, JointMove]
+    notes: tuple[Note, ...] = ()
+
+
+def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
+    """Moves for model files: all of an open chain; of a closed one those that do not change how loops close.
+
+    A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings.
+    Places of links in a parallelogram are left out, as moved links would no longer follow its formula. MJCF takes no
+    move of a loop between frames, as MuJoCo derives the closure from the zero positions in the file.
+
+    Args:
+        robot: The given model.
+        moves: Moves by joint, or pin of a loop.
+    """
+    loops = loops_of(robot)
+    if loops is None or robot.chain is None or not moves:
+        return FileMoves(moves, moves)
+    bound: set[str] = set()
+    for anchor in loops.chain.anchors[len(robot.chain.anchors) :]:
+        bound |= {loops.model.names[index] for index in around(loops.model, anchor)}
+        bound |= {loops.model.frames[frame].name for frame in (anchor.frame_a, anchor.frame_b)}
+    held = {name: JointMove(np.zeros(6), own.zero) if name in bound else own for name, own in moves.items()}
+    zeros = np.array([moves[name].zero if name in moves else 0.0 for name in robot.joint_names])
+    for row, name in zip(robot.chain.passive, robot.passive_names, strict=True):
+        zero = float(robot.chain.linear_map[row, : robot.nv] @ zeros)
+        if zero and row not in robot.chain.unknowns:
+            held[name] = JointMove(held[name].twist if name in held else np.zeros(6), zero)
+    notes = []
+    lost = [name for name, own in moves.items() if name in bound and np.any(own.twist)]
+    if lost:
+        notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": _FILES, "names": tuple(lost)}))
+    if robot.chain.anchors:
+        notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": _FILES[1:]}))
+    return FileMoves(held, {} if robot.chain.anchors else held, tuple(notes))
+
+
+def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:
+    """Notes on findings of elasticity and of poses of base and target, which these files do not contain.
+
+    Args:
+        found: Findings of measured poses; None without poses.
+        known: Effects that belong to the given model already.
+    """
+    places = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
+    joints = dict.fromkeys(str(joint) for effect, joint in places if effect == ELASTIC)
+    out: list[tuple[str, tuple[str, ...]]] = [("elasticity", tuple(joints))] if joints else []
+    if any(effect == BASE_POSE for effect, _ in places):
+        out.append(("base", ()))
+    frames = dict.fromkeys(str(joint) for effect, joint in places if effect == TOOL_POSE)
+    if frames:
+        out.append(("tool", tuple(frames)))
+    numbers = ({"files": _FILES, "quantity": quantity, "names": names} for quantity, names in out)
+    return tuple(Note(Code.NO_PLACE_FOR_POSES, None, one) for one in numbers)
+
+
+def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
+    """The text of a URDF with its joints moved, and the names that are not in it.
+
+    Args:
+        text: Text of the file.
+        moves: Moves by joint, or by link on a fixed joint at which a loop closes.
+    """
+    left = set(moves)
+
+    def move(root: Element) -> None:
+        for joint in root.findall("joint"):
+            child = joint.find("child")
+            names = [str(joint.get("name"))]
+            if joint.get("type") == "fixed" and child is not None:
+                names.append(str(child.get("link")))
+            name = next((name for name in names if name in moves), None)
+            if name is None:
+                continue
+            own = moves[name]
+            left.discard(name)
+            origin = joint.find("origin")
+            if origin is None:
+                origin = ElementTree.SubElement(joint, "origin")
+            xyz, rpy = (_numbers(origin.get(key), "0 0 0") for key in ("xyz", "rpy"))
+            place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * pin.exp6(own.twist)
+            origin.set("xyz", attribute_text(place.translation))
+            origin.set("rpy", attribute_text(pin.rpy.matrixToRpy(place.rotation)))
+            if own.zero:
+                move_zero(joint, own.zero)
+
+    return _edited(text, move), tuple(name for name in moves if name in left)
+
+
+def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
+    """The text of an MJCF with its bodies moved, and the joints for which that is not simple.
+
+    A body with one joint at its origin, placed by ``pos`` and ``quat``, is moved; zeros turn it, too, so that positions
+    in the file are readings of encoders.
+
+    Args:
+        text: Text of the file.
+        moves: Moves by joint.
+    """
+    left: list[str] = []
+
+    def move(root: Element) -> None:
+        owners = {child: owner for owner in root.iter("body") for child in owner.findall("joint")}
+        named = {str(joint.get("name")): joint for joint in owners}
+        for name, own in moves.items():
+            joint = named.get(name)
+            body = None if joint is None else owners[joint]
+            if joint is None or body is None or not _is_simple(joint, body):
+                left.append(name)
+                continue
+            quat = _numbers(body.get("quat"), "1 0 0 0")
+            turn = pin.Quaternion(quat[0], *quat[1:]).normalized().toRotationMatrix()
+            place = pin.SE3(turn, _numbers(body.get("pos"), "0 0 0")) * pin.exp6(own.twist)
+            place = place * _back(joint, own.zero)
+            body.set("pos", attribute_text(place.translation))
+            x, y, z, w = pin.Quaternion(place.rotation).coeffs()
+            body.set("quat", attribute_text([w, x, y, z]))
+
+    return _edited(text, move), tuple(left)
+
+
+def _is_simple(joint: Element, body: Element) -> bool:
+    return (
+        len(body.findall("joint")) == 1
+        and not np.any(_numbers(joint.get("pos"), "0 0 0"))
+        and joint.get("axis") is not None
+        and not any(body.get(name) for name in _OTHER_TURNS)
+    )
+
+
+def _back(joint: Element, zero: float) -> pin.SE3:
+    """The motion of a joint back by its zero."""
+    axis = _numbers(joint.get("axis"), "0 0 1")
+    axis = axis / np.linalg.norm(axis)
+    if joint.get("type") == "slide":
+        return pin.SE3(np.eye(3), -zero * axis)
+    return pin.SE3(pin.AngleAxis(-zero, axis).matrix(), np.zeros(3))
+
+
+def _edited(text: str, edit: Callable[[Element], None]) -> str:
+    """XML after an edit; the text before its first element is kept."""
+    at = min(place for head in _HEADS if (place := text.find(head)) >= 0)
+    root = ElementTree.fromstring(
+        text[at:], ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    )
+    edit(root)
+    return f"{text[:at]}{ElementTree.tostring(root, encoding='unicode')}\n"

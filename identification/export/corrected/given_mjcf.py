@@ -25,7 +25,7 @@ from identification.export.corrected.corrected_mjcf import (
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.given_drives import set_drives
 from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
-from identification.export.model_files.mjcf_loops import add_followers
+from identification.export.model_files.mjcf_file import add_followers
 from identification.export.model_files.tree import LinkInertia
 from identification.export.model_files.urdf_file import attribute_text, own_inertia
 from identification.notes import Note

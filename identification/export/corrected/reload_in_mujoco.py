@@ -16,10 +16,10 @@ from identification.export.corrected.corrected_mjcf import (
     zeros_in_file,
 )
 from identification.export.corrected.corrected_model import CorrectedModel, torque_beside, with_zeros_moved
-from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import (
     load_mujoco,
     mujoco_joints,
+    mujoco_problem,
     mujoco_torque,
     relative_difference,
     torque_of_mujoco,
@@ -46,7 +46,7 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
     """
     robot = _with_rotors(corrected)
     tree = tree_motion(robot, motion)
-    out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else robot, tree)
+    out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)), tree)
     out[:, list(robot.tree_rows)] += torque_beside(corrected, motion)
     return out
 

@@ -16,13 +16,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.reload import mujoco_problem
 from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.errors import RobotError, listed
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element, read_root
-from phantom_dyn.shapes.visuals import mesh_finder
+from phantom_dyn.shapes.robot_shapes import mesh_finder
 
 _MESHES = (".obj", ".stl", ".msh")
 """Endings of the meshes that MuJoCo reads."""

@@ -1,5 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes."""
+"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes.
+
+A joint that follows others by a formula is an equality: of one joint directly, of several by a tendon.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from identification.export.model_files.mjcf_loops import add_followers
 from identification.export.model_files.tree import LinkInertia, TreeBody, TreeFrame, bodies, frames
 from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.array_types import Array, Float
@@ -124,3 +126,45 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
 def _place(position: Float[Array, " 3"], rotation: Float[Array, "3 3"]) -> dict[str, str]:
     turn = pin.Quaternion(np.array(rotation)).normalized()
     return {"pos": attribute_text(position), "quat": attribute_text([turn.w, turn.x, turn.y, turn.z])}
+
+
+FOLLOWS = "{}_follows"
+"""Name of the equality of a joint that follows others, and of its tendon."""
+_SOFTNESS = {"solref": "0.004 1", "solimp": "0.99 0.9999 0.001"}
+"""Gears and rods are stiff: this is the stiffest equality that MuJoCo's usual step allows (two steps of 2 ms)."""
+
+
+def add_followers(root: Element, robot: Robot) -> None:
+    """Add an equality for each joint of a robot that follows others by a formula.
+
+    MuJoCo measures both sides from the reference positions of the file, which are zero without ``ref``.
+
+    Args:
+        root: Root element of an MJCF with the robot's joints; changed.
+        robot: A closed chain, or a plain robot, for which nothing is added.
+    """
+    chain = robot.chain
+    if chain is None:
+        return
+    names = list(robot.model.names)[1:]
+    free = [*(names[k] for k in chain.active), *(names[k] for k in chain.unknowns)]
+    following = [k for k in chain.passive if k not in chain.unknowns]
+    if not following:
+        return
+    group = ElementTree.SubElement(root, "equality")
+    tendons: Element | None = None
+    for k in following:
+        factors = {joint: float(x) for joint, x in zip(free, chain.linear_map[k], strict=True) if x != 0}
+        offset = float(chain.offset[k])
+        name = FOLLOWS.format(names[k])
+        if len(factors) <= 1:
+            leader, slope = next(iter(factors.items()), ("", 0.0))
+            own = {"name": name, "joint1": names[k], "polycoef": attribute_text([offset, slope, 0, 0, 0])}
+            ElementTree.SubElement(group, "joint", own | ({"joint2": leader} if leader else {}) | _SOFTNESS)
+            continue
+        tendons = ElementTree.SubElement(root, "tendon") if tendons is None else tendons
+        tendon = ElementTree.SubElement(tendons, "fixed", name=name)
+        for joint, share in ((names[k], 1.0), *((joint, -factor) for joint, factor in factors.items())):
+            ElementTree.SubElement(tendon, "joint", joint=joint, coef=repr(float(np.float64(share))))
+        own = {"name": name, "tendon1": name, "polycoef": attribute_text([offset, 0, 0, 0, 0])}
+        ElementTree.SubElement(group, "tendon", own | _SOFTNESS)

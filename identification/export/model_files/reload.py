@@ -1,5 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Loads a written model again and compares its torques with those of the model it was made from."""
+"""Loads a written model again and compares its torques with those of the model it was made from.
+
+A MuJoCo that is broken or too old is treated as absent.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,57 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
+from phantom_dyn.model.files.plain_file import unnamed_file
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, configurations
+
+OLDEST = (3, 4)
+"""Oldest version that has all functions needed to load a file again."""
+
+_JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
+_NEWER = (
+    (
+        "<dcmotor",
+        '<dcmotor joint="j" motorconst="1e-9 0" resistance="1" cogging="0 1 0" ctrlrange="0 0"/>',
+        "<dcmotor>",
+    ),
+    (" delay=", '<motor joint="j" delay="0.01" nsample="12" interp="linear"/>', "delay of an actuator"),
+)
+"""Features of newer versions: text that shows their use, an actuator with the feature, and its name."""
+
+
+def mujoco_problem(text: str = "") -> str | None:
+    """Why MuJoCo cannot load a file again, as the end of a sentence; None if it can.
+
+    Args:
+        text: Text of the MJCF, which may have elements that only newer versions read.
+    """
+    try:
+        import mujoco
+    except Exception as error:  # a library of the system that is missing raises OSError, a half installation anything
+        return f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
+    version = str(getattr(mujoco, "__version__", "0"))
+    if not hasattr(mujoco, "MjModel") or _numbers(version) < OLDEST:
+        return f"MuJoCo {version} is older than 3.4 (pip install --upgrade mujoco)"
+    for words, actuator, name in _NEWER:
+        if words in text:
+            try:
+                mujoco.MjModel.from_xml_string(f"<mujoco>{_JOINT}<actuator>{actuator}</actuator></mujoco>")
+            except ValueError:
+                return f"MuJoCo {version} does not know the {name} in it (pip install --upgrade mujoco)"
+    return None
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The first two numbers of a version."""
+    parts = [*version.split("."), "0"][:2]
+    return tuple(int(part) if part.isdigit() else 0 for part in parts)
+
 
 TOLERANCE = 1e-6
 """Largest difference over the largest torque of the motion: files have all digits, so a larger one is a mistake."""

@@ -1,10 +1,10 @@
-"""Drive torque of each written model or law along a recording, after it was loaded back."""
+"""Drive torque of each written model or law along a recording, after it was loaded back, and what each can contain."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from identification.diagnosis.columns.operations import carrying_known, motion_o
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
-from identification.export.corrected.corrected_mjcf import zeros_in_file
+from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, zeros_in_file
 from identification.export.corrected.corrected_model import (
     CorrectedModel,
     numbers_of_effect,
@@ -27,17 +27,79 @@ from identification.export.corrected.corrected_model import (
 from identification.export.corrected.corrected_urdf import robot_of_urdf
 from identification.export.corrected.corrected_yaml import known_effects, read_corrected
 from identification.export.corrected.found_effects import moved_by
+from identification.export.corrected.given_drives import holds_reference_delay
 from identification.export.model_files.reload import robot_with_urdf
-from identification.export.proof.formats import OF_DRIVES, used_numbers
-from identification.export.uses.feedforward import over_samples
+from identification.export.uses.feedforward import OWN_LAWS, over_samples
 from identification.export.uses.residual_model import loaded as loaded_residual
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.described import ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
+from phantom_dyn.model.files.plain_file import unnamed_file
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, read_only
+
+OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
+"""Numbers of an effect that act on the command of the drive, and not as an added torque."""
+_URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
+_DRIVES = frozenset({"rotor_inertia", "delay"})
+_MJCF = _URDF | _DRIVES | {"offset", "spring", "gain", "lag", "gap", "stiffness", "waves", "coupling"}
+
+
+@dataclass(frozen=True)
+class Format:
+    """Numbers and laws that one kind of file can contain.
+
+    Attributes:
+        numbers: Fields of `ModelNumbers`; None if it contains every effect by its law.
+        laws: Effects that it contains by a law of its own.
+    """
+
+    numbers: frozenset[str] | None
+    laws: tuple[str, ...] = ()
+
+
+LAWS = Format(None)
+URDF_FORMAT = Format(_URDF)
+MJCF_FORMAT = Format(_MJCF)
+ISAAC_FORMAT = Format(_URDF | _DRIVES | {"reference_delay"})
+FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness", "lag"}, OWN_LAWS)
+"""A feedforward treats a lag as a delay, which is only a part of its effect."""
+
+
+def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
+    """True if a file of this kind contains an effect in full.
+
+    Args:
+        kind: Kind of the file.
+        corrected: The model from which the file is made.
+        effect: The effect, with the contract's parameters in order.
+    """
+    if kind.numbers is None or effect.effect in kind.laws:
+        return True
+    numbers = numbers_of_effect(corrected.given, effect)
+    used = used_numbers(numbers)
+    joint = str(effect.joint)
+    if kind is MJCF_FORMAT and "reference_delay" in used:
+        names = corrected.given.joint_names if effect.joint is None else (joint,)
+        return all(holds_reference_delay(corrected, name) for name in names)
+    if not numbers.whole or not used <= kind.numbers:
+        return False
+    if "zero" in used and kind is not FEEDFORWARD_FORMAT:
+        return joint in zeros_in_file(corrected)
+    return "stiffness" not in used or joint in compliances_in_mjcf(corrected)
+
+
+def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
+    """Names of the numbers that an effect has."""
+    values = {field.name: getattr(numbers, field.name) for field in fields(ModelNumbers) if field.name != "whole"}
+    return frozenset(
+        name
+        for name, value in values.items()
+        if value is not None and not (isinstance(value, float | tuple) and not value)
+    )
+
 
 # Function from the index of a log to the commanded drive torque along it, ``(N, nv)`` at the full rate.
 Asked = Callable[[int], Float[Array, "N nv"]]
@@ -99,7 +161,7 @@ def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[Kno
         corrected: The model from which it was made.
         effects: The findings that it contains; those on drives and transmissions act by their own laws.
     """
-    robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else corrected.robot
+    robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected))
     return torque_of_model(
         replay, robot, of_drives(corrected, effects), lambda motion: torque_beside(corrected, motion)
     )
@@ -209,8 +271,7 @@ def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, 
         corrected: The corrected model.
         joints: Numbers of each joint.
     """
-    zeros = zeros_in_file(corrected)
-    robot = with_zeros_moved(corrected.robot, zeros) if zeros else corrected.robot
+    robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected))
     for row, joint in enumerate(robot.joint_names):
         stated = joints.get(joint, {})
         robot = with_friction(

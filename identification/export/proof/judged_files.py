@@ -24,7 +24,14 @@ from identification.export.corrected.found_effects import within_tolerance
 from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
 from identification.export.headers import with_header
 from identification.export.proof.file_torques import (
+    FEEDFORWARD_FORMAT,
+    ISAAC_FORMAT,
+    LAWS,
+    MJCF_FORMAT,
+    URDF_FORMAT,
     Asked,
+    Format,
+    holds,
     torque_of_actuators,
     torque_of_feedforward,
     torque_of_mjcf,
@@ -33,15 +40,6 @@ from identification.export.proof.file_torques import (
     torque_of_residual,
     torque_of_urdf,
     torque_of_yaml,
-)
-from identification.export.proof.formats import (
-    FEEDFORWARD_FORMAT,
-    ISAAC_FORMAT,
-    LAWS,
-    MJCF_FORMAT,
-    URDF_FORMAT,
-    Format,
-    holds,
 )
 from identification.notes import Code, Note
 from identification.words.numbers_and_names import number

@@ -8,8 +8,10 @@ as together they would have been seen. Ranges are two deviations to either side.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
@@ -52,6 +54,11 @@ class Randomisation:
         """All numbers of what was found, one effect after the other."""
         return np.array([x for effect in self.found for x in effect.theta])
 
+    def with_values(self, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
+        """The effects that were found, with these numbers."""
+        rest = iter(values.tolist())
+        return tuple(KnownEffect(one.effect, one.joint, tuple(islice(rest, len(one.theta)))) for one in self.found)
+
     @property
     def std(self) -> Float[Array, " p"]:
         """Their deviations."""
@@ -86,7 +93,7 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
     parts = [loadings_of(robot, finding) for finding in findings]
     shared = bool(parts) and all(f.loadings for f in findings) and len({p.shape[1] for p in parts}) == 1
     unseen = tuple(bound for bound in diagnosis.bounds if np.isfinite(bound.below) and bound.below > 0)
-    loadings = np.vstack(parts) if shared else _block_diagonal(parts)
+    loadings = np.vstack(parts) if shared else np.asarray(block_diag(*parts, np.zeros((0, 0))))
     posture = diagnosis.evidence.q.mean(axis=0) if len(diagnosis.evidence.q) else None
     return Randomisation(robot, findings, found, loadings, unseen, step, posture)
 
@@ -186,16 +193,6 @@ def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
 
 
-def _block_diagonal(parts: list[Array]) -> Array:
-    """Loadings of findings that share nothing."""
-    out = np.zeros((sum(len(p) for p in parts), sum(p.shape[1] for p in parts)))
-    row = column = 0
-    for part in parts:
-        out[row : row + len(part), column : column + part.shape[1]] = part
-        row, column = row + len(part), column + part.shape[1]
-    return out
-
-
 def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
     """Bounds of all numbers as the effects state them."""
     low, high = [], []
@@ -210,13 +207,7 @@ def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
 def _drawn(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
     low, high = _bounds(randomisation)
     mean = randomisation.values
-    held = np.clip(values, np.minimum(low, mean), np.maximum(high, mean))
-    out, start = [], 0
-    for effect in randomisation.found:
-        stop = start + len(effect.theta)
-        out.append(KnownEffect(effect.effect, effect.joint, tuple(held[start:stop].tolist())))
-        start = stop
-    return tuple(out)
+    return randomisation.with_values(np.clip(values, np.minimum(low, mean), np.maximum(high, mean)))
 
 
 def _hidden(

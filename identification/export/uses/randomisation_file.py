@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.diagnosis.result import Adjusted, Bound, Finding
+from identification.diagnosis.result import Adjusted, Bound
 from identification.export.corrected.corrected_mjcf import corrected_elements
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, with_effects
 from identification.export.uses.randomisation import (
@@ -26,7 +26,7 @@ from identification.export.uses.randomisation import (
     unseen_range,
     unseen_sizes,
 )
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.files.strict_yaml import settings_text
@@ -98,13 +98,13 @@ def mjcf_ranges(
         PhantomDynError: If the robot has no MJCF.
     """
     mean, std, given = randomisation.values, randomisation.std, corrected_model(randomisation.robot, known)
-    corrected = with_effects(given, _found(randomisation, mean))
+    corrected = with_effects(given, randomisation.with_values(mean))
     base = _File.of(corrected_elements(corrected))
     slopes: dict[Field, Array] = {}
     for place in np.flatnonzero(std > 0):
         moved = mean.copy()
         moved[place] += std[place]
-        for at, change in _changes(_written(given, _found(randomisation, moved)), base).items():
+        for at, change in _changes(_written(given, randomisation.with_values(moved)), base).items():
             slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
     half = {at: SIGMAS * float(np.linalg.norm(s @ randomisation.loadings)) for at, s in slopes.items()}
     low: dict[Field, float] = {}
@@ -193,16 +193,6 @@ def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File 
         return _File.of(corrected_elements(with_effects(corrected, more)))
     except PhantomDynError:
         return None
-
-
-def _found(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
-    """The effects that were found, with these parameters."""
-    effects, start = [], 0
-    for effect in randomisation.found:
-        stop = start + len(effect.theta)
-        effects.append(KnownEffect(effect.effect, effect.joint, tuple(values[start:stop].tolist())))
-        start = stop
-    return tuple(effects)
 
 
 def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
@@ -298,16 +288,12 @@ def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
                     "value": float(effect.theta[k]),
                     "std": float(randomisation.std[place]),
                     "range": [low, high],
-                    "probability": _probability(finding),
+                    "probability": float(finding.probability) if np.isfinite(finding.probability) else None,
                     **_steps(randomisation, parameter.name, low, high),
                 }
             )
             place += 1
     return out
-
-
-def _probability(finding: Finding) -> float | None:
-    return float(finding.probability) if np.isfinite(finding.probability) else None
 
 
 def _steps(randomisation: Randomisation, parameter: str, low: float, high: float) -> dict[str, object]:

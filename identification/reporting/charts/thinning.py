@@ -85,23 +85,20 @@ def scatter_choice(finite: Bool[Array, " N"]) -> Int[Array, " n"]:
     return np.sort(random_stream("thinning of a scatter").choice(usable, CLOUD_POINTS, replace=False))
 
 
-def binned_median(
-    x: Float[Array, " N"], y: Float[Array, " N"], bins: int = BINS
-) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
+def binned_median(x: Float[Array, " N"], y: Float[Array, " N"]) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
     """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes the two directions of motion.
 
     Args:
         x: Abscissa, shape ``(N,)``, finite.
         y: Ordinate, shape ``(N,)``, finite.
-        bins: About how many bins at most, fewer for few samples; those with fewer than five samples are left out.
 
     Returns:
-        Centres and medians, shape ``(b,)`` each.
+        Centres and medians, shape ``(b,)`` each; bins with fewer than five samples are left out.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     if span == 0.0:
         return np.zeros(0), np.zeros(0)
-    bins = min(bins, max(LEAST_BINS, len(x) // PER_BIN))
+    bins = min(BINS, max(LEAST_BINS, len(x) // PER_BIN))
     which = bin_numbers(x, bins)
     order = np.argsort(which, kind="stable")
     numbers, starts = np.unique(which[order], return_index=True)

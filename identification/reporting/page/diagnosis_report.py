@@ -19,6 +19,7 @@ from identification.reporting.page.gap_figures import (
     position_figure,
     residual_over_position,
     residual_over_velocity,
+    time_curves,
     torque_figure,
     unexplained_figure,
 )
@@ -35,7 +36,6 @@ from identification.reporting.page.report_tables import (
     untestable_rows,
 )
 from identification.reporting.page.robot_scene import joint_colours, robot_scene, shares_of
-from identification.reporting.page.time_curves import time_curves
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import FindingWords
 from identification.words.ledger_words import nearest_claims

@@ -279,7 +279,7 @@ def write_outputs(
         beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
         texts = {REPORT: _report(diagnosis, robot, beside), **models}
         if diagnosis.next_motion is not None:
-            from identification.next_experiment.proposal import reference_text  # with all that plans motions
+            from identification.next_experiment.advise import reference_text  # with all that plans motions
 
             texts[NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
             diagnosis = _with_digest(diagnosis, texts[NEXT])

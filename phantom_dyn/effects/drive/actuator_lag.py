@@ -1,7 +1,7 @@
 """A drive that follows its command as a first-order low pass: ``T dtau/dt + tau = command``.
 
-The command has to lead: it is the needed torque plus ``T`` times its time derivative, which is exact. It is equal to a
-delay of ``T`` to first order: content at high frequency separates the two. A lag common to all joints has no joint.
+The command has to lead: it is the needed torque plus ``T`` times its time derivative, which is exact. To first order it
+equals a delay of ``T``; motion of high frequency separates the two. A lag that all joints share belongs to no joint.
 MJCF: actuator ``dyntype="filterexact"`` with ``dynprm``; URDF has no place for it.
 """
 
@@ -20,12 +20,12 @@ from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_b
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import recursive
 
-# Time [s] from which on a recorded torque and a motion have nothing to do with each other.
+# Longest lag that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
 _LONGEST = 1.0
 
 
 class ActuatorLag(Effect):
-    """See the module."""
+    """First-order lag of one drive, or of all."""
 
     name = "actuator_lag"
     scope = "either"
@@ -71,11 +71,11 @@ class ActuatorLag(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing without a time, and impossible from the longest one on."""
+        """Without lag there is no effect, and the longest lag is the limit."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor sits behind the drive."""
+        """It cannot be seen if a torque sensor sits behind the drive."""
         return hidden_behind_drive(robot, "the lag of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -109,7 +109,7 @@ class ActuatorLag(Effect):
         return Simulated(start=np.full(len(rows), np.nan), command=command, series=series, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, lag=theta.item())
 
 

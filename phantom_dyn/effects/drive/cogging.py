@@ -18,10 +18,12 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in, slowest_order
 from phantom_dyn.effects.support.position_waves import (
+    comes_back,
     each_wave,
+    orders_in,
     sines_and_cosines,
+    slowest_order,
     unseen_waves,
     wave_numbers,
     wave_parameters,
@@ -32,7 +34,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class Cogging(Effect):
-    """See the module."""
+    """Torque of one joint that is periodic in its position."""
 
     name = "cogging"
     regime = "periodic_in_angle"

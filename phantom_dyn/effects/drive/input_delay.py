@@ -1,9 +1,9 @@
 """A drive that is late: ``true torque(t) = command(t - d)``, so that the command is ahead of the needed torque.
 
-The law is not linear in ``d``: the column is the change of torque per second of delay between zero and the shape, the
-last estimate of ``d``. It is equal to a first-order lag of the same time to first order, and looks like viscous
-friction of about ``kp d`` in a position loop: two controller gains or steps separate them. A delay common to all joints
-has no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
+The torque is not linear in ``d``. The column is therefore a secant: the change of torque from no delay to the last
+estimate of ``d`` (the shape), per second. To first order it equals a lag of the same time, and in a position loop it
+looks like viscous friction of about ``kp d``: two controller gains or steps separate them. A delay that all joints
+share belongs to no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
-# Time [s] from which on a recorded torque and a motion have nothing to do with each other.
+# Longest delay that is fitted [s]: beyond it the recorded torque and the motion are unrelated.
 _LONGEST = 1.0
 
-# Delays to start from beside one sample, and the least of a secant [s]: differences over less would be rounding.
+# Delays at which a fit starts [s], besides one sample; and the shortest delay of a secant: less would be rounding.
 _STARTS = (0.002, 0.005, 0.012)
 _LEAST = 1e-5
 
 
 class InputDelay(Effect):
-    """See the module."""
+    """Delay of the torque of one drive, or of all."""
 
     name = "input_delay"
     scope = "either"
@@ -77,7 +77,7 @@ class InputDelay(Effect):
         return secant(max(float(coefficients[0]), 0.0), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Torque that the drive will be asked for less the one that it is asked for now, per second."""
+        """Change of the commanded torque over the delay, per second of delay."""
         rows = driven_rows(robot, joint)
         columns = _ahead(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
@@ -89,15 +89,15 @@ class InputDelay(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing without a time, and impossible from the longest one on."""
+        """Without delay there is no effect, and the longest delay is the limit."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor sits behind the drive."""
+        """It cannot be seen if a torque sensor sits behind the drive."""
         return hidden_behind_drive(robot, "the delay of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus what the command is ahead of the needed torque."""
+        """Minus the torque by which the command is ahead of the needed one."""
         rows = driven_rows(robot, joint)
         return torque_on_rows(robot, rows, -_ahead(operation, rows, theta.item()))
 
@@ -129,12 +129,12 @@ class InputDelay(Effect):
         return Simulated(command=command, series=series, laws=laws)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, delay=theta.item())
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
-    """Expected torque ``delay`` later less the one now; behind the end the last one is held."""
+    """Change of the expected torque over the next ``delay`` seconds; beyond the end the last value is held."""
     asked = operation.expected[:, list(rows)]
     if len(asked) < 2:
         return np.zeros_like(asked)

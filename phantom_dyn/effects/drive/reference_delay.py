@@ -1,10 +1,11 @@
 """A reference that arrives late in a drive whose own loop is fast: ``u(t) = kp (q_ref(t - d) - q(t))``.
 
 Where the torque was computed from the reference as it was sent, by whoever made the log or by a stated controller, the
-true torque is that of the reference ``d`` earlier. Feedback is not late, so that neither the whole torque is shifted
-(`input_delay`) nor is the loop less stable. It looks like viscous friction of ``kp d`` while the joint follows its
-reference closely. A delay common to all joints, as of a bus, has no joint. The law is not linear in ``d``: the column
-is the change of torque per second between zero and the shape, the last estimate of ``d``; it has no noise of positions.
+true torque is that of the reference ``d`` earlier. The feedback is not late: the torque as a whole is not shifted
+(`input_delay`), and the loop stays as stable as it is. It looks like viscous friction of ``kp d`` while the joint
+follows its reference closely. A delay that all joints share, such as that of a bus, belongs to no joint. The torque is
+not linear in ``d``. The column is therefore a secant: the change of torque from no delay to the last estimate of ``d``
+(the shape), per second; it contains no noise of the positions.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
-# Time [s] from which on a reference and a motion have nothing to do with each other.
+# Longest delay that is fitted [s]: beyond it the reference and the motion are unrelated.
 _LONGEST = 1.0
-# Delays to start from: a bus of 100 to 20 Hz; and the least of a secant [s], as differences over less are rounding.
+# Delays at which a fit starts [s]: a bus of 100 to 20 Hz; and the shortest delay of a secant: less would be rounding.
 _STARTS = (0.01, 0.03)
 _LEAST = 1e-5
 
 
 class ReferenceDelay(Effect):
-    """See the module."""
+    """Delay of the reference of one drive, or of all."""
 
     name = "reference_delay"
     scope = "either"
@@ -74,7 +75,7 @@ class ReferenceDelay(Effect):
         return secant(max(float(coefficients[0]), 0.0), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Torque that was computed from the reference as sent, less the one of the late reference, per second."""
+        """Torque computed from the reference as sent, less the one from the late reference, per second of delay."""
         rows = driven_rows(robot, joint)
         columns = -_later(operation, rows, shape[0]) / shape[0]
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
@@ -96,11 +97,11 @@ class ReferenceDelay(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing without a time, and impossible from the longest one on."""
+        """Without delay there is no effect, and the longest delay is the limit."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It takes references, and a torque that follows from them."""
+        """It needs references, and a torque that was computed from them."""
         hidden = hidden_behind_drive(robot, "the delay of a reference")
         if hidden is not None:
             return hidden
@@ -110,7 +111,7 @@ class ReferenceDelay(Effect):
         return None
 
     def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
-        """That a reference which is held looks the same, where nobody has said whether it is."""
+        """A held reference looks the same; says so if the configuration does not state whether references are held."""
         if robot.reference_hold is not None:
             return ""
         return (
@@ -119,7 +120,7 @@ class ReferenceDelay(Effect):
         )
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """What the drive gives less than it would with the reference as it was sent."""
+        """Torque with the late reference, less the one with the reference as it was sent."""
         rows = driven_rows(robot, joint)
         return torque_on_rows(robot, rows, _later(operation, rows, theta.item()))
 
@@ -130,12 +131,12 @@ class ReferenceDelay(Effect):
         return Simulated(reference_delay=late)
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, reference_delay=theta.item())
 
 
 def _later(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
-    """Torque more with the reference ``delay`` later; nothing where no reference is known."""
+    """Change of torque if the reference comes ``delay`` later; zero where no reference is known."""
     if operation.references is None:
         return np.zeros((len(operation.t), len(rows)))
     return operation.references.later(delay, rows)

@@ -25,7 +25,7 @@ _SLOWEST = 10.0
 
 
 class RotorInertia(Effect):
-    """See the module."""
+    """Rotor inertia of one joint that the model lacks."""
 
     name = "rotor_inertia"
     regime = "high_acceleration"
@@ -72,7 +72,7 @@ class RotorInertia(Effect):
         return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], inertia_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Together with the modelled rotor it is not negative."""
+        """The sum of it and of the modelled rotor is not negative."""
         return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -84,5 +84,5 @@ class RotorInertia(Effect):
         return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, rotor_inertia=theta.item())

@@ -23,12 +23,12 @@ from phantom_dyn.effects.simulated import Law, Simulated, command_law
 from phantom_dyn.effects.support.rows import rows_of
 from phantom_dyn.model.robot import Robot
 
-# Ratios between which a drive still measures its own torque, and not in another unit or on the other side of a gear.
+# Range of ratios: beyond it the torque is in another unit, or on the other side of a gear.
 _LEAST, _MOST = 0.1, 10.0
 
 
 class TorqueConstant(Effect):
-    """See the module."""
+    """Ratio of the true to the logged torque of one joint, or of joints with equal drives."""
 
     name = "torque_constant"
     regime = "high_load"
@@ -46,7 +46,7 @@ class TorqueConstant(Effect):
     )
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor sits behind the drive."""
+        """It cannot be seen if a torque sensor sits behind the drive."""
         if robot.torque_source == "sensor":
             return (
                 "the torque columns come from a sensor, behind the drive: the torque constant leaves no trace in them"
@@ -81,7 +81,7 @@ class TorqueConstant(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing with a ratio of one, and no torque constant at the ends of what is possible."""
+        """With a ratio of one there is no effect; the smallest and the largest ratio are the limits."""
         ends = self.coefficient_bounds(robot, joint, shape)[0]
         return SpecialCase((), coefficients), *(SpecialCase((), coefficients - end) for end in ends)
 
@@ -120,7 +120,7 @@ class TorqueConstant(Effect):
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, gain=float(theta[0]))
 
 

@@ -23,7 +23,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class TorqueOffset(Effect):
-    """See the module."""
+    """Constant torque on one joint."""
 
     name = "torque_offset"
     regime = "everywhere"
@@ -70,7 +70,7 @@ class TorqueOffset(Effect):
         return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, offset=theta.item())
 
 

@@ -22,9 +22,10 @@ from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in
 from phantom_dyn.effects.support.position_waves import (
+    comes_back,
     each_wave,
+    orders_in,
     sines_and_cosines,
     unseen_waves,
     wave_numbers,
@@ -42,7 +43,7 @@ _POLES = 4
 
 
 class TorqueRipple(Effect):
-    """See the module."""
+    """Torque of one joint that varies with its position, in proportion to the load."""
 
     name = "torque_ripple"
     regime = "periodic_in_angle"

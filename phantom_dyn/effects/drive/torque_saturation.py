@@ -29,23 +29,23 @@ from phantom_dyn.effects.support.rows import (
 )
 from phantom_dyn.model.robot import Robot
 
-# Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
+# Limits are tried that the command exceeds in these shares of the recording, and one that the needed torque exceeds.
 _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
 _NEEDED_BEYOND = 0.02
-# A limit is believed if the command is beyond it for that long once. Beyond that share of the time the recording has to
-# show for certain that the needed torque stays while the command goes on: friction that the model lacks is a constant
-# beyond a constant, most of the time.
+# A limit is accepted if the command exceeds it for this time at least once [s]. If the command exceeds it for more than
+# this share of the recording, the needed torque must certainly not rise with the command: friction that the model lacks
+# looks like a limit most of the time.
 _LEAST_SECONDS = 0.03
 _MOST = 0.45
-# While the command is beyond the limit, the model needs this much of the limit at its median.
+# Range of the median of the needed torque while the command exceeds the limit, as shares of the limit.
 _NEEDED = (0.6, 1.4)
-# Share of a torque that was followed for certain: what the model needs there is known to about a fifth.
+# Share of a recorded torque that the motion certainly needed: the needed torque is known to about a fifth.
 _SURE = 0.8
-# There the needed torque stays as it is while the command goes on: the most that it may rise with the command, and its
-# spread in limits. A drive without a limit has slope one, a supply that gives way about a third, a limit zero.
+# Beyond a limit the needed torque stays constant while the command rises: its largest slope over the command, and its
+# largest spread over the limit. Without a limit the slope is one, with a weak supply about a third, at a limit zero.
 _SLOPE = 0.12
 _SPREAD = 0.8
-# Share of the limit above which a command that is below it shows how noisy the needed torque is.
+# Commands from this share of the limit up to the limit show how noisy the needed torque is.
 _BELOW = 0.3
 # Levels of the command at which a plateau of the needed torque is looked for.
 _LEVELS = 200
@@ -54,11 +54,11 @@ _SECONDS = 0.01
 
 
 class TorqueSaturation(Effect):
-    """See the module."""
+    """Largest torque that the drive of one joint gives."""
 
     name = "torque_saturation"
     regime = "saturated"
-    # What the motion needs is without what a drive at its limit lacks.
+    # The torque that the motion needs does not contain the excess of the command over the limit.
     made_of = ("torque",)
     shows_with = "acceleration"
     fitted = "any size"
@@ -112,7 +112,7 @@ class TorqueSaturation(Effect):
         return on_one_joint(robot, joint, excess=(excess * seen, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """About one: with another coefficient it is no saturation."""
+        """About one: with any other coefficient the effect is not a saturation."""
         return ((0.85, 1.15),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -120,7 +120,7 @@ class TorqueSaturation(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """A torque sensor sits behind the drive."""
+        """It cannot be seen if a torque sensor sits behind the drive."""
         return hidden_behind_drive(robot, "the limit of the drive")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -140,7 +140,7 @@ class TorqueSaturation(Effect):
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, limit=theta.item())
 
 
@@ -152,7 +152,7 @@ def _command(operation: Operation, row: int) -> Array:
 
 
 def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if the command stays beyond the limit for a while, and the motion needs just the limit there.
+    """True if the command stays beyond the limit for a while, and the needed torque is about the limit there.
 
     Without this, a limit near zero would make the whole logged torque its excess, noise and missing friction included.
     """
@@ -187,10 +187,10 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 
 
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if beyond the limit the needed torque does not rise with the command, as far as its noise lets one tell.
+    """True if beyond the limit the needed torque does not rise with the command, within its noise.
 
-    The noise is how far the needed torque is off the command below the limit; what is as close together as the least
-    time beyond a limit has the same.
+    The noise is the deviation of the needed torque from the command below the limit; it counts as equal within
+    `_LEAST_SECONDS`.
     """
     beyond = excess != 0
     command, needed = _command(operation, row), operation.expected[:, row]
@@ -229,7 +229,7 @@ def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
 
 
 def followed(operation: Operation, row: int) -> float:
-    """Largest torque that was recorded and that the motion needed for a while too [N m or N]: it was given."""
+    """Largest recorded torque that the motion needed as well for a while [N m or N]: the drive has given it."""
     command = _command(operation, row)
     needed = moving_average(operation.expected[:, row], operation.dt, _SECONDS) * np.sign(command)
     samples = max(int(_LEAST_SECONDS / operation.dt), 1) if operation.dt > 0 else 1

@@ -29,11 +29,11 @@ ORDER = 1.0
 _LEAST_ARC = 0.5
 # Newton steps for the true angle; each squares an error of at most the amplitude.
 _NEWTON = 8
-_STEEPEST = 0.5  # slope of the error: as much again and the reading would stand still while the joint turns
+_STEEPEST = 0.5  # largest slope of the error; at 1 the reading would stand still while the joint turns
 
 
 class EncoderEccentricity(Effect):
-    """See the module."""
+    """Error of the encoder of one joint that is periodic in its position."""
 
     name = "encoder_eccentricity"
     regime = "periodic_in_angle"
@@ -87,7 +87,7 @@ class EncoderEccentricity(Effect):
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more per unit of a sine and of a cosine of the angle that is read."""
+        """Additional drive torque per unit of a sine and of a cosine of the reading."""
         row = row_of(robot, joint)
         unit = robot.position_units[row]
         columns = [change_by_reading(operation, row, *_error(operation, row, phase)) for phase in (0.0, 0.5 * np.pi)]
@@ -96,7 +96,7 @@ class EncoderEccentricity(Effect):
         return Signature(rows, values, ("sine", "cosine"), (unit, unit))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Amplitude and phase of the two."""
+        """Amplitude and phase from the coefficients of sine and cosine."""
         sine, cosine = coefficients
         return np.array([np.hypot(sine, cosine), np.arctan2(cosine, sine), ORDER])
 
@@ -105,7 +105,7 @@ class EncoderEccentricity(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Over a small arc."""
+        """It cannot be seen over a small arc."""
         arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
         if arc < _LEAST_ARC:
             return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
@@ -117,17 +117,17 @@ class EncoderEccentricity(Effect):
         return -exact_change_by_reading(robot, operation, row, *_true_less_read(operation, row, theta))
 
     def reads_one_place(self, theta: Array) -> bool:
-        """The reading grows with the position everywhere; beyond that speeds between positions are infinite."""
+        """True if the reading grows with the position everywhere."""
         amplitude, _, order = theta
         return bool(order * amplitude < _STEEPEST)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
-        """Where the reading plus its error is what was read."""
+        """The positions at which the encoder gives these readings."""
         row = row_of(robot, joint)
         return robot, displaced(motion, row, *_true_less_read(motion, row, theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """Added to the reading."""
+        """The error, added to the reading."""
         row, (amplitude, phase, n) = row_of(robot, joint), (float(x) for x in theta)
         here = np.arange(robot.nv) == row
         return Simulated(

@@ -1,9 +1,9 @@
 """A wrong zero of an encoder: ``reading = q + offset``.
 
-It leaves the change of gravity (and of the inertias) with that joint's position, on every joint that feels it, and
-nothing at all where no torque depends on that position, as on a vertical first joint. On a joint with a horizontal
-axis a base tilt about that axis is the same thing; over a small range so is a spring. Wide postures separate them.
-Which side the encoder sits on makes no difference: motor and link turn together.
+It leaves the change of gravity and inertia torques with the position of that joint, on every joint that feels it. It
+leaves nothing if no torque depends on that position, as on a vertical first joint. On a joint with a horizontal axis
+a base tilt about that axis is the same; over a small range a spring is nearly the same. Wide postures separate them.
+The side of the encoder makes no difference: motor and link turn together.
 URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 
@@ -30,7 +30,7 @@ _NOTHING = 1e-6
 
 
 class EncoderOffset(Effect):
-    """See the module."""
+    """Wrong zero of the encoder of one joint."""
 
     name = "encoder_offset"
     regime = "posture"
@@ -73,7 +73,7 @@ class EncoderOffset(Effect):
         return secant(float(coefficients[0]), _LEAST)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more per unit of offset, between none and ``shape``."""
+        """Additional drive torque per unit of offset, as a secant from zero to ``shape``."""
         row, step = row_of(robot, joint), shape[0] if shape else 0.0
         none = np.zeros(len(operation.t))
         if abs(step) < _LEAST:
@@ -88,7 +88,7 @@ class EncoderOffset(Effect):
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Where no torque depends on the position."""
+        """It cannot be seen if no torque depends on the position."""
         if operation.steepest[row_of(robot, joint)] <= _NOTHING * np.abs(operation.tau).max():
             return "no torque depends on the position of this joint: its zero leaves no trace"
         return None

@@ -1,9 +1,8 @@
 """An encoder coarser than stated: the reading is rounded to a ``step``.
 
-In a torque it leaves noise, and no shape that could be fitted: its signature has no column. The readings themselves
-show it, as they lie on a lattice: `phantom_dyn.effects.support.encoder_lattice.step_of` finds it. Text files with few
-digits, or positions of a fieldbus, look alike, and harm alike. URDF has no place for it; MJCF: none either (a sensor's
-``cutoff`` and ``noise`` are others).
+In the torque it leaves noise that no column could fit, so its signature has no column. The readings themselves show it,
+as they are multiples of a step: `phantom_dyn.effects.support.encoder_lattice.step_of` finds it. Text files with few
+digits, or positions of a fieldbus, have the same effect. URDF and MJCF have no place for it.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class EncoderQuantization(Effect):
-    """See the module."""
+    """Encoder of one joint that is coarser than stated."""
 
     name = "encoder_quantization"
     regime = "low_speed"
@@ -60,13 +59,13 @@ class EncoderQuantization(Effect):
         return "step", np.zeros(0)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Where no step is stated."""
+        """It is not looked for if no step is stated."""
         if stated_step(robot, row_of(robot, joint)) is None:
             return f"no step is stated: give joints.{joint}.encoder_counts to have the readings compared with it"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """None: it is noise."""
+        """Zero: it leaves noise only."""
         row_of(robot, joint)
         return np.zeros((len(operation.t), robot.nv))
 

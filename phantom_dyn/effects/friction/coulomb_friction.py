@@ -29,7 +29,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class CoulombFriction(Effect):
-    """See the module."""
+    """Coulomb friction of an active or passive joint."""
 
     name = "coulomb_friction"
     regime = "velocity_reversal"
@@ -54,12 +54,12 @@ class CoulombFriction(Effect):
         return (dry_range(robot, joint, "torque"),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Direction of operation."""
+        """Direction of motion."""
         s = np.sign(speed_of(robot, operation, joint))
         return on_any_joint(robot, operation, joint, torque=(s, torque_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Together with the modelled torque it is not negative."""
+        """The sum of it and of the modelled torque is not negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
@@ -75,5 +75,5 @@ class CoulombFriction(Effect):
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, coulomb=theta.item())

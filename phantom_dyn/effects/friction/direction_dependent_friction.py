@@ -32,7 +32,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class DirectionDependentFriction(Effect):
-    """See the module."""
+    """Friction of one joint that differs by direction."""
 
     name = "direction_dependent_friction"
     regime = "one_direction"

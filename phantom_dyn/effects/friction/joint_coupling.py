@@ -39,7 +39,7 @@ _ALONG = 0.97
 
 
 class JointCoupling(Effect):
-    """See the module."""
+    """Friction or inertia that moves with two joints."""
 
     name = "joint_coupling"
     scope = "pair"
@@ -171,7 +171,7 @@ class JointCoupling(Effect):
         return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         first, _, second = (joint or "").partition("+")
         return ModelNumbers(whole=True, coupling=Coupling(first, second, *(float(x) for x in theta)))
 

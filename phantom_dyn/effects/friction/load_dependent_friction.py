@@ -26,7 +26,7 @@ _SELF_LOCKING = 1.0
 
 
 class LoadDependentFriction(Effect):
-    """See the module."""
+    """Friction of one joint in proportion to its load."""
 
     name = "load_dependent_friction"
     regime = "high_load"
@@ -71,11 +71,11 @@ class LoadDependentFriction(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Nothing without a ratio, and impossible where it loses all that it passes."""
+        """With a ratio of zero there is no effect; at one the transmission loses all of its load."""
         return SpecialCase((), coefficients), SpecialCase((), coefficients - _SELF_LOCKING)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """In one direction it is a torque constant or an offset."""
+        """Without a reversal it looks like a wrong torque constant or an offset."""
         return never_reverses(robot, operation, joint)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:

@@ -5,7 +5,7 @@ first and the last position the friction stays as it is there. It leaves a step 
 on where the joint is, and contains Coulomb friction (the same everywhere). A cogging torque or a spring is the same in
 both directions, this changes sign with the direction. Friction that grows with the load is much the same where the load
 follows the position, as on a slow pendulum: several loads at one place separate them. It is looked for where friction
-over position takes out of the residual what friction of one level, or growing with load, cannot.
+that varies with position explains part of the residual that friction of one level, or growing with load, does not.
 URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the positions only.
 """
 
@@ -33,19 +33,19 @@ from phantom_dyn.effects.support.rows import (
 )
 from phantom_dyn.model.robot import Robot
 
-# Positions over the travel, from the first to the last: a bump as wide as a tenth of it has some on it.
+# Numbers of positions over the travel that are tried; with the most, a bump over a tenth of the travel is seen.
 _COUNTS = (5, 9, 14)
-# Share of the samples, in per cent, that lies beyond the first and the last position each: a place that is visited once
-# is known in one block only.
+# Percentage of the samples beyond the first and beyond the last position: a place that is visited once is known from
+# one block only.
 _BEYOND = 3.0
 _BLOCKS = 16  # that are held out, every other at a time
 _SAMPLES = 4000  # of these, enough to see what matters
-_LEAST = 0.1  # share of what plain columns leave that the others have to predict
+_LEAST = 0.1  # share of what the plain columns leave that the others have to predict
 _MOST = 0.6  # share of the blocks that have to gain
 
 
 class PositionDependentFriction(Effect):
-    """See the module."""
+    """Coulomb friction of one joint that varies with its position."""
 
     name = "position_dependent_friction"
     regime = "posture"
@@ -88,7 +88,7 @@ class PositionDependentFriction(Effect):
         first, last = np.percentile(q, [_BEYOND, 100.0 - _BEYOND])
         if not last > first:
             return ()
-        # What other findings made of it may be its own.
+        # Torque that other findings explain may be due to this friction, so it is added.
         torque = operation.residual[:, row] + operation.expected[:, row] - operation.tau[:, row]
         s, load, need = np.sign(v), operation.transmitted[:, row], operation.tau[:, row]
         plain = np.column_stack([np.ones(len(q)), v, s, q - q.mean(), operation.a[:, row], need, np.abs(load) * s])
@@ -124,7 +124,7 @@ class PositionDependentFriction(Effect):
         return "torque", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """In one direction it is a force over position."""
+        """Without a reversal it looks like a torque that depends on position."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -186,14 +186,14 @@ def bent_law(q: float, v: float, level: float, slope: float, place: float) -> fl
 
 
 def foresees(torque: Float[Array, " N"], plain: Float[Array, "N p"], columns: Float[Array, "N k"]) -> bool:
-    """True if columns foresee part of a torque, in blocks that no fit has seen, that plain ones leave.
+    """True if the columns predict, on held-out blocks, part of the torque that the plain columns leave.
 
     Least squares on the even blocks are judged on the odd ones, and the other way round. Most blocks have to gain.
 
     Args:
-        torque: What is to be explained.
-        plain: What else may be in it.
-        columns: Of the effect.
+        torque: Torque to be explained.
+        plain: Columns of other causes.
+        columns: Columns of the effect.
     """
     step = -(-len(torque) // _SAMPLES)
     y, both = torque[::step], np.column_stack([plain, columns])[::step]

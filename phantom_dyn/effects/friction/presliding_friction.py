@@ -36,7 +36,7 @@ from phantom_dyn.model.robot import Robot
 
 # Keeps the law defined where a fit goes to Coulomb friction [rad or m].
 _LEAST_DISPLACEMENT = 1e-12
-# Way [rad, m] after which every contact slips.
+# Displacement [rad, m] after which every contact slips.
 _LONGEST, _LONGEST_LINEAR = 0.2, 0.01
 # No position yet; no deflection (or: not stuck, no anchor).
 _NEW = np.array([np.nan, 0.0, 0.0])
@@ -64,7 +64,7 @@ def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
 
 
 def yielding(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
-    """A bristle that gives way more and more, where that of the module slips at once: the words fit both."""
+    """Torque of a Dahl bristle, which yields gradually and does not slip at once; the same words describe it."""
     out = np.zeros_like(operation.tau)
     row = row_of(operation.robot, joint)
     out[:, row] = own[0] * dahl(operation.q[:, row], float(shape[0]))
@@ -72,7 +72,7 @@ def yielding(operation: Operation, joint: str | None, own: Array, shape: Array) 
 
 
 class PreslidingFriction(Effect):
-    """See the module."""
+    """Friction of one joint that builds up over a displacement after each reversal."""
 
     name = "presliding_friction"
     regime = "velocity_reversal"
@@ -115,7 +115,7 @@ class PreslidingFriction(Effect):
         )
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """The two numbers more that make it stick, see the module."""
+        """Static ratio and stick velocity, with which the joint sticks."""
         return (
             Parameter(
                 "static_ratio",
@@ -162,7 +162,7 @@ class PreslidingFriction(Effect):
         return np.array([coefficients[0], shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Without a reversal the bristle stays deflected."""
+        """It cannot be seen without a reversal: the bristle stays deflected."""
         return never_reverses(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -33,7 +33,7 @@ _FASTEST, _FASTEST_LINEAR = 3.0, 0.5
 
 
 class StribeckFriction(Effect):
-    """See the module."""
+    """Friction of one joint that falls as it starts to move."""
 
     name = "stribeck_friction"
     regime = "low_speed"

@@ -46,7 +46,7 @@ _ROUNDED = 5.0
 
 
 class TemperatureDependentFriction(Effect):
-    """See the module."""
+    """Friction of one joint that changes with the temperature of its drive."""
 
     name = "temperature_dependent_friction"
     regime = "time_drift"

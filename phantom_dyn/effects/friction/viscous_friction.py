@@ -30,7 +30,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class ViscousFriction(Effect):
-    """See the module."""
+    """Viscous friction of an active or passive joint."""
 
     name = "viscous_friction"
     regime = "high_speed"
@@ -63,7 +63,7 @@ class ViscousFriction(Effect):
         return on_any_joint(robot, operation, joint, coefficient=(v, damping_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Together with the modelled coefficient it is not negative."""
+        """The sum of it and of the modelled coefficient is not negative."""
         return ((-modelled_friction_of(robot, joint)[0], np.inf),)
 
     def formula(self, middle: Callable[[str], float]) -> tuple[FormulaTerm, ...]:
@@ -79,5 +79,5 @@ class ViscousFriction(Effect):
         return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, viscous=theta.item())

@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
-"""A base that does not stand level: in its frame gravity is ``exp([r]x)`` applied to the given one, as it turned by -r.
+"""A base that is not level: it turned by -r, so that in its frame gravity is the given one times ``exp([r]x)``.
 
 The turn ``r`` is perpendicular to gravity, as a turn about gravity changes nothing; its components along x, y and z of
 the base are ``roll``, ``pitch`` and ``yaw``. It leaves a change of gravity torque on all joints, two numbers for the
-whole robot, and nothing that moves with speed or acceleration. Gravity turned about the axis of a planar arm is an
-offset of its first encoder; gravity turned out of its plane leaves nothing. A payload at one posture looks alike. Wide
-postures separate them. URDF: a level link under the root; MJCF: ``option gravity``.
+whole robot, and no torque that varies with speed or acceleration. Gravity turned about the axis of a planar arm equals
+an offset of its first encoder; gravity turned out of its plane leaves no torque. In a single posture a payload looks
+the same. Wide postures separate them. URDF: a level link under the root; MJCF: ``option gravity``.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Takes the place of an angle about one of the axes across gravity that leaves no trace: it has no column, and is
-# reported as zero.
+# In place of an angle about an axis across gravity that leaves no torque: it has no column, and is reported as zero.
 INVISIBLE = np.inf
 _LEVEL: Shape = (0.0, 0.0)
 _ANGLES = ("roll", "pitch", "yaw")
@@ -35,14 +34,14 @@ _ANGLES = ("roll", "pitch", "yaw")
 _LEANING = 0.35
 # Below this [rad] the secant is the tangent to three digits, and rounding shows.
 _LEAST = 1e-4
-# Torque of a tilt by one radian, in shares of the gravity torque or of the whole: less is rounding of the robot file.
+# Smallest torque of a tilt by one radian, as a share of the torque: less is rounding of the robot file.
 _NOTHING = 1e-6
-# How many postures of a recording are asked whether they feel a tilt.
+# Number of postures of a recording at which the torque of a tilt is computed.
 _POSTURES = 300
 
 
 class BaseTilt(Effect):
-    """See the module."""
+    """Base that is not level."""
 
     name = "base_tilt"
     scope = "robot"
@@ -66,7 +65,7 @@ class BaseTilt(Effect):
     )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Nowhere on a base that is not bolted down: its own sensors say where gravity is."""
+        """Not on a base that is not bolted down: its own sensors measure gravity."""
         return () if robot.floating else (None,)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -87,7 +86,7 @@ class BaseTilt(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent in both directions, or in the one that leaves a trace."""
+        """The tangent about both axes, or about the one that leaves a torque."""
         least = _NOTHING * np.abs(operation.tau).max()
         seen = [np.abs(column).max() > least for column in _tangents(robot, operation)]
         return (tuple(0.0 if visible else INVISIBLE for visible in seen),) if any(seen) else ()
@@ -97,9 +96,9 @@ class BaseTilt(Effect):
         return (tuple(float(x) for x in _angles(coefficients, shape)),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more per radian about each of two axes across gravity, see `axes_across`.
+        """Additional drive torque per radian about each of two axes across gravity, see `axes_across`.
 
-        Of the second axis from the given gravity to that turned about it, of the first one from there.
+        The secant of the second axis starts at the given gravity, and that of the first one where the second ends.
         """
         axes, angles = axes_across(robot.model.gravity.linear), np.array(shape or _LEVEL, dtype=float)
         seen = np.isfinite(angles)
@@ -127,7 +126,7 @@ class BaseTilt(Effect):
         return _ANGLES[largest], np.eye(len(seen))[0] / axis[largest]
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Where gravity turns nothing."""
+        """It cannot be seen if no joint feels gravity."""
         if not self.shapes(robot, operation, joint):
             return "no joint feels gravity turn: a tilt of the base leaves no trace"
         return None
@@ -138,7 +137,7 @@ class BaseTilt(Effect):
         return -gravity_torque(robot, operation.q, _turned(given, theta) - given)
 
     def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
-        """In the true gravity."""
+        """The motion in the true gravity."""
         return with_gravity(robot, _turned(robot.model.gravity.linear, theta)), motion
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -146,13 +145,13 @@ class BaseTilt(Effect):
         return Simulated(robot=lambda moved: with_gravity(moved, _turned(moved.model.gravity.linear, theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return replace(super().model_numbers(robot, joint, theta), turned=pin.exp3(np.asarray(theta, dtype=float)))
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """About the axis across gravity nearest to that of the base."""
+        """A turn about the axis across gravity that is nearest to that axis of the base."""
         k = _ANGLES.index(name)
         axes = axes_across(robot.model.gravity.linear)
         axis = axes[int(np.argmax(np.abs(axes[:, k])))]
@@ -198,14 +197,14 @@ def _slope(robot: Robot, q: Array, axes: Array, k: int, start: Array, angle: flo
 
 
 def _tangents(robot: Robot, operation: Operation) -> tuple[Array, Array]:
-    """Columns of both angles at some hundred postures."""
+    """Columns of both angles at some hundred postures of the recording."""
     q, axes = operation.q[:: max(1, len(operation.q) // _POSTURES)], axes_across(robot.model.gravity.linear)
     first, second = (_slope(robot, q, axes, k, np.zeros(2), 0.0) for k in (0, 1))
     return first, second
 
 
 def _angles(coefficients: Array, shape: Shape) -> Array:
-    """Coefficients in the places of the angles that leave a trace."""
+    """The shape with the coefficients in place of the angles that leave a torque."""
     out = np.array(shape or _LEVEL, dtype=float)
     out[np.isfinite(out)] = coefficients
     return out

@@ -1,7 +1,7 @@
 """Inertial parameters of one link (or, with joint None, of every link) that are not those of the model.
 
-They leave gravity and inertia in the proportions that the link's motion dictates. Only base parameters can be
-identified from a recording, so the changes of those that moved are reported, by name.
+They leave torques of gravity and inertia, in proportions that follow from the motion of the link. A recording
+identifies base parameters only, so a finding names those that changed.
 URDF and MJCF: the link's inertial element.
 """
 
@@ -31,7 +31,7 @@ def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
 
 
 class InertialParameters(Effect):
-    """See the module."""
+    """Inertial parameters of one link, or of all links, that differ from the model."""
 
     name = "inertial_parameters"
     regime = "posture"
@@ -67,11 +67,11 @@ class InertialParameters(Effect):
         return (*robot.joint_names, None) if robot.nv > 1 else robot.joint_names
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """On one link, or on all of them, which may be one."""
+        """On one link, or on all of them (a robot may have a single one)."""
         return joint is None or joint in self.places(robot)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """All of the free bodies."""
+        """All ten of each free body."""
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:

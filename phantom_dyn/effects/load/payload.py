@@ -1,14 +1,14 @@
 # pyright: reportAttributeAccessIssue=false
 """A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
 
-It is negative where the model carries a part that the robot does not. Where that is about a body on a fixed or locked
-joint (a hand), it stands for that body, whose own inertia goes with it. Where the interval of the mass is wider than a
-half of it, a finding states first moments ``moment_x``, ``moment_y``, ``moment_z`` in place of the centre: a pendulum
-shows these, and hardly how they are made of mass and lever.
+It is negative if the model has a part that the robot lacks. If it is about as heavy as a body on a fixed or locked
+joint (a hand), it stands for that body, whose own inertia is removed with it. If the interval of the mass is wider than
+half of the mass, a finding states first moments ``moment_x``, ``moment_y``, ``moment_z`` in place of the centre: on a
+pendulum they are known well, while mass and lever by themselves are not.
 
 It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
 last link with four numbers instead of ten; on a pendulum the two are the same thing.
-URDF and MJCF: an inertial element more.
+URDF and MJCF: an additional inertial element.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from phantom_dyn.model.inertia import (
 )
 from phantom_dyn.model.robot import Robot
 
-# Largest load [kg], and how far from its link [m] one is held.
+# Largest load [kg], and its largest distance from its link [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
-# A part is the one that is missing if mass and first moments are as much to a quarter, its lever at least so long [m].
+# A part counts as the missing one if mass and first moments agree to a quarter; shorter levers [m] count as this long.
 _MATCHES, _NEAR = 1.25, 0.02
-# Squared radius of gyration [m^2] that is rounding, and share of a link that can be taken away.
+# Squared radius of gyration [m^2] that is rounding, and largest share of a link that can be taken away.
 _ROUNDING, _LEFT = 1e-8, 0.999
-# Deviations of a mass from zero, from which on its interval of 95 % is narrower than a half of it.
+# A mass this many standard deviations from zero has an interval of 95 % that is narrower than half of it.
 _CERTAIN = 2 * 1.96 / 0.5
 # Radius of gyration of a load over its lever: a fifth, as that of a ball at half its distance.
 _EXTENT = 0.2
@@ -52,7 +52,7 @@ _CENTERS = ("center_x", "center_y", "center_z")
 
 
 class Payload(Effect):
-    """See the module."""
+    """Mass that the model lacks, on the link that carries the payload."""
 
     name = "payload"
     scope = "robot"
@@ -122,8 +122,8 @@ class Payload(Effect):
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Mass and first moments give mass and centre, within what is possible.
 
-        A mass that hardly shows is so large that its centre is within reach; one that is taken away leaves a link that
-        can be.
+        A mass near zero is raised until its centre is within reach. A mass that is taken away leaves a link that can
+        exist.
         """
         mass, moments = float(coefficients[0]), np.asarray(coefficients[1:4], dtype=float)
         far = float(np.linalg.norm(moments)) / _FARTHEST
@@ -136,7 +136,7 @@ class Payload(Effect):
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """Mass and centre; first moments in place of the centre where these are known better than the mass is."""
+        """Mass and centre; first moments in place of the centre if the mass is known too badly."""
         if abs(coefficients[0]) > _CERTAIN * std[0]:
             return super().stated_law(robot, joint, shape, std, coefficients)
         names = (Parameter(f"moment_{axis}", "kg m") for axis in "xyz")
@@ -151,7 +151,7 @@ class Payload(Effect):
         return dict(zip(("mass", *_CENTERS), theta.tolist(), strict=True))
 
     def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
-        """Which part of the model is missing, where it is one."""
+        """A sentence on the part of the model that the robot lacks, if there is one."""
         part = missing_part(robot, theta)
         if part is None:
             return ""
@@ -255,6 +255,6 @@ def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
     heart, point = np.append(own, 1.0), np.append(center, 1.0)
     pseudo = mass * np.outer(heart, heart)
     pseudo[:3, :3] += spread
-    # Of a file's rounding, and of a link without extent, nothing else can be taken.
+    # Allows for rounding of a file, and for loads of an earlier diagnosis.
     rest = pseudo + (_ROUNDING * mass + _extent_of_carried(robot)) * np.diag([1.0, 1.0, 1.0, 0.0])
     return float(min(1.0 / (point @ np.linalg.solve(rest, point)), _LEFT * mass))

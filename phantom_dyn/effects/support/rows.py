@@ -104,7 +104,7 @@ def _prismatic(robot: Robot, joint: str | None) -> bool:
 
 
 def secant(estimate: float, least: float) -> tuple[Shape, ...]:
-    """The next shape of a law that takes its last estimate as shape, never so small that rounding shows."""
+    """The next shape of a law whose shape is its last estimate; at least ``least``, so that rounding does not show."""
     return ((estimate if abs(estimate) > least else least,),)
 
 

@@ -38,13 +38,13 @@ _WIDEST, _WIDEST_LINEAR = 0.1, 0.005
 
 
 def under_all_load(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
-    """Play under the load as computed, the noise of the encoder with it: it is known up to some frequency only."""
+    """Torque of backlash under the computed load without a filter, with all noise of the encoder."""
     row = row_of(operation.robot, joint)
     return own[0] * _change_under(operation, row, float(shape[0]), *load_and_inertia(operation, row))
 
 
 class Backlash(Effect):
-    """See the module. The shape is the gap, the coefficient should be one."""
+    """Backlash of one joint. The shape is the gap, and the coefficient should be one."""
 
     name = "backlash"
     regime = "velocity_reversal"
@@ -89,14 +89,14 @@ class Backlash(Effect):
         return tuple((factor * shape[0],) for factor in (0.8, 1.0, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more with a gap of ``shape``: less the load in flight, impacts, and what other joints feel."""
+        """Additional drive torque with a gap of ``shape``: load missing in flight, impacts, and other joints."""
         row = row_of(robot, joint)
         values = _change(operation, row, shape[0])
         rows = branch_rows(robot, joint)
         return Signature(rows, values[:, list(rows), None], ("share",), ("1",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The load is known, so the share is one, but for what is known worse of flights and impacts."""
+        """The load is known, so the coefficient is one, within the errors of the computed flights and impacts."""
         return ((0.5, 1.5),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -104,7 +104,7 @@ class Backlash(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Where the link never comes loose, or the encoder sits on it."""
+        """It cannot be seen if the link never comes loose, or if the encoder sits on the link."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
         load = link_load(operation, row)
@@ -113,7 +113,7 @@ class Backlash(Effect):
         return hidden
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """Minus the column at that gap."""
+        """Minus the additional drive torque with that gap."""
         return -_change(operation, row_of(robot, joint), theta.item())
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -132,7 +132,7 @@ class Backlash(Effect):
         return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, gap=theta.item())
 
 
@@ -192,7 +192,7 @@ def _cross(
             lead[start:] = side * half
             return
         k, side = _fly(t, pull, half, start, side, lead, rate, loose)
-        # What the link lost on its motor in the flight, the impact gives back.
+        # The impact gives back the velocity that the link lost to its motor in flight.
         landed = 0.0
         for i in range(start, k):
             landed += loose[i] * pull[i] * width[i]
@@ -223,7 +223,7 @@ def _fly(
 
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
-    """Torque of the links more than if they were tied to their motors."""
+    """Additional torque of the links, compared with links that are tied to their motors."""
     return _change_under(operation, row, gap, *followed_load(operation, row, _EDGES))
 
 

@@ -26,7 +26,7 @@ _FARTHEST = 1e150
 
 
 class ParasiticSpring(Effect):
-    """See the module."""
+    """Spring on one joint that the model lacks."""
 
     name = "parasitic_spring"
     regime = "posture"
@@ -119,7 +119,7 @@ class ParasiticSpring(Effect):
         return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 

@@ -44,12 +44,12 @@ Edges = tuple[float, float, float]
 _EDGES: Edges = (8.0, 12.0, 20.0)
 # Frequency [Hz] below which nobody would take a transmission for rigid.
 _SLOWEST = 1.0
-# Compliance [rad/(N m) or m/N] at which a spring is as good as none.
+# Smallest compliance [rad/(N m) or m/N]: a stiffer transmission is rigid.
 _LEAST = 1e-10
 
 
 class TransmissionCompliance(Effect):
-    """See the module. The coefficient is the compliance ``1/k``."""
+    """Spring between motor and link of one joint. The coefficient is the compliance ``1/k``."""
 
     name = "transmission_compliance"
     regime = "high_acceleration"
@@ -85,7 +85,7 @@ class TransmissionCompliance(Effect):
         return tuple((float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)),) for f in _SWINGS)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """Around the last shape, and the last estimate: near its resonance that says how high it is, not where."""
+        """Shapes near the last one, and the last estimate; near a resonance that fits its height, not its frequency."""
         return (*((factor * shape[0],) for factor in _NEARBY), self.at_estimate(coefficients, shape))
 
     def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
@@ -123,7 +123,7 @@ class TransmissionCompliance(Effect):
         return (1.0 / size,) if size > 0 else None
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Where the encoder sits on the link's side."""
+        """It cannot be seen if the encoder sits on the link's side."""
         return behind_encoder(robot, row_of(robot, joint))
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -145,7 +145,7 @@ class TransmissionCompliance(Effect):
         return Simulated(transmission=Transmission(robot.joint_names[row], theta.item(), float(damping), 0.0))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """All of it."""
+        """Model files can contain all of it, as this number."""
         return ModelNumbers(whole=True, stiffness=theta.item())
 
 

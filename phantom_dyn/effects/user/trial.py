@@ -1,6 +1,6 @@
 """The trial of an effect that a user brought: its law and columns on a short motion of the robot, before any fit.
 
-What is wrong with it then has a sentence of its own, in place of an error or a wrong size somewhere in a diagnosis.
+An error in it is then reported in one sentence, and does not become an exception or a wrong size in a diagnosis.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def trial_motion(robot: Robot) -> Operation:
 
 
 def _require_description(effect: Effect, origin: str) -> None:
-    """Its name, its regime and its words."""
+    """Check name, regime and words."""
     name = getattr(effect, "name", None)
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise EffectError(
@@ -111,7 +111,7 @@ def _require_description(effect: Effect, origin: str) -> None:
 
 
 def _require_words(effect: Effect, known: tuple[Parameter, ...], origin: str) -> None:
-    """The size that its words tell is one of its parameters."""
+    """Check that the size in its words is one of its parameters."""
     names = [one.name for one in known]
     fields = [name for _, name, _, _ in string.Formatter().parse(effect.words.size) if name is not None]
     for name in fields:
@@ -147,7 +147,7 @@ def _parameters(
 
 
 def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
-    """A law that is linear where it has to be, on its own joint, and no more than its attributes say."""
+    """Check that the law is linear where it has to be, acts on its own joint, and uses what its attributes say."""
     known = effect.parameters(robot, joint)
     shape = _first_shape(known, origin)
     linear = [one for one in known if not one.tried]
@@ -180,7 +180,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
 def _require_momentary(
     operation: Operation, law: Callable[[Operation], Array], whole: Array, least: float, origin: str
 ) -> None:
-    """A torque that needs no more than its own sample, as a simulation steps from one to the next."""
+    """Check that the torque of a sample needs that sample alone, as a simulation goes from one to the next."""
     samples = range(0, _SAMPLES, 7)
     try:
         alone = np.concatenate([law(at_moment(operation.robot, _moment(operation, k))) for k in samples])
@@ -196,7 +196,7 @@ def _require_momentary(
 def _require_linear(
     linear: list[Parameter], steps: Array, law: Callable[[Array], Array], least: float, origin: str
 ) -> None:
-    """Half of each parameter, beside the others, gives half of its torque; together they give the sum."""
+    """Check that half of each parameter gives half of its torque, and that the torques of all parameters add up."""
     for k, one in enumerate(linear):
         none, half = steps.copy(), steps.copy()
         none[k], half[k] = 0.0, 0.5 * steps[k]
@@ -217,7 +217,7 @@ def _require_linear(
 def _require_said(
     effect: LawEffect, operation: Operation, law: Callable[[Operation], Array], least: float, origin: str
 ) -> None:
-    """What it takes from accelerations or torques its attributes say: these carry noise, and errors of the model."""
+    """Check that its attributes say whether it uses accelerations or torques: they carry noise and model errors."""
     whole, robot = law(operation), operation.robot
     tau = 1.1 * operation.tau
     loaded = Operation(operation.t, operation.q, operation.v, operation.a, robot, tau, tau, tau)
@@ -251,7 +251,7 @@ def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
 
 
 def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
-    """Columns of an author are what the law makes of their coefficients, with the sign turned."""
+    """Check that the columns of an author are minus the torque of the law per coefficient."""
     shapes = _asked(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
     if not shapes:  # nothing to look for in such a motion, as a period that its residual does not have
         return
@@ -308,7 +308,7 @@ def _moment(operation: Operation, sample: int) -> Moment:
 
 
 def _asked(origin: str, method: str, call: Callable[[], R]) -> R:
-    """What a method of the author gives; an error in it names the method."""
+    """Result of a method of the author; the message of an error names the method."""
     try:
         return call()
     except PhantomDynError as error:

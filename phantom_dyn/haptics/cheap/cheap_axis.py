@@ -1,4 +1,4 @@
-"""Parameters of a cheap axis of a haptic device: virtual mass, play, friction, cogging, limit; by default none.
+"""A cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and the good device it is tried on.
 
 The figures are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, the values that ran stably together.
 Its columns for friction are swapped as printed (millirad for a translation, micrometres for a rotation): here they
@@ -6,11 +6,17 @@ stand where their units belong. It does not give the friction in slip, the coggi
 or the unit of the damping: the first three are to be given, and the damping is critical, which the text calls ideal
 (7.75 N s/m at 0.1 kg and 150 N/m; the printed 0.05 would be a damping ratio of 0.006 in N s/m, and 6.5 in N s/mm).
 The rotary inertia is printed "1 mkgmm" and read 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as on the translation.
+
+The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper): travel, encoder and
+motor of each axis. The tip's twist has an encoder and no motor.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -174,3 +180,45 @@ def _require(part: object, *names: str, above_zero: bool = False) -> None:
             continue
         wanted = "more than 0" if above_zero else "0 or more"
         raise ParameterError(f"The {name} of a {type(part).__name__} is {value:g}: give {wanted}.")
+
+
+@dataclass(frozen=True)
+class WorkstationAxis:
+    """One axis: SI units, radians and newton metres where it turns.
+
+    Attributes:
+        travel: Range [m or rad]; infinite where it turns without a stop.
+        continuous: Force or torque that the motor holds for any time [N or N m]; 0 without a motor.
+        peak: That it holds for a moment.
+        resolution: Step of its encoder [m or rad].
+        turns: True if it is rotary.
+    """
+
+    travel: float
+    continuous: float
+    peak: float
+    resolution: float
+    turns: bool = True
+
+    @property
+    def motor(self) -> CheapAxis:
+        """What clips a force that is asked for, for any time."""
+        return CheapAxis(limit=self.continuous)
+
+
+def _turning(travel: float, continuous: float, peak: float, resolution: float) -> WorkstationAxis:
+    """A rotary axis from degrees."""
+    return WorkstationAxis(math.radians(travel), continuous, peak, math.radians(resolution))
+
+
+WORKSTATION: Mapping[str, WorkstationAxis] = MappingProxyType(
+    {
+        "insertion": WorkstationAxis(0.170, 11.0, 19.0, 0.008e-3, turns=False),
+        "pitch": _turning(100.0, 0.47, 0.85, 0.01),
+        "yaw": _turning(100.0, 0.47, 0.85, 0.01),
+        "handle twist": _turning(180.0, 0.04, 0.07, 0.03),
+        "tip twist": _turning(math.inf, 0.0, 0.0, 0.7),
+        "handle grip": _turning(20.0, 0.15, 0.32, 0.04),
+    }
+)
+"""Table 1."""

@@ -25,7 +25,7 @@ from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
 from phantom_dyn.haptics.device.transfer_function import Axis
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 Controller = tuple[Array, Array, Array, float]
 """State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""
@@ -35,7 +35,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class SampledAxis:
+class SampledAxis(ReadOnlyArrays):
     """Position at the samples from forces that are held and delayed.
 
     ``x[k+1] = transition x[k] + newer u[k-steps] + older u[k-steps-1]``,
@@ -62,10 +62,6 @@ class SampledAxis:
     output: Float[Array, " n"]
     direct_now: float
     direct_before: float
-
-    def __post_init__(self):
-        for name in ("transition", "newer", "older", "output"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     # Cached: a function of the fields alone, asked for at every frequency.
     @cached_property

@@ -163,16 +163,15 @@ def guarded(guard: Guard, state: GuardState, dt: float, command: float | None) -
     return GuardState(asked, waited, rise, late, hot), force
 
 
-def run_guard(guard: Guard, dt: float, commands: Float[Array, " N"], state: GuardState | None = None) -> GuardTrace:
-    """A driver over cycles of ``dt`` [s].
+def run_guard(guard: Guard, dt: float, commands: Float[Array, " N"]) -> GuardTrace:
+    """A driver over cycles of ``dt`` [s], armed and cold at first.
 
     Args:
         guard: Its limits.
         dt: Length of a cycle [s].
         commands: Force asked for in each cycle [N or N m], NaN where no update came, shape ``(N,)``.
-        state: To start from; armed and cold by default.
     """
-    state = armed() if state is None else state
+    state = armed()
     force, rise = np.zeros(len(commands)), np.zeros(len(commands))
     late, hot = np.zeros(len(commands), dtype=bool), np.zeros(len(commands), dtype=bool)
     for k, command in enumerate(commands):

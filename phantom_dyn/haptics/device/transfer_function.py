@@ -9,11 +9,11 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)
-class StateSpace:
+class StateSpace(ReadOnlyArrays):
     """Linear system with one input and one output: ``dx/dt = A x + B u``, ``y = C x + D u``.
 
     Attributes:
@@ -27,10 +27,6 @@ class StateSpace:
     B: Float[Array, " n"]
     C: Float[Array, " n"]
     D: float = 0.0
-
-    def __post_init__(self):
-        for name in ("A", "B", "C"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 @runtime_checkable
@@ -49,7 +45,7 @@ class Axis(Protocol):
 
 
 @dataclass(frozen=True)
-class TransferFunction:
+class TransferFunction(ReadOnlyArrays):
     """Position over force as a fraction of two polynomials of s, highest power first.
 
     Attributes:
@@ -64,9 +60,9 @@ class TransferFunction:
     denominator: Float[Array, " n"]
 
     def __post_init__(self):
+        super().__post_init__()
         for name in ("numerator", "denominator"):
-            values = read_only(getattr(self, name))
-            object.__setattr__(self, name, values)
+            values = getattr(self, name)
             if not (values.ndim == 1 and len(values) and np.all(np.isfinite(values)) and values[0] != 0):
                 raise ParameterError(
                     f"The {name} of a transfer function is {values.tolist()}: give finite coefficients, "

@@ -1,21 +1,32 @@
-r"""Empirical transfer function of a device, with its coherence and confidence.
+r"""Empirical transfer function of a device with its coherence, and the two-mass model that fits it.
 
 The position of a device that floats freely wanders, and a spectrum of what wanders is a spectrum of its ends. So
 spectra are those of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not; it is
 :math:`-4 \sin^2(\omega T/2)` times the position at every frequency, without lag, and that is divided out.
+
+The six parameters of the model are found with their covariance. The measured response is compared with that of the
+*sampled* model, hold and delay included, so that neither biases the fit; each frequency counts by its coherence.
+Resonance and anti-resonance follow with their deviations.
+
+References:
+    Section 4.2 of [Gil]_ (`phantom_dyn.haptics.device.axis`): white noise, empirical transfer function, least squares
+    of the theoretical transfer function "with six independent variables".
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from phantom_dyn.array_types import Array, Complex, Float
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import EstimationError, ParameterError
+from phantom_dyn.haptics.device.axis import TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.number_checks import require_columns, require_positive
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _OVERLAP = 1.0 + 2.0 / 36.0
@@ -29,7 +40,7 @@ _QUANTILE_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
-class FrequencyResponse:
+class FrequencyResponse(ReadOnlyArrays):
     """Position over force, as measured.
 
     Attributes:
@@ -51,11 +62,6 @@ class FrequencyResponse:
     deviation: Float[Array, " k"]
     averages: float
     shared: float = _SHARED
-
-    def __post_init__(self):
-        for name in ("frequency", "coherence", "deviation"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        object.__setattr__(self, "response", read_only(self.response, complex))
 
     @property
     def decibels(self) -> Float[Array, " k"]:
@@ -126,3 +132,196 @@ def estimate_frequency_response(
     averages = segments / _OVERLAP if segments > 1 else 1.0
     deviation = np.sqrt((1.0 - coherence) / (2.0 * averages * np.maximum(coherence, math.ulp(1.0))))
     return FrequencyResponse(period, w, response, coherence, deviation, averages)
+
+
+NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stiffness", "cable_damping")
+"""The six parameters, in the order of the arrays, named as the fields of `TwoMassAxis`."""
+
+_IN_LOG = np.array([True, True, False, False, True, False])
+"""Masses and stiffness are fitted in logarithm, dampings as they are: one of them may well be zero."""
+_LEAST_COHERENCE = 0.3
+"""Share of the motion that the force must explain at a frequency to count until the fit is near."""
+_NEIGHBOURS = 7
+"""Frequencies on either side over which the deviations are averaged."""
+_STARTS = (0.01, 0.05, 0.2)
+"""Damping ratios of the cable that the search starts from."""
+_MISFIT = 4.0
+"""Mean square of the residuals, in deviations, above which the model is not that of the data."""
+_SURE = 3.0
+"""Deviations by which both masses and the stiffness must differ from zero: else there is no second mass."""
+
+
+@dataclass(frozen=True)
+class TwoMassFit(ReadOnlyArrays):
+    """Two-mass model that fits a measured response.
+
+    Attributes:
+        values: The six parameters in the order of `NAMES`, SI units, shape ``(6,)``.
+        covariance: Of them, shape ``(6, 6)``.
+        response: What was fitted.
+        model: Response of the fitted model at these frequencies.
+        misfit: Mean square of the residuals in standard deviations; about one if the model is right.
+        at_zero: Dampings that came out as zero, the least that they may be.
+    """
+
+    values: Float[Array, "6"]
+    covariance: Float[Array, "6 6"]
+    response: FrequencyResponse
+    model: Complex[Array, " k"]
+    misfit: float
+    at_zero: tuple[str, ...]
+
+    @property
+    def axis(self) -> TwoMassAxis:
+        """The fitted model."""
+        return TwoMassAxis(*self.values.tolist())
+
+    @property
+    def deviations(self) -> Float[Array, "6"]:
+        """Standard deviations of the parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval(self) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
+        """Limits of the parameters at 95 %; a damping's lower limit may be below zero."""
+        reach = _QUANTILE_95 * self.deviations
+        return self.values - reach, self.values + reach
+
+    @property
+    def resonance(self) -> tuple[float, float]:
+        """Free frequency of the two masses on the cable and its standard deviation [rad/s]."""
+        motor, body, k = self.values[[0, 1, 4]]
+        w = self.axis.free_frequency
+        slope = np.zeros(6)
+        slope[[0, 1, 4]] = 0.5 / w * np.array([-k / motor**2, -k / body**2, 1 / motor + 1 / body])
+        return w, float(np.sqrt(slope @ self.covariance @ slope))
+
+    @property
+    def anti_resonance(self) -> tuple[float, float]:
+        """Frequency of the body on the cable behind a motor that stands still, and its deviation [rad/s]."""
+        w = self.axis.blocked_frequency
+        slope = np.zeros(6)
+        slope[[1, 4]] = 0.5 * w * np.array([-1 / self.values[1], 1 / self.values[4]])
+        return w, float(np.sqrt(slope @ self.covariance @ slope))
+
+
+def fit_two_mass(response: FrequencyResponse, *, delay: float = 0.0) -> TwoMassFit:
+    """Two-mass model behind a zero-order hold and a known delay that fits a response.
+
+    Args:
+        response: Of the force as the computer gives it; it must hold anti-resonance and resonance.
+        delay: Of the loop beside the hold [s].
+
+    Raises:
+        EstimationError: If no two-mass model fits: no vibration in the band, or another device.
+    """
+
+    def model(axis: TwoMassAxis, w: Float[Array, " k"]) -> Complex[Array, " k"]:
+        return discretise(axis, period=response.period, delay=delay).response(w)
+
+    return _fit(response, model)
+
+
+def fit_two_mass_of_instants(response: FrequencyResponse) -> TwoMassFit:
+    """The same for a force that was recorded as it acted at the instants of the positions: without hold and delay."""
+    return _fit(response, lambda axis, w: axis.transfer_function.response(w))
+
+
+def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Array]) -> TwoMassFit:
+    # Imported here: scipy.optimize takes longer to import than the rest of haptics.
+    from scipy.optimize import least_squares
+
+    good = response.coherence >= _LEAST_COHERENCE
+    if good.sum() < 2 * len(NAMES):
+        raise EstimationError(
+            f"Force and position agree at {int(good.sum())} frequencies only: drive the motor with more white noise, "
+            "or take shorter segments."
+        )
+    w, measured = response.frequency, response.response
+    weight = 1.0 / response.deviation[good]
+    # A deviation that is read where noise happens to be small would favour that noise: neighbours share theirs.
+    error = np.sqrt(_running_mean((response.deviation * np.abs(measured)) ** 2))
+    lower = np.where(_IN_LOG, -np.inf, 0.0)
+    best: _Found | None = None
+    for damping in _STARTS:
+        start = _start(response, good, damping)
+        unit = np.where(_IN_LOG, 1.0, start)
+
+        def axis_of(x: Array, unit: Array = unit) -> TwoMassAxis:
+            return TwoMassAxis(*np.where(_IN_LOG, np.exp(np.where(_IN_LOG, x, 0.0)), x * unit).tolist())
+
+        def by_ratio(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
+            ratio = np.log(measured[good] / model(axis_of(x), w[good]))
+            return np.concatenate([np.real(ratio) * weight, np.imag(ratio) * weight])
+
+        def by_difference(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
+            difference = (measured - model(axis_of(x), w)) / error
+            return np.concatenate([np.real(difference), np.imag(difference)])
+
+        # Ratios get there from afar, differences end without bias: their errors do not depend on what is measured.
+        x = np.where(_IN_LOG, np.log(start), 1.0)
+        near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
+        found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
+        if best is None or found.cost < best.cost:
+            best = _Found(float(found.cost), found.x, found.jac, unit, axis_of(found.x))
+        if best.cost < _MISFIT * len(w):
+            break
+    assert best is not None
+    misfit = 2.0 * best.cost / (2 * len(w) - len(NAMES))
+    if misfit > _MISFIT:
+        raise EstimationError(
+            f"No two-mass model fits the response: the residuals are {math.sqrt(misfit):.1f} standard deviations. Look "
+            "at the response: it must show one anti-resonance and one resonance, and segments must be longer than the "
+            "vibration lasts."
+        )
+    values = np.array([getattr(best.axis, name) for name in NAMES])
+    slope = np.where(_IN_LOG, values, best.unit)
+    information = best.jacobian.T @ best.jacobian / response.shared
+    covariance = slope[:, None] * np.linalg.pinv(information, rcond=1e-14, hermitian=True) * slope
+    covariance = max(misfit, 1.0) * covariance
+    unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE
+    if np.any(unsure) or best.axis.free_frequency > w[-1]:
+        raise EstimationError(
+            "The response cannot distinguish a vibration from none: the best resonance is "
+            f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. A rigid "
+            "device, or a band that leaves its vibration out."
+        )
+    zero = tuple(NAMES[k] for k in np.flatnonzero(~_IN_LOG & (best.x < 1e-6)))
+    return TwoMassFit(values, covariance, response, model(best.axis, w), misfit, zero)
+
+
+@dataclass(frozen=True)
+class _Found:
+    cost: float
+    x: Array
+    jacobian: Array
+    unit: Array
+    axis: TwoMassAxis
+
+
+def _running_mean(values: Array) -> Array:
+    padded = np.pad(values, _NEIGHBOURS, mode="reflect")
+    return np.convolve(padded, np.full(2 * _NEIGHBOURS + 1, 1.0 / (2 * _NEIGHBOURS + 1)), mode="valid")
+
+
+def _start(response: FrequencyResponse, good: Array, damping: float) -> Float[Array, "6"]:
+    """Parameters read off the response: mass at low frequency, the dip and the peak of acceleration over force."""
+    w = response.frequency[good]
+    size = np.abs(response.response[good]) * w**2
+    smooth = np.exp(np.convolve(np.pad(np.log(size), 2, mode="edge"), np.ones(5) / 5, mode="valid"))
+    # The peak that stands highest above the dip before it.
+    drop = np.log(smooth) - np.minimum.accumulate(np.log(smooth))
+    top = int(np.argmax(drop))
+    dip = int(np.argmin(smooth[: top + 1]))
+    if top == 0 or dip == 0:
+        raise EstimationError(
+            f"The response shows no resonance after an anti-resonance between {w[0]:.3g} and {w[-1]:.3g} rad/s: "
+            "a rigid device, or a band that leaves the vibration out."
+        )
+    total = 1.0 / float(np.median(size[: max(dip // 2, 1)]))
+    motor = total * min((w[dip] / w[top]) ** 2, 0.9)
+    body = total - motor
+    stiffness = w[dip] ** 2 * body
+    reduced = motor * body / total
+    to_ground = 0.1 * total * w[0]
+    return np.array([motor, body, to_ground, to_ground, stiffness, 2.0 * damping * reduced * w[top]])

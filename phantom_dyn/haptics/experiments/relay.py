@@ -23,7 +23,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _SETTLING = 0.4
@@ -37,7 +37,7 @@ _LEAST_SAMPLES, _LEAST_LEFT = 100, 64
 
 
 @dataclass(frozen=True)
-class RelayExperiment:
+class RelayExperiment(ReadOnlyArrays):
     """Force and position of a device under a relay.
 
     Attributes:
@@ -54,13 +54,9 @@ class RelayExperiment:
     force: Float[Array, " N"]
     position: Float[Array, " N"]
 
-    def __post_init__(self):
-        for name in ("t", "force", "position"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 @dataclass(frozen=True)
-class LimitCycle:
+class LimitCycle(ReadOnlyArrays):
     """The steady oscillation of a relay experiment.
 
     Attributes:
@@ -78,10 +74,6 @@ class LimitCycle:
     frequencies: Float[Array, " k"]
     force_density: Float[Array, " k"]
     position_density: Float[Array, " k"]
-
-    def __post_init__(self):
-        for name in ("frequencies", "force_density", "position_density"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def decibels(self) -> float:

@@ -2,14 +2,13 @@
 
 from phantom_dyn.haptics.figures.device_figures import (
     commutation_figure,
+    drive_heat_figure,
+    limit_cycles_figure,
+    loop_traces_figure,
     lossy_link_figure,
     safety_figure,
     sinusoidal_encoder_figure,
-)
-from phantom_dyn.haptics.figures.experiment_figures import limit_cycles_figure, two_mass_fit_figure
-from phantom_dyn.haptics.figures.improvement_figures import (
-    drive_heat_figure,
-    loop_traces_figure,
+    two_mass_fit_figure,
     velocity_estimators_figure,
 )
 from phantom_dyn.haptics.figures.rendering_figures import (

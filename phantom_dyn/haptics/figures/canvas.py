@@ -84,16 +84,6 @@ def beside(ax: Axes) -> None:
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
 
 
-def stiffness_unit(rotary: bool) -> str:
-    """Unit of a stiffness: about a joint or along a line."""
-    return "N m/rad" if rotary else "N/m"
-
-
-def damping_unit(rotary: bool) -> str:
-    """Unit of a damping: about a joint or along a line."""
-    return "N m s/rad" if rotary else "N s/m"
-
-
 def hertz(frequency: float) -> float:
     """A frequency in rad/s in hertz."""
     return frequency / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""A device's electronics: links that lose samples, sinusoidal encoders, brushes, and the safety logic of a driver."""
+"""Figures of a device's electronics (links, encoders, brushes, velocity estimators, heat, safety) and experiments."""
 
 from __future__ import annotations
 
@@ -8,10 +8,34 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.haptics.device.commutation import BrushMotor, steady_torque
+from phantom_dyn.haptics.device.drives import (
+    PUBLISHED_RISE_LINEAR,
+    PUBLISHED_RISE_PULSES,
+    BrushMotor,
+    SwitchedCurrent,
+    Warming,
+    steady_torque,
+)
 from phantom_dyn.haptics.device.safety import Guard, GuardTrace
-from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, MARKERS, beside, panels, shade
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
+from phantom_dyn.haptics.experiments.frequency_response import TwoMassFit
+from phantom_dyn.haptics.experiments.relay import LimitCycle, RelayExperiment
+from phantom_dyn.haptics.figures.canvas import (
+    COLORS,
+    GREY,
+    IDEAL,
+    MARK,
+    MARKERS,
+    PALE,
+    beside,
+    frequency_axis,
+    hertz,
+    key,
+    panels,
+    shade,
+)
+from phantom_dyn.haptics.sensing.encoder import SinusoidalEncoder
+from phantom_dyn.haptics.sensing.loop_simulation import LoopTrace
+from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures
 from phantom_dyn.haptics.stability.force_link import NoiseFelt
 
 
@@ -124,4 +148,210 @@ def safety_figure(guard: Guard, dt: float, asked: Float[Array, " N"], trace: Gua
     force.set_ylabel("force [N]")
     rise.set_ylabel("rise of the motor [K]")
     rise.set_xlabel("time [s]")
+    return out
+
+
+_SHOWN, _SHOWN_STEADY = 0.1, 0.04
+"""Ends of the accelerated and of the steady motion that the traces show [s]."""
+_PUBLISHED_AFTER = 600.0
+"""Time after which the published rises of the casing were measured [s]."""
+
+
+def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure:
+    """Positions and commanded forces of loops in time, one row each; a wall, a damper or two devices tied together.
+
+    Args:
+        traces: Loops by what was set, such as the gain.
+        title: What is seen.
+    """
+    out, rows = panels(len(traces), 2, title=title, width=11, height=2.2)
+    for (name, trace), (position, force) in zip(traces.items(), rows, strict=True):
+        for device in range(trace.position.shape[1]):
+            label = f"device {device + 1}" if trace.position.shape[1] > 1 else None
+            look = {"color": COLORS[device], "label": label}
+            position.plot(trace.t, 1e3 * trace.position[:, device], **look)
+            force.plot(trace.t, trace.force[:, device], lw=0.8, **look)
+        ended = ", it ran away" if trace.ran_away else ""
+        position.set_title(f"{name}{ended}", fontsize=9)
+        position.set_ylabel("position [mm]")
+        force.set_ylabel("force [N]")
+        if trace.position.shape[1] > 1 and position is rows[0][0]:
+            key(position, "upper right")
+        for ax in (position, force):
+            ax.set_xlabel("time [s]")
+    return out
+
+
+def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Figure:
+    """Lag and granularity of velocity estimators, and what they make of an accelerated and of a steady motion.
+
+    Args:
+        estimators: Results of `estimator_figures` for one motion, by the estimator's name; at most seven.
+    """
+    title = "Velocity estimators: what is fine is late, unless the time between edges or the acceleration is measured"
+    out, ((lag, grain), (fast, steady)) = panels(2, 2, title=title, width=12, height=3.4)
+    names, found = list(estimators), list(estimators.values())
+    places = np.arange(len(names))
+    for ax, values, label, digits in (
+        (lag, [1e3 * one.lag for one in found], "lag [ms]", ".1f"),
+        (grain, [1e3 * one.granularity for one in found], "granularity [mm/s]", ".2g"),
+    ):
+        bars = ax.barh(places, values, color=COLORS[: len(names)])
+        ax.bar_label(bars, [f" {value:{digits}}" for value in values], fontsize=8)
+        ax.set_yticks(places, names, fontsize=8)
+        ax.invert_yaxis()
+        ax.set_xlabel(label)
+    grain.set_xscale("log")
+    for ax in (lag, grain):
+        ax.margins(x=0.15)
+    first = found[0]
+    late, end = first.t >= first.t[-1] - _SHOWN, first.t >= first.t[-1] - _SHOWN_STEADY
+    fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
+    steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
+    for k, (name, one) in enumerate(estimators.items()):
+        # The coarsest would cross the panels as upright lines: its bar says what it does.
+        if one.granularity == max(other.granularity for other in found) and len(found) > 1:
+            continue
+        look = {"color": COLORS[k], "lw": 1.3, "label": name, "drawstyle": "steps-post", "zorder": 2}
+        fast.plot(one.t[late], 1e3 * one.estimate[late], **look)
+        steady.plot(one.t[end], 1e3 * one.steady_estimate[end], **look)
+    fast.set_title("constant acceleration", fontsize=9)
+    steady.set_title("constant speed", fontsize=9)
+    for ax in (fast, steady):
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("velocity [mm/s]")
+    late_by = max(abs(one.lag) for one in found) * (first.velocity[-1] - first.velocity[0]) / first.t[-1]
+    reach = 1.6e3 * max(abs(late_by), sorted(one.granularity for one in found)[-2:][0])
+    low, high = np.sort(1e3 * first.velocity[late][[0, -1]])
+    fast.set_ylim(low - reach, high + reach)
+    steady.set_ylim(1e3 * first.velocity[0] - reach, 1e3 * first.velocity[0] + reach)
+    for ax in (fast, steady):
+        ax.get_lines()[0].set_zorder(3)
+    out.legend(*steady.get_legend_handles_labels(), loc="outside lower center", ncols=len(found), fontsize=8)
+    return out
+
+
+def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) -> Figure:
+    """Current of a motor under pulses, its heat beside that of a linear drive, and how the motor warms up.
+
+    Args:
+        switched: Steady currents at one duty cycle, by what the winding is.
+        warm: Temperature rise under both drives; beside it the published rises after ten minutes.
+    """
+    title = "Pulses heat a motor more than a linear drive of the same mean current, unless its winding is slow"
+    out, ((current, heat, rise),) = panels(1, 3, title=title, width=13, height=3.6)
+    for k, (name, one) in enumerate(switched.items()):
+        look = {"marker": MARKERS[k % len(MARKERS)], "ms": 4, "markevery": len(one.t) // 10}
+        current.plot(1e6 * one.t, one.current, color=COLORS[k % len(COLORS)], **look, label=name)
+    means = [one.mean for one in switched.values()]
+    current.axhline(float(np.mean(means)), color="black", lw=1, label="mean")
+    current.set_xlabel("time in a period of the pulses [us]")
+    current.set_ylabel("current [A]")
+    key(current)
+    places, width = np.arange(len(switched)), 0.38
+    for shift, values, color, label in (
+        (-width / 2, [one.heat for one in switched.values()], COLORS[1], "pulses"),
+        (width / 2, [one.heat_linear for one in switched.values()], COLORS[0], "linear"),
+    ):
+        bars = heat.bar(places + shift, values, width, color=color, label=label)
+        if label == "pulses":
+            heat.bar_label(bars, [f"x {one.ratio:.2f}" for one in switched.values()], fontsize=8)
+    heat.set_xticks(places, list(switched), fontsize=8)
+    heat.margins(y=0.12)
+    heat.set_ylabel("heat in the winding [W]")
+    key(heat)
+    rise.plot(warm.t / 60, warm.pulses, color=COLORS[1], label="pulses", gid="pulses")
+    rise.plot(warm.t / 60, warm.linear, color=COLORS[0], label="linear", gid="linear")
+    for value, color, label in (
+        (PUBLISHED_RISE_PULSES, COLORS[1], "pulses"),
+        (PUBLISHED_RISE_LINEAR, COLORS[0], "linear"),
+    ):
+        rise.plot([_PUBLISHED_AFTER / 60], [value], "D", color=color, label=f"published, {label}: {value} K")
+    rise.set_xlabel("time [min]")
+    rise.set_ylabel("rise of the casing [K]")
+    key(rise, "lower right")
+    return out
+
+
+_CYCLES = 5
+"""Cycles of the oscillation that a time trace and a phase plane show."""
+
+
+def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], *, name: str) -> Figure:
+    """Relay experiments under each other: the end in time, its closed path, and the spectrum with its peak.
+
+    Args:
+        runs: Experiment and its limit cycle by what the start was.
+        name: Of the device, for the title.
+    """
+    title = f"{name} under a relay: the start decides which oscillation lasts"
+    out, rows = panels(len(runs), 3, title=title, width=13, height=2.9)
+    for (start, (experiment, cycle)), (trace, plane, spectrum) in zip(runs.items(), rows, strict=True):
+        scale, unit = (1e6, "um") if np.abs(experiment.position).max() < 1e-3 else (1e3, "mm")
+        period = 2 * np.pi / cycle.frequency
+        late = experiment.t >= experiment.t[-1] - _CYCLES * period
+        velocity = np.gradient(experiment.position, experiment.period)
+        t, x = experiment.t[late], scale * experiment.position[late]
+        trace.plot(t, x, color=COLORS[0], gid="position")
+        force = trace.twinx()
+        force.step(t, experiment.force[late], where="post", color=COLORS[1], lw=0.8, gid="force")
+        force.set_ylabel("force [N]", color=COLORS[1])
+        trace.set_ylabel(f"position [{unit}]", color=COLORS[0])
+        trace.set_xlabel("time [s]")
+        trace.set_title(f"{start}: {hertz(cycle.frequency):.3g} Hz", fontsize=9)
+        plane.plot(x, scale * velocity[late], color=COLORS[0], lw=0.8, gid="path")
+        plane.set_xlabel(f"position [{unit}]")
+        plane.set_ylabel(f"velocity [{unit}/s]")
+        plane.set_title(f"last {_CYCLES} cycles", fontsize=9)
+        spectrum.loglog(hertz(1) * cycle.frequencies[1:], cycle.position_density[1:], color=COLORS[0], gid="density")
+        words = f"{cycle.stiffness:.4g} N/m = {cycle.decibels:.1f} dB"
+        spectrum.axvline(hertz(cycle.frequency), color=COLORS[1], ls=MARK, label=f"critical stiffness\n{words}")
+        spectrum.set_xlabel("frequency [Hz]")
+        spectrum.set_ylabel("position [m²/Hz]")
+        spectrum.set_title("spectrum of the position", fontsize=9)
+        key(spectrum, "lower left")
+    return out
+
+
+def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white noise", rotary: bool = False) -> Figure:
+    """Empirical transfer function with its 95 % band, the two-mass model that fits it, and the coherence.
+
+    Args:
+        fit: From `fit_two_mass`.
+        name: Of the device, for the title.
+        experiment: What drove it, for the title.
+        rotary: Whether the axis turns, for the units.
+    """
+    mass, stiffness = ("kg m²", "N m/rad") if rotary else ("kg", "N/m")
+    (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
+    title = (
+        f"{name} from {experiment}\n"
+        f"anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
+        f"resonance {hertz(high):.2f} ± {hertz(high_error):.1g} Hz\n"
+        f"motor {fit.axis.motor_mass:.3g} {mass}, body {fit.axis.body_mass:.3g} {mass}, "
+        f"cable {fit.axis.cable_stiffness:.4g} {stiffness}"
+    )
+    out, ((gain,), (phase,), (coherence,)) = panels(3, title=title, together=True, ratios=(3, 2, 2), height=2.4)
+    measured, w = fit.response, fit.response.frequency
+    gain.fill_between(w, *measured.interval, color=PALE, lw=0, label="95 % of the measured")
+    gain.plot(w, measured.decibels, ".", color=COLORS[0], ms=2.5, label="measured", gid="measured")
+    gain.plot(w, 20 * np.log10(np.abs(fit.model)), color=COLORS[1], lw=1.4, label="two-mass model", gid="model")
+    # Twice between -pi and pi would jump: the measured phase is that of the model and a small rest.
+    smooth = np.unwrap(np.angle(fit.model))
+    smooth -= 2 * np.pi * np.round((smooth[0] + 0.75 * np.pi) / (2 * np.pi))
+    apart = np.angle(measured.response / fit.model)
+    phase.plot(w, np.degrees(smooth + apart), ".", color=COLORS[0], ms=2.5, gid="measured phase")
+    phase.plot(w, np.degrees(smooth), color=COLORS[1], lw=1.4, gid="model phase")
+    coherence.plot(w, measured.coherence, ".", color=COLORS[0], ms=2.5, gid="coherence")
+    for ax in (gain, phase, coherence):
+        for place in (low, high):
+            ax.axvline(place, color=GREY, ls=MARK, lw=1)
+    bottom, top = measured.decibels.min(), measured.decibels.max()
+    gain.set_ylim(bottom - 15, top + 10)
+    gain.set_ylabel("position over force [dB]")
+    phase.set_ylabel("phase [°]")
+    coherence.set_ylabel("coherence")
+    coherence.set_ylim(0, 1.05)
+    frequency_axis(gain, coherence)
+    key(gain, "lower left")
     return out

@@ -18,12 +18,10 @@ from phantom_dyn.haptics.figures.canvas import (
     GREY,
     IDEAL,
     MARKERS,
-    damping_unit,
     frequency_axis,
     hertz,
     key,
     panels,
-    stiffness_unit,
 )
 from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, LoopBode, StabilityMap
 from phantom_dyn.haptics.stability.force_feedforward import Transparency
@@ -33,17 +31,15 @@ _AXES = ("damping", "virtual_damping", "delay", "period")
 """Axes of a stability map."""
 
 
-def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0, rotary: bool = False) -> Figure:
+def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Figure:
     """Bode diagram of the sampled loop of a device and a virtual wall, with its margins.
 
     Args:
         bode: From `loop_bode`.
         name: Of the device, for the title.
-        stiffness: Of the wall [N/m or N m/rad]; at 1 the gain margin in decibels is the critical stiffness.
-        rotary: Whether the axis turns, for the units.
+        stiffness: Of the wall [N/m]; at 1 the gain margin in decibels is the critical stiffness.
     """
-    unit = stiffness_unit(rotary)
-    title = f"{name}, with a virtual wall of {stiffness:g} {unit}\n{_verdict(bode.margin, unit)}"
+    title = f"{name}, with a virtual wall of {stiffness:g} N/m\n{_verdict(bode.margin)}"
     out, ((gain,), (phase,)) = panels(2, title=title, together=True, height=3.0)
     raised = 20 * math.log10(stiffness)
     gain.plot(bode.frequency, bode.decibels + raised, color=COLORS[0], gid="gain")
@@ -104,42 +100,40 @@ def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
     return np.column_stack([frequency, np.pi - np.mod(-phase, 2 * np.pi)])
 
 
-def critical_stiffness_figure(found: StabilityMap, *, name: str, rotary: bool = False) -> Figure:
+def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
     """Critical stiffness and the frequency of the oscillation at the edge, over two quantities; white: none is stable.
 
     Args:
         found: A map with two axes of more than one value.
         name: Of the device, for the title.
-        rotary: Whether the axis turns, for the units.
 
     Raises:
         ParameterError: If other than two axes vary.
     """
     up, across = _varying(found, 2)
-    fixed = ", ".join(_fixed(found, axis, rotary) for axis in _AXES if axis not in (up, across))
+    fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in (up, across))
     title = f"{name}: stiffest stable virtual wall, and how it swings beyond it\n{fixed}"
     out, ((left, right),) = panels(1, 2, title=title, width=11, height=4.2)
     # Columns of an axis that varies are left; the first of the fields is the first axis of the array.
     stiffness, frequency = (values.squeeze() for values in (found.stiffness, found.frequency))
     for ax, values, colors, label in (
-        (left, stiffness, "viridis", f"critical stiffness [{stiffness_unit(rotary)}]"),
+        (left, stiffness, "viridis", "critical stiffness [N/m]"),
         (right, frequency / (2 * np.pi), "cividis", "frequency of the oscillation [Hz]"),
     ):
         place = (_shown(found, across), _shown(found, up))
         # Where another oscillation takes over the frequency jumps: lines of equal value would pile up there.
         _coloured(out, ax, place, values, colors, label, lines=ax is left)
-        ax.set_xlabel(_label(across, rotary))
-        ax.set_ylabel(_label(up, rotary))
+        ax.set_xlabel(_label(across))
+        ax.set_ylabel(_label(up))
     return out
 
 
-def linear_condition_figure(found: StabilityMap, *, name: str, rotary: bool = False) -> Figure:
+def linear_condition_figure(found: StabilityMap, *, name: str) -> Figure:
     """Exact critical stiffness beside that of the linear condition, and the ratio of both.
 
     Args:
         found: A map along one axis, or along two, of which the shorter one makes a curve for each of its values.
         name: Of the device, for the title.
-        rotary: Whether the axis turns, for the units.
 
     Raises:
         ParameterError: If no axis varies, more than two do, or there would be more than six curves.
@@ -157,13 +151,13 @@ def linear_condition_figure(found: StabilityMap, *, name: str, rotary: bool = Fa
         np.transpose(values, (*order, *rest)).reshape(count, -1)
         for values in (found.stiffness, found.linear, found.ratio)
     )
-    fixed = ", ".join(_fixed(found, axis, rotary) for axis in _AXES if axis not in varying)
+    fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in varying)
     spread = f"{np.nanmin(ratio):.3g} to {np.nanmax(ratio):.3g}"
     title = f"{name}: exact critical stiffness is {spread} times that of the linear condition\n{fixed}"
     out, ((values,), (quotient,)) = panels(2, title=title, together=True, ratios=(3, 2))
     x = _shown(found, across)
     for k in range(count):
-        label = f", {_fixed(found, others[0], rotary, k)}" if others else ""
+        label = f", {_fixed(found, others[0], k)}" if others else ""
         look = {"color": COLORS[k], "marker": MARKERS[k], "ms": 4, "markevery": max(len(x) // 10, 1)}
         values.plot(x, exact[k], **look, label=f"exact{label}")
         values.plot(x, linear[k], color=COLORS[k], ls=IDEAL, label=f"linear{label}")
@@ -171,9 +165,9 @@ def linear_condition_figure(found: StabilityMap, *, name: str, rotary: bool = Fa
     quotient.axhline(1, color="black", lw=0.8)
     if exact.max() > 20 * exact.min() > 0:
         values.set_yscale("log")
-    values.set_ylabel(f"critical stiffness [{stiffness_unit(rotary)}]")
+    values.set_ylabel("critical stiffness [N/m]")
     quotient.set_ylabel("exact over linear")
-    quotient.set_xlabel(_label(across, rotary))
+    quotient.set_xlabel(_label(across))
     key(values, columns=count)
     return out
 
@@ -247,13 +241,13 @@ def _at(bode: LoopBode, frequency: float) -> float:
     return float(np.interp(math.log(frequency), np.log(bode.frequency), bode.phase))
 
 
-def _verdict(margin: CriticalStiffness, unit: str) -> str:
+def _verdict(margin: CriticalStiffness) -> str:
     if margin.stiffness == 0:
         return "no virtual wall is stable"
     if math.isinf(margin.stiffness):
         return "every virtual wall is stable"
     swings = f"{margin.frequency:.4g} rad/s ({hertz(margin.frequency):.3g} Hz)"
-    return f"stable up to {margin.stiffness:.5g} {unit} ({margin.decibels:.2f} dB), then it swings at {swings}"
+    return f"stable up to {margin.stiffness:.5g} N/m ({margin.decibels:.2f} dB), then it swings at {swings}"
 
 
 def _varying(found: StabilityMap, *wanted: int) -> list[str]:
@@ -271,16 +265,16 @@ def _shown(found: StabilityMap, axis: str) -> Array:
     return 1e3 * values if axis in ("delay", "period") else values
 
 
-def _label(axis: str, rotary: bool) -> str:
+def _label(axis: str) -> str:
     if axis in ("delay", "period"):
         return f"{'delay beside the hold' if axis == 'delay' else 'sampling period'} [ms]"
     words = "damping added to the motor" if axis == "damping" else "virtual damping of the wall"
-    return f"{words} [{damping_unit(rotary)}]"
+    return f"{words} [N s/m]"
 
 
-def _fixed(found: StabilityMap, axis: str, rotary: bool, k: int = 0) -> str:
+def _fixed(found: StabilityMap, axis: str, k: int = 0) -> str:
     words = {"damping": "added damping", "virtual_damping": "virtual damping", "delay": "delay", "period": "period"}
-    unit = "ms" if axis in ("delay", "period") else damping_unit(rotary)
+    unit = "ms" if axis in ("delay", "period") else "N s/m"
     return f"{words[axis]} {_shown(found, axis)[k]:g} {unit}"
 
 

@@ -36,6 +36,8 @@ _LATEST = 4000
 """Samples of delay that the store of forces holds."""
 _FORCES_KEPT = 4096
 """Forces on their way to the device: a power of two beyond `_LATEST`."""
+_WIDTH = 0.01
+"""Relative width at which the bisection of a gain ends."""
 _FAR = 10.0
 """Position [m or rad] from which there is no way back."""
 
@@ -174,9 +176,7 @@ def simulate_loop(
     return LoopTrace(np.arange(done) * settings.period, position, reading, velocity, force, done < len(hand))
 
 
-def gain_until_swinging(
-    run: Callable[[float], LoopTrace], step: float, *, low: float, high: float, tolerance: float = 0.01
-) -> float:
+def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: float, high: float) -> float:
     """Gain at which an oscillation begins to last, by bisection; infinite if none lasts at the highest.
 
     Args:
@@ -184,7 +184,6 @@ def gain_until_swinging(
         step: Encoder step, the unit of what is taken for an oscillation.
         low: Lowest gain that is tried.
         high: Highest gain that is tried.
-        tolerance: Relative width at which the bisection ends.
 
     Returns:
         The gain in the middle of the last bracket; 0 if one lasts at the lowest gain already.
@@ -198,7 +197,7 @@ def gain_until_swinging(
         return 0.0
     if not run(high).keeps_swinging(step):
         return math.inf
-    while high / low > 1 + tolerance:
+    while high / low > 1 + _WIDTH:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if run(middle).keeps_swinging(step) else (middle, high)
     return math.sqrt(low * high)

@@ -11,8 +11,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer, observe_velocity
-from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder, record_sinusoidal
+from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder, record_motion, record_sinusoidal
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 
 _POINTS = 20

@@ -34,7 +34,7 @@ from phantom_dyn.haptics.device.frequency_kernels import (
 )
 from phantom_dyn.haptics.device.transfer_function import Axis
 from phantom_dyn.haptics.number_checks import require_numbers
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 Values = Sequence[float] | Float[Array, " _"]
 _BELOW = 0.03
@@ -97,7 +97,7 @@ class CriticalStiffness:
 
 
 @dataclass(frozen=True)
-class LoopBode:
+class LoopBode(ReadOnlyArrays):
     """Sampled open loop for a Bode diagram, with its margins.
 
     Attributes:
@@ -112,10 +112,6 @@ class LoopBode:
     margin: CriticalStiffness
     linear: float
 
-    def __post_init__(self):
-        object.__setattr__(self, "frequency", read_only(self.frequency))
-        object.__setattr__(self, "response", read_only(self.response, complex))
-
     @property
     def decibels(self) -> Float[Array, " k"]:
         """Magnitude [dB]."""
@@ -129,7 +125,7 @@ class LoopBode:
 
 
 @dataclass(frozen=True)
-class StabilityMap:
+class StabilityMap(ReadOnlyArrays):
     """Critical stiffness on a grid; the axes of each array are those of the first four fields.
 
     Attributes:
@@ -149,10 +145,6 @@ class StabilityMap:
     stiffness: Float[Array, "i j k m"]
     frequency: Float[Array, "i j k m"]
     linear: Float[Array, "i j k m"]
-
-    def __post_init__(self):
-        for name in ("damping", "virtual_damping", "delay", "period", "stiffness", "frequency", "linear"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def ratio(self) -> Float[Array, "i j k m"]:

@@ -30,7 +30,7 @@ from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.held_device import Device, HeldDevice
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 _MOST_STATES = 60
 """States of a loop whose second moments are solved for: 1830 of them, in a second."""
@@ -79,7 +79,7 @@ class NoiseFelt:
 
 
 @dataclass(frozen=True)
-class LinkTrace:
+class LinkTrace(ReadOnlyArrays):
     """A held device with force feedforward in time.
 
     Attributes:
@@ -95,10 +95,6 @@ class LinkTrace:
     reading: Float[Array, " N"]
     motor_force: Float[Array, " N"]
     arrived: Array
-
-    def __post_init__(self) -> None:
-        for name in ("t", "tip", "reading", "motor_force"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def mean_square_radius(axis: Device, hand: Operator, feedforward: Feedforward, gain: float, link: ForceLink) -> float:

@@ -33,7 +33,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_positive, require_whole
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion, ReadOnlyArrays
 
 _SUBSTEPS = 50
 """Steps of a sample: the spring of the friction swings at some 50 Hz, a sample is a millisecond."""
@@ -221,7 +221,7 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class CompensatedMotion:
+class CompensatedMotion(ReadOnlyArrays):
     """What a compensated axis does.
 
     Attributes:
@@ -235,10 +235,6 @@ class CompensatedMotion:
     position: Float[Array, " N"]
     velocity: Float[Array, " N"]
     force: Float[Array, " N"]
-
-    def __post_init__(self) -> None:
-        for name in ("t", "position", "velocity", "force"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def swing(self) -> float:

@@ -19,7 +19,7 @@ from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis
 from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
 
 _MARGINAL = 1e-7
 """A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9."""
@@ -28,7 +28,7 @@ _HALVINGS = 50
 
 
 @dataclass(frozen=True)
-class DigitalFilter:
+class DigitalFilter(ReadOnlyArrays):
     """Rational filter in powers of 1/z, as in `scipy.signal.lfilter`.
 
     Attributes:
@@ -40,9 +40,9 @@ class DigitalFilter:
     denominator: Float[Array, " n"]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("numerator", "denominator"):
-            values = read_only(getattr(self, name))
-            object.__setattr__(self, name, values)
+            values = getattr(self, name)
             if not (len(values) and np.isfinite(values).all()):
                 raise ParameterError(f"The {name} of the filter is {values.tolist()}: give finite coefficients.")
         if self.denominator[0] == 0:

@@ -1,8 +1,15 @@
-"""A file of a user must be an ordinary one: a pipe keeps its reader waiting, and some devices never end."""
+"""Ordinary files: those of a user, and those for a library that reads paths alone.
+
+A pipe keeps its reader waiting, and some devices never end, so they are refused. Of a file that is made for a library
+nothing is left, however the process ends.
+"""
 
 from __future__ import annotations
 
 import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from phantom_dyn.errors import PhantomDynError
@@ -36,3 +43,21 @@ def require_plain_file(path: Path, error: type[PhantomDynError], wanted: str) ->
         raise error(f"{path} is a folder, wanted {wanted}: name the file itself.")
     if kind is not None:
         raise error(f"{path} is {kind}, wanted {wanted}: save what it gives as an ordinary file and name that.")
+
+
+_OPEN_FILES = Path("/proc/self/fd")
+
+
+@contextmanager
+def unnamed_file(content: bytes, *, suffix: str) -> Iterator[Path]:
+    """A path to a file with some content while the block lasts; where the system can, it has no name in any folder.
+
+    Args:
+        content: Of the file.
+        suffix: Of its name, where it needs one.
+    """
+    make = tempfile.TemporaryFile if _OPEN_FILES.is_dir() else tempfile.NamedTemporaryFile
+    with make(suffix=suffix) as file:
+        file.write(content)
+        file.flush()
+        yield _OPEN_FILES / str(file.fileno()) if _OPEN_FILES.is_dir() else Path(file.name)

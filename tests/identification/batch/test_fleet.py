@@ -27,8 +27,8 @@ from identification.stages import Announcement
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.maps import operational_map as streaming
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.motion import Motion
 from places import ROBOTS

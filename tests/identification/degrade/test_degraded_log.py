@@ -8,8 +8,7 @@ import pytest
 
 from identification.data.reading import recording
 from identification.data.recording import Table
-from identification.degrade.degradation import Degradation, degradation
-from identification.degrade.degraded_log import Degraded, degrade
+from identification.degrade.degraded_log import Degradation, Degraded, degradation, degrade
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation

@@ -6,8 +6,7 @@ import pytest
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber, DOptimality, condition_number
 from identification.excitation.descent import Penalty
-from identification.excitation.design_problem import DesignProblem, Grid
-from identification.excitation.excited_base import base_of, earlier_factor
+from identification.excitation.design_problem import DesignProblem, Grid, base_of, earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, standard_parameters

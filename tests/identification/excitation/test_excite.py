@@ -5,8 +5,8 @@ import pytest
 
 from identification.excitation.collisions import collisions_of, distances
 from identification.excitation.criteria import DOptimality
+from identification.excitation.design_problem import earlier_factor
 from identification.excitation.excite import Excitation, PlannedRecording, excite
-from identification.excitation.excited_base import earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
 from identification.regression.base_parameters import base_parameters_of_matrix

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from identification.excitation.collisions import Collisions, collisions_of, distances
+from identification.excitation.design_problem import base_of
 from identification.excitation.excite import Excitation, excite
-from identification.excitation.excited_base import base_of
-from identification.excitation.limited_quantities import bounds_of
-from identification.excitation.limits import FrameBox, Limits, limits_of, stated_limits
+from identification.excitation.limits import FrameBox, Limits, bounds_of, limits_of, stated_limits
 from identification.excitation.motion_shapes import FourierSeries
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.errors import ParameterError, RobotError

@@ -8,11 +8,9 @@ import pytest
 from identification.excitation.closable import CLEAR, closable, ordinary_postures
 from identification.excitation.criteria import ConditionNumber, DOptimality
 from identification.excitation.descent import Penalty
-from identification.excitation.design_problem import DesignProblem, Grid
+from identification.excitation.design_problem import DesignProblem, Grid, base_of
 from identification.excitation.excite import Excitation, excite
-from identification.excitation.excited_base import base_of
-from identification.excitation.limited_quantities import bounds_of
-from identification.excitation.limits import FrameBox, limits_of
+from identification.excitation.limits import FrameBox, bounds_of, limits_of
 from identification.excitation.motion_shapes import FourierSeries
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot

@@ -17,7 +17,7 @@ from phantom_dyn.devices.cable_friction import CableFriction
 from phantom_dyn.devices.cea import STIFFNESS_UNITS, TRANSMISSION_STIFFNESS
 from phantom_dyn.errors import IdentifiabilityError, LogError, ParameterError, RobotError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
+from phantom_dyn.haptics.experiments.noise_and_sweep import simulate_white_noise
 from phantom_dyn.motion import Motion
 
 PULLED = np.array([20.0, 30.0, 45.0, 60.0])

@@ -7,11 +7,10 @@ import pinocchio as pin
 import pytest
 
 from identification.data.recording import Recording
-from identification.geometry.closing import closed_positions
 from identification.geometry.equations import DELAY, Estimate, PoseProblem, changed_model, equations, nuisances_of
 from identification.geometry.fit import frame_poses, moved, start_of
 from identification.geometry.measured import measured_poses
-from identification.geometry.pins import KnownPlaces, loops_of
+from identification.geometry.pins import KnownPlaces, closed_positions, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, pose_terms, terms_of
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot

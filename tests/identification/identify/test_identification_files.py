@@ -13,7 +13,6 @@ import pytest
 from html_page import Page
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.identify.exports import MJCF, URDF
 from identification.identify.hold_out import caution, require_enough, split_logs
 from identification.identify.identifiability import (
     body_table,
@@ -27,7 +26,7 @@ from identification.identify.identification import Export
 from identification.identify.identification_files import NAMES, check_folder, json_text, to_json, write_outputs
 from identification.identify.identification_report import report_html
 from identification.identify.identification_words import summary
-from identification.identify.identified_model import JointTerms, effects_of, without_estimated
+from identification.identify.identified_model import MJCF, URDF, JointTerms, effects_of_terms, without_estimated
 from identification.identify.identify import without_worse_files
 from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix
 from identification.regression.regressor import torque_regressor
@@ -346,7 +345,7 @@ def test_a_dependent_parameter_is_part_of_those_it_regroups_into():
 def bases(arm, recorded):
     """Base parameters of a recording in which tilt does not move, and of exciting motion."""
     robot = without_estimated(arm, JointTerms())
-    effects = effects_of(arm, JointTerms())
+    effects = effects_of_terms(arm, JointTerms())
     log = split_logs(arm, (recorded(arm, still=("tilt",)),)).train[0]
     return base_parameters(torque_regressor(robot, log, effects)), excited_base(robot, log, effects)
 
@@ -372,7 +371,7 @@ def test_the_reason_is_the_robot_or_the_recording(bases, name, why):
 
 
 def test_random_motion_excites_all_that_a_rich_recording_does(arm, recorded):
-    effects = effects_of(arm, JointTerms())
+    effects = effects_of_terms(arm, JointTerms())
     robot = without_estimated(arm, JointTerms())
     log = split_logs(arm, (recorded(arm),)).train[0]
     assert base_parameters(torque_regressor(robot, log, effects)).rank == excited_base(robot, log, effects).rank

@@ -11,9 +11,8 @@ from identification.data.reading import recording
 from identification.estimators.weighted_least_squares import wls
 from identification.identify.hold_out import held_out_evidence, joint_errors, split_logs
 from identification.identify.identification import JointError
-from identification.identify.identified_model import JointTerms, effects_of, friction_terms, without_estimated
-from identification.identify.identify import identify
-from identification.identify.missed_joints import Shared, missed, missed_sentences, shared_effects
+from identification.identify.identified_model import JointTerms, effects_of_terms, friction_terms, without_estimated
+from identification.identify.identify import Shared, identify, missed, missed_sentences, shared_effects
 from identification.regression.base_parameters import base_parameters
 from identification.regression.regressor import torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
@@ -37,7 +36,7 @@ def test_friction_of_every_joint_comes_back(found, truth):
 def test_base_parameters_of_the_links_come_back(found, arm, truth, recorded):
     fitted = without_estimated(arm, JointTerms())
     log = split_logs(arm, (recorded(truth),)).train[0]
-    base = base_parameters(torque_regressor(fitted, log, effects_of(arm, JointTerms())))
+    base = base_parameters(torque_regressor(fitted, log, effects_of_terms(arm, JointTerms())))
     everything = np.concatenate([standard_parameters(truth), np.zeros(len(base.names) - 30)])
     wanted = dict(zip(base.base_names, base.values(everything), strict=True))
     assert {parameter.name for parameter in found.base} <= set(wanted)
@@ -218,7 +217,7 @@ def test_the_coupled_wrist_of_the_tx40_is_named(data_folder):
     # Published: sign(dq5 + dq6) with 2.0 N m; least squares with it leaves 12 and 10 %, without it 51 and 32 %.
     given = load_robot(data_folder / "tx40" / "robot.urdf")
     split = split_logs(given, (recording(read_table(data_folder / "tx40" / "log.csv"), given),))
-    robot, effects = without_estimated(given, JointTerms()), effects_of(given, JointTerms())
+    robot, effects = without_estimated(given, JointTerms()), effects_of_terms(given, JointTerms())
     fit = wls(torque_regressor(robot, split.train, effects))
     evidence = held_out_evidence(given, robot, fit, split.test)
     errors = joint_errors(given, evidence.measured, evidence.predicted, evidence.given, fit.relative_error)
@@ -251,7 +250,7 @@ def test_terms_that_make_no_sense_are_refused(words, sentence):
 
 
 def test_every_joint_gets_every_term(arm):
-    effects = effects_of(arm, JointTerms(("viscous", "offset"), rotors=True))
+    effects = effects_of_terms(arm, JointTerms(("viscous", "offset"), rotors=True))
     names = [(effect[0].name, effect[1]) for effect in effects]
     assert names[:3] == [("viscous_friction", "turn"), ("torque_offset", "turn"), ("rotor_inertia", "turn")]
     assert len(names) == 9

@@ -11,13 +11,11 @@ from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
 from identification.excitation.motion_shapes import FourierSeries
-from identification.next_experiment.advise import length_of, proposed
+from identification.next_experiment.advise import Proposal, Trial, length_of, proposal_words, proposed, reference_text
 from identification.next_experiment.candidates import Candidate
 from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of
 from identification.next_experiment.laboratory import coarser, laboratory
-from identification.next_experiment.proposal import Proposal, proposal_words, reference_text
 from identification.next_experiment.separation import Pair
-from identification.next_experiment.trials import Trial
 from identification.notes import Code
 from identification.reporting.stored.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import PROPOSED, finding_words

@@ -14,7 +14,7 @@ from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
 from identification.excitation.closable import CLEAR
-from identification.next_experiment.advise import proposed
+from identification.next_experiment.advise import followed, proposed
 from identification.next_experiment.candidates import SmallReversals, candidates, design_of, exciting, safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, Model
 from identification.next_experiment.separation import (
@@ -27,7 +27,6 @@ from identification.next_experiment.separation import (
     power_of_simpler,
     separation,
 )
-from identification.next_experiment.trials import followed
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import distance_from_singularity

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_triangular
 
-from identification.estimators.reduced_fit import base_of_reduction, refit
+from identification.estimators.fit import base_of_reduction, refit
 from identification.regression import reduction as reduction_stream
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.reduction import Reduction, combined, reduce_blocks

@@ -11,10 +11,8 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compared
-from identification.rollout.driven import given_torque
-from identification.rollout.hidden_states import hides
-from identification.rollout.rollout_starts import spread, states_of, windows_in
-from identification.rollout.shots import Shot, under_control, under_torque
+from identification.rollout.rollout_starts import given_torque, spread, states_of, windows_in
+from identification.rollout.shots import Shot, hides, under_control, under_torque
 from identification.rollout.simulated_models import model_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import position_control

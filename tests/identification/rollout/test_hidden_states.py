@@ -21,11 +21,9 @@ from identification.engine.products.blocks import Block
 from identification.notes import Code
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion
-from identification.rollout.driven import given_torque
 from identification.rollout.followed import with_followed
-from identification.rollout.hidden_states import hides
-from identification.rollout.rollout_starts import Window, spread, true_state, windows_in
-from identification.rollout.shots import under_torque
+from identification.rollout.rollout_starts import Window, given_torque, spread, true_state, windows_in
+from identification.rollout.shots import hides, under_torque
 from identification.rollout.simulated_models import model_of
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

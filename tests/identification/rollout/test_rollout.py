@@ -11,12 +11,10 @@ from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Judgement, Unexplained
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
-from identification.rollout.driven import given_torque
 from identification.rollout.followed import with_followed
 from identification.rollout.joint_limits import Engaged, Simulated, limit_notes, limits_engaged, recorded_past
-from identification.rollout.noise_band import borne_out_by_motion, strays
-from identification.rollout.rollout import _everywhere
-from identification.rollout.rollout_starts import States, Window, states_of, true_state
+from identification.rollout.rollout import _everywhere, borne_out_by_motion, strays
+from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
 from identification.words.note_words import sentence, sentences

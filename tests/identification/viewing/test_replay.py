@@ -14,8 +14,7 @@ from identification.data.recording import Fault
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.rollout.simulated_models import known_causes, model_of
 from identification.viewing.corrections import Correction
-from identification.viewing.replay import MOST_FRAMES, frame_rows, link_poses, replay_of
-from identification.viewing.replayed_motion import replayed_motion, stretches
+from identification.viewing.replay import MOST_FRAMES, frame_rows, link_poses, replay_of, replayed_motion, stretches
 from identification.viewing.robot_solids import boxes, robot_solids
 from identification.viewing.status import legend, now_table, summary
 from phantom_dyn.effects.author import EffectWords, LawEffect, Parameter, row_of, torque_on_joint

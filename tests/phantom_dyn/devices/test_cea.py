@@ -15,7 +15,7 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.dynamics import mass_matrix as pinocchio_mass_matrix
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.quantities import felt_at
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion

@@ -9,12 +9,14 @@ import pytest
 from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from phantom_dyn.devices.cable_friction import CableFriction, rescaled
 from phantom_dyn.devices.cea import LENGTHS, tip_position
-from phantom_dyn.devices.cea_rods import Rods, branch_with_rods_urdf, branch_with_rods_yaml
 from phantom_dyn.devices.cea_two_branches import (
     ACTIVE,
     MOTORS,
     POSTURE,
     Platform,
+    Rods,
+    branch_with_rods_urdf,
+    branch_with_rods_yaml,
     motor_slope,
     shared_torque,
     two_branches_urdf,

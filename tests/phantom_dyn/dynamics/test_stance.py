@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics.moving_base import base_motion
-from phantom_dyn.dynamics.stance import contact_free, wrench_and_torque
+from phantom_dyn.dynamics.moving_base import base_motion, contact_free, wrench_and_torque
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -7,14 +7,13 @@ import pytest
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, CoggingTorque, StickingFriction
-from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
-from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, rendered, rendered_axes
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, masses_from_resonance
 from phantom_dyn.haptics.device.drives import warming
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
 from phantom_dyn.haptics.experiments.frequency_response import estimate_frequency_response
+from phantom_dyn.haptics.experiments.noise_and_sweep import simulate_white_noise
 from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.haptics.number_checks import require_columns, require_whole, sample_count
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, simulate_loop
@@ -33,9 +32,13 @@ from phantom_dyn.haptics.stability.critical_stiffness import (
     stability_map,
 )
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, felt_mass, low_pass, transparency
-from phantom_dyn.haptics.stability.passivity import passive_damping, simulate_teleoperation
 from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
-from phantom_dyn.haptics.stability.virtual_wall import simulate_damping, simulate_wall
+from phantom_dyn.haptics.stability.virtual_wall import (
+    passive_damping,
+    simulate_damping,
+    simulate_teleoperation,
+    simulate_wall,
+)
 
 # As a user has it: without the checker of shapes.
 pytestmark = pytest.mark.whole

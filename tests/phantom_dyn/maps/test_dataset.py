@@ -11,11 +11,10 @@ from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.dynamics.kinematics import frame_jacobian, frame_pose
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps import inverse
-from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.inverse import cloud_of, nearest_branch
 from phantom_dyn.maps.map_figures import figure
-from phantom_dyn.maps.map_model import MapModel, joint_space, tip_of
+from phantom_dyn.maps.map_model import MapModel, joint_space, map_model, tip_of
 from phantom_dyn.maps.operational_map import arrays, dataset, operational_map
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS

@@ -10,10 +10,9 @@ from phantom_dyn.devices import cea
 from phantom_dyn.devices import phantom as closed
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps import operational_map as streaming
-from phantom_dyn.maps.from_robot import cea_branches, map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.inverse import cloud_of, nearest_branch
-from phantom_dyn.maps.map_model import tip_of
+from phantom_dyn.maps.map_model import cea_branches, map_model, tip_of
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.maps.quantities import felt_at
 

@@ -10,7 +10,7 @@ from phantom_dyn.devices import phantom as closed
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities
 from places import ROBOTS
 

@@ -15,9 +15,17 @@ from hypothesis import strategies as st
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.shapes import robot_shapes as made
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, moved, reduced, surface
-from phantom_dyn.shapes.mjcf_shapes import shapes_of_mjcf
-from phantom_dyn.shapes.robot_shapes import KEPT, Shapes, capsules, joint_axis, joint_solid, keep, robot_shapes
-from phantom_dyn.shapes.visuals import package_folders
+from phantom_dyn.shapes.robot_shapes import (
+    KEPT,
+    Shapes,
+    capsules,
+    joint_axis,
+    joint_solid,
+    keep,
+    package_folders,
+    robot_shapes,
+    shapes_of_mjcf,
+)
 from places import ROBOTS
 
 

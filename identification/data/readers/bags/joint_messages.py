@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.data.readers.bags.base_of_low_states import base_of
+from identification.data.readers.bags.unitree import base_of
 from phantom_dyn.array_types import Array
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

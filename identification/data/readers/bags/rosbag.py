@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from identification.data.readers.bags.base_of_low_states import base_columns
 from identification.data.readers.bags.joint_messages import (
     CONTROLLER_STATE,
     DOCUMENTED_ORDER,
@@ -24,7 +23,7 @@ from identification.data.readers.bags.joint_messages import (
     JointValues,
 )
 from identification.data.readers.bags.message_types import register_types
-from identification.data.readers.bags.unitree_orders import MOTOR_ORDERS
+from identification.data.readers.bags.unitree import MOTOR_ORDERS, base_columns
 from identification.data.readers.contract_columns import JOINT_QUANTITIES
 from identification.data.readers.references import SentReferences, with_references
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap

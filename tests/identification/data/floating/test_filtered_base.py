@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floating_leg import written_leg
-from identification.data.floating.filtered_base import filtered_base, read_once_more, sensors_of_base
+from identification.data.floating.base_columns import filtered_base, read_once_more, sensors_of_base
 from identification.data.recording import BaseReadings, Recording
 from identification.data.signals import process
 from phantom_dyn.dynamics.moving_base import base_motion

@@ -7,6 +7,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from identification.estimators.consistent.consistent import full_parameters, selection
 from identification.estimators.consistent.consistent_bodies import PSEUDO, pseudo_inertia, reference_body
 from identification.estimators.consistent.consistent_program import (
     Program,
@@ -14,7 +15,6 @@ from identification.estimators.consistent.consistent_program import (
     nearest_unconstrained,
     solve_program,
 )
-from identification.estimators.consistent.full_parameters import full_parameters, selection
 from identification.estimators.weighted_least_squares import ols
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters

@@ -12,7 +12,7 @@ import pytest
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
-from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.reload import mujoco_problem
 from identification.words.note_words import sentence, sentences
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion

@@ -14,17 +14,17 @@ import pytest
 from identification.diagnosis.evidence import Followed
 from identification.diagnosis.result import Diagnosis
 from identification.reporting.charts.chart import short_name
-from identification.reporting.page import time_curves as module
+from identification.reporting.page import gap_figures as module
 from identification.reporting.page.diagnosis_report import report_html
 from identification.reporting.page.explaining import joint_motions
 from identification.reporting.page.gap_figures import (
     finding_figure,
     residual_over_position,
     residual_over_velocity,
+    time_curves,
     torque_figure,
     unexplained_figure,
 )
-from identification.reporting.page.time_curves import time_curves
 from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion

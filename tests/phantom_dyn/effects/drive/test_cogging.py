@@ -7,7 +7,7 @@ from scipy.ndimage import uniform_filter1d
 from phantom_dyn import load_robot
 from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in
+from phantom_dyn.effects.support.position_waves import comes_back, order_range, orders_in
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 from tilt import recorded

@@ -8,8 +8,7 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.drive.reference_delay import ReferenceDelay
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.references import References
+from phantom_dyn.effects.operation import Operation, References
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, simulate

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.cogging_orders import (
+from phantom_dyn.effects.support.position_waves import (
     _background,
     _background_power,
     _independent,

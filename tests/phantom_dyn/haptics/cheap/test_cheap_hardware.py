@@ -11,6 +11,7 @@ from scipy.signal import butter
 from phantom_dyn.effects.friction.presliding_friction import stick_step
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import (
+    WORKSTATION,
     CheapAxis,
     CoggingTorque,
     StickingFriction,
@@ -18,16 +19,17 @@ from phantom_dyn.haptics.cheap.cheap_axis import (
     cheap_rotation,
     cheap_translation,
 )
-from phantom_dyn.haptics.cheap.cheap_cycle import (
+from phantom_dyn.haptics.cheap.cheap_hardware import (
     at_rest,
     butterworth_weights,
     coupling_force,
+    felt,
     low_passed,
     mass_step,
+    rendered,
+    rendered_axes,
     side_of,
 )
-from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
-from phantom_dyn.haptics.cheap.workstation import WORKSTATION
 
 RATES = [500, 1000, 2000]
 

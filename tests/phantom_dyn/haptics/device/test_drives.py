@@ -12,12 +12,13 @@ from scipy.integrate import solve_ivp, trapezoid
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import masses_from_resonance
-from phantom_dyn.haptics.device.commutation import BrushMotor, steady_torque
 from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
+    BrushMotor,
     Winding,
     duty_of_heat_ratio,
+    steady_torque,
     switched_current,
     warming,
 )

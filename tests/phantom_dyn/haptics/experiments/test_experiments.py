@@ -10,11 +10,20 @@ from phantom_dyn.errors import EstimationError, ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE, phantom_1_0
-from phantom_dyn.haptics.experiments.frequency_identification import NAMES, fit_two_mass, fit_two_mass_of_instants
-from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.haptics.experiments.frequency_response import (
+    NAMES,
+    FrequencyResponse,
+    estimate_frequency_response,
+    fit_two_mass,
+    fit_two_mass_of_instants,
+)
+from phantom_dyn.haptics.experiments.noise_and_sweep import (
+    Sweep,
+    response_of_periods,
+    simulate_swept_sine,
+    simulate_white_noise,
+)
 from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.swept_sine import Sweep, response_of_periods, simulate_swept_sine
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
 
 T = 1e-3

@@ -14,16 +14,14 @@ from phantom_dyn.haptics import figures
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, StickingFriction, VirtualMass
 from phantom_dyn.haptics.cheap.cheap_hardware import rendered
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis
-from phantom_dyn.haptics.device.commutation import BrushMotor, steady_torque
-from phantom_dyn.haptics.device.drives import Winding, switched_current, warming
+from phantom_dyn.haptics.device.drives import BrushMotor, Winding, steady_torque, switched_current, warming
 from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_X
 from phantom_dyn.haptics.device.safety import Guard, ThermalMotor, run_guard
-from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass
+from phantom_dyn.haptics.experiments.frequency_response import fit_two_mass
+from phantom_dyn.haptics.experiments.noise_and_sweep import simulate_white_noise
 from phantom_dyn.haptics.experiments.relay import limit_cycle, simulate_relay
-from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
-from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import STOCK, AveragedDifference
 from phantom_dyn.haptics.stability.critical_stiffness import loop_bode, stability_map
@@ -34,7 +32,7 @@ from phantom_dyn.haptics.stability.force_feedforward import (
     worst_critical_feedforward,
 )
 from phantom_dyn.haptics.stability.force_link import NoiseFelt
-from phantom_dyn.haptics.stability.passivity import simulate_teleoperation
+from phantom_dyn.haptics.stability.virtual_wall import simulate_teleoperation
 from phantom_dyn.walking.stairs import Stairs, climb
 from phantom_dyn.walking.walker import talos_bent
 

@@ -12,8 +12,13 @@ from phantom_dyn.haptics.sensing.accelerometer import (
     observe_velocity,
     observer_gains,
 )
-from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder, record_motion
-from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder, record_sinusoidal
+from phantom_dyn.haptics.sensing.encoder import (
+    PHANTOM_STEP,
+    Encoder,
+    SinusoidalEncoder,
+    record_motion,
+    record_sinusoidal,
+)
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,

@@ -4,6 +4,7 @@ Published ratios and improvements of the PHANToM.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from phantom_dyn.haptics.device.published import (
 )
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
-from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, gain_until_swinging
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
@@ -31,40 +32,39 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
     estimate_velocity,
 )
 from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
-from phantom_dyn.haptics.stability.passivity import (
-    critical_loop_gain,
-    passive_damping,
-    simulate_teleoperation,
-    simulated_loop_gain,
-)
 from phantom_dyn.haptics.stability.phantom_improvements import (
     PUBLISHED_WALL,
+    Explained,
     Improvement,
+    _solved,
     damping_improvement,
+    explained_damping,
+    explained_loop_gain,
+    explained_wall,
     loop_gain_improvement,
     operational_masses,
     wall_improvement,
 )
-from phantom_dyn.haptics.stability.published_ratios import (
-    Explained,
-    _solved,
-    explained_damping,
-    explained_loop_gain,
-    explained_wall,
-)
 from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
 from phantom_dyn.haptics.stability.virtual_wall import (
     critical_damping_gain,
+    critical_loop_gain,
     critical_wall,
+    passive_damping,
+    simulate_teleoperation,
     simulate_wall,
     simulated_damping_gain,
-    simulated_wall,
     velocity_filter,
 )
 
 TIP = RigidAxis(0.0525, 0.0)
 
 DAMPED = RigidAxis(0.0525, 1.0)
+
+
+def swinging_from(run, *, low, high):
+    """Gain at which a simulated loop with the usual encoder begins to swing on."""
+    return gain_until_swinging(run, LoopSettings().encoder.step, low=low, high=high)
 
 
 def net_lead(axis: TransferFunction) -> float:
@@ -155,14 +155,18 @@ def test_adaptive_window_bears_more_virtual_damping_than_the_average_of_its_leng
 
 def test_simulated_wall_fails_where_the_linear_loop_does():
     linear = critical_wall(DAMPED, LoopSettings()).gain
-    assert simulated_wall(DAMPED, LoopSettings(), low=200.0, high=20e3) == pytest.approx(linear, rel=0.03)
+    assert swinging_from(partial(simulate_wall, DAMPED, LoopSettings()), low=200.0, high=20e3) == pytest.approx(
+        linear, rel=0.03
+    )
 
 
 @pytest.mark.parametrize("estimator", [AveragedDifference(1), KalmanVelocity(10.0)])
 def test_simulated_wall_with_damping_fails_where_the_linear_loop_does(estimator):
     settings = LoopSettings(estimator=estimator)
     linear = critical_wall(DAMPED, settings, damping=3.0).gain
-    found = simulated_wall(DAMPED, settings, damping=3.0, low=0.2 * linear, high=5 * linear, push=5.0)
+    found = swinging_from(
+        partial(simulate_wall, DAMPED, settings, damping=3.0, push=5.0), low=0.2 * linear, high=5 * linear
+    )
     # A swing that leaves the wall for part of its cycle is no longer linear.
     assert found == pytest.approx(linear, rel=0.08)
 
@@ -225,14 +229,15 @@ def test_equal_devices_bear_half_the_gain_of_one_on_a_wall():
 @pytest.mark.parametrize("master", [DAMPED, HELD], ids=["free", "held"])
 def test_simulated_loop_gain_is_the_linear_one(master):
     linear = critical_loop_gain(master, DAMPED, LoopSettings()).gain
-    assert simulated_loop_gain(master, DAMPED, LoopSettings(), low=10.0, high=1e5) == pytest.approx(linear, rel=0.04)
+    run = partial(simulate_teleoperation, master, DAMPED, LoopSettings())
+    assert swinging_from(run, low=10.0, high=1e5) == pytest.approx(linear, rel=0.04)
 
 
 @pytest.mark.parametrize("estimator", [AveragedDifference(1), KalmanVelocity(10.0)])
 def test_simulated_loop_gain_with_damping_is_the_linear_one(estimator):
     settings = LoopSettings(estimator=estimator)
     linear = critical_loop_gain(DAMPED, DAMPED, settings, damping=5.0).gain
-    found = simulated_loop_gain(DAMPED, DAMPED, settings, damping=5.0, low=10.0, high=1e5)
+    found = swinging_from(partial(simulate_teleoperation, DAMPED, DAMPED, settings, damping=5.0), low=10.0, high=1e5)
     assert found == pytest.approx(linear, rel=0.04)
 
 

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from identification.data.readers.bags import rosbag
-from identification.data.readers.bags.base_of_low_states import FEET, base_columns, base_of, threshold
+from identification.data.readers.bags.unitree import FEET, base_columns, base_of, threshold
 from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 

@@ -1,13 +1,15 @@
-r"""Swept-sine experiment on a device: its frequency response and coherence from whole periods of a repeated sweep.
+r"""White-noise and swept-sine experiments on a device, for its frequency response and coherence.
 
-The force is a sine whose frequency rises, :math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of
-its power lies between f1 and f2, at a crest of :math:`\sqrt 2`; white noise of the same greatest force has a third of
-the deviation and spreads it to the Nyquist frequency. As the period repeats itself, its spectrum has no leakage: no
-window is needed, and each line has its own data. The share of the repeated motion that is not the same in all periods
-is noise, and gives the coherence.
+**White noise**: a device is driven by noise, and its position is read.
 
-The second difference of the position is taken as in `phantom_dyn.haptics.experiments.white_noise`, since a device that
-floats freely drifts off. The first period, in which the vibration builds up, is left out.
+**Swept sine**: the response is taken from whole periods of a repeated sweep. The force is a sine whose frequency rises,
+:math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of its power lies between f1 and f2, at a
+crest of :math:`\sqrt 2`; white noise of the same greatest force has a third of the deviation and spreads it to the
+Nyquist frequency. As the period repeats itself, its spectrum has no leakage: no window is needed, and each line has its
+own data. The share of the repeated motion that is not the same in all periods is noise, and gives the coherence.
+
+The second difference of the position is taken as in `phantom_dyn.haptics.experiments.frequency_response`, since a
+device that floats freely drifts off. The first period, in which the vibration builds up, is left out.
 
 References:
     A. Farina, Simultaneous measurement of impulse response and distortion with a swept-sine technique, 108th AES
@@ -26,7 +28,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
-from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse
+from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.haptics.experiments.relay import held_forces
 from phantom_dyn.haptics.number_checks import (
     require_columns,
@@ -35,7 +37,58 @@ from phantom_dyn.haptics.number_checks import (
     require_whole,
     sample_count,
 )
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import ReadOnlyArrays
+
+
+@dataclass(frozen=True)
+class WhiteNoiseExperiment(ReadOnlyArrays):
+    """Recorded force and position.
+
+    Attributes:
+        period: Sampling period [s].
+        force: Commanded by the computer [N or N m], shape ``(N,)``.
+        position: Read by the encoder [m or rad], shape ``(N,)``.
+    """
+
+    period: float
+    force: Float[Array, " N"]
+    position: Float[Array, " N"]
+
+    def frequency_response(self, *, segment: float) -> FrequencyResponse:
+        """Empirical transfer function from segments of this length [s]."""
+        return estimate_frequency_response(self.force, self.position, period=self.period, segment=segment)
+
+
+def simulate_white_noise(
+    axis: RigidAxis | TwoMassAxis,
+    *,
+    period: float,
+    delay: float = 0.0,
+    force: float,
+    position_noise: float,
+    duration: float,
+    rng: np.random.Generator,
+) -> WhiteNoiseExperiment:
+    """Device driven by white noise behind hold and delay, from rest, its position read with white noise.
+
+    Args:
+        axis: Model of the device.
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        force: Standard deviation of the force [N or N m].
+        position_noise: Standard deviation of the reading [m or rad].
+        duration: [s].
+        rng: Draws force and noise.
+
+    Raises:
+        ParameterError: If a deviation is negative, or period or duration are not positive.
+    """
+    require_not_negative(force=force, position_noise=position_noise)
+    given = force * rng.standard_normal(sample_count(duration, period))
+    s = discretise(axis, period=period, delay=delay)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
+
 
 _MOST_COHERENT = 1.0 - 1e-9
 """Coherence is kept off one, where the deviations would vanish."""
@@ -97,7 +150,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class SweptSineExperiment:
+class SweptSineExperiment(ReadOnlyArrays):
     """Recorded force and position of a repeated sweep, the first period included.
 
     Attributes:
@@ -111,10 +164,6 @@ class SweptSineExperiment:
     sweep: Sweep
     force: Float[Array, " N"]
     position: Float[Array, " N"]
-
-    def __post_init__(self) -> None:
-        for name in ("force", "position"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def frequency_response(self) -> FrequencyResponse:
         """Position over force at the lines of the period within the sweep."""

@@ -13,6 +13,20 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
+_LEGS = tuple(f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR", "RL") for part in ("hip", "thigh", "calf"))
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
+_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+_SIDES = ("left", "right")
+_G1 = (
+    *(f"{side}_{part}_joint" for side in _SIDES for part in _LEG),
+    *(f"{part}_joint" for part in _WAIST),
+    *(f"{side}_{part}_joint" for side in _SIDES for part in _ARM),
+)
+MOTOR_ORDERS = (_LEGS, _G1)
+"""Names of the joints as in the maker's own URDF files, by number of the motor."""
+
+
 FEET = ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
 """In the order of the maker's documentation."""
 _APART = 3.0
