@@ -1,4 +1,4 @@
-"""Libraries that only some uses need: the extra that installs each, and the sentence where it is missing."""
+"""Libraries that only some uses need: the extra that installs each, and the message if it is missing."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class Library:
     """One library of an extra.
 
     Attributes:
-        module: What is imported.
-        distribution: What is installed.
-        extra: Of phantom-dyn, that brings it.
-        use: What needs it, as the start of a sentence.
+        module: Name under which it is imported.
+        distribution: Name under which it is installed.
+        extra: Extra of phantom-dyn that installs it.
+        use: Use that needs it, as the start of a sentence.
     """
 
     module: str
@@ -39,7 +39,7 @@ OPTIONAL = (
     Library("example_robot_data", "example-robot-data", "examples", "A robot of example:NAME"),
     Library("viser", "viser", "view", "A replay in the browser"),
 )
-"""By module; the extras of ``pyproject.toml`` hold the same."""
+"""Optional libraries by module; the extras of ``pyproject.toml`` list the same ones."""
 
 
 def is_installed(module: str) -> bool:

@@ -1,4 +1,4 @@
-"""A diagnosis as users of Python hold it: printed, tabled, plotted, saved and loaded again."""
+"""A diagnosis for users of Python: it can be printed, tabled, plotted, saved and loaded."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _FROM_FILE = "this diagnosis was read from a file, which holds no {}: diagnose t
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Diagnosis:
-    """What separates a robot from its model: verdict, findings with sizes, and the gap before and after.
+    """How a robot differs from its model: verdict, findings with sizes, and the gap before and after.
 
     ``print(diagnosis)`` shows the summary of the command line.
 
     Attributes:
-        result: All that was found, as ``diagnosis.json`` has it.
-        robot: The model that was judged; None where the diagnosis was loaded from a file.
-        known: Effects that were added to that model before.
+        result: The whole result, as in ``diagnosis.json``.
+        robot: The given model; None if the diagnosis was loaded from a file.
+        known: Known effects that were added to that model.
     """
 
     result: results.Diagnosis
@@ -75,12 +75,12 @@ class Diagnosis:
 
     @property
     def geometry(self) -> GeometryResult | None:
-        """What measured poses of frames say; None where there were none."""
+        """Result for measured poses of frames; None without poses."""
         return self.result.geometry
 
     @property
     def bounds(self) -> tuple[results.Bound, ...]:
-        """The smallest size of each effect that was not found and would have been seen."""
+        """For each effect that was not found, the smallest size that would have been seen."""
         return self.result.bounds
 
     @property
@@ -95,7 +95,7 @@ class Diagnosis:
 
     @property
     def next_experiment(self) -> dict | None:
-        """What to record next where the findings have rivals, None where nothing is to be separated."""
+        """The recording that would separate findings from their rivals; None if there is nothing to separate."""
         return self.result.next_experiment
 
     def __str__(self) -> str:
@@ -136,7 +136,7 @@ class Diagnosis:
     def to_dataframe(self) -> pandas.DataFrame:
         """One row a finding, with its parameters and their deviations as columns such as ``torque``, ``torque_std``.
 
-        Values that are lists (the orders of a cogging) are lists in their cell; what a finding does not have is NaN.
+        A value that is a list (the orders of a cogging torque) is a list in its cell; missing values are NaN.
         """
         pandas = optional_library("pandas")
         rows = []
@@ -163,9 +163,9 @@ class Diagnosis:
     def residuals(self) -> xarray.DataArray:
         """Measured less modelled torque [N m or N] in the judged band, over ``time``, ``joint`` and ``model``.
 
-        ``model`` is ``before`` for the given and ``after`` for the corrected one, each sample of which is predicted by
-        a fit that has not seen it, NaN where something touches what a joint carries. Several recordings follow each
-        other with a gap in time.
+        ``model`` is ``before`` for the given model and ``after`` for the corrected one. Each sample is predicted by a
+        fit that has not seen it. It is NaN for joints whose links are in contact. Between two recordings there is a
+        gap in time.
 
         Raises:
             UsageError: If the diagnosis was read from a file, which holds no samples, or xarray is missing.
@@ -224,7 +224,7 @@ class Diagnosis:
 
         Args:
             effect: Its name in the catalogue, such as ``payload``.
-            joint: Where; by default everywhere that this diagnosis says anything of it.
+            joint: Name of a joint; by default all joints on which the diagnosis considered it.
 
         Raises:
             UsageError: If this diagnosis did not look at such an effect, or not on that joint.

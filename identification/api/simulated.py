@@ -29,7 +29,7 @@ from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause
 
 _BANDWIDTH = 2 * np.pi * 5.0
-"""Of the position control that is taken where nobody states another [rad/s]: well above the motion of an excitation."""
+"""Bandwidth of the default position controller [rad/s]: well above the frequencies of an exciting motion."""
 
 
 def reference_of(robot: Robot, given: object) -> Motion:
@@ -73,7 +73,7 @@ def _read(robot: Robot, path: str | Path) -> Motion:
 
 
 def with_named_effects(robot: Robot, given: object) -> Robot:
-    """The robot with the user's own effects among those that a simulation is given: in triples, or of a diagnosis.
+    """The robot with the user's own effects that are among the given ones (triples, or the findings of a diagnosis).
 
     Raises:
         EffectError: If one cannot be used.
@@ -89,11 +89,11 @@ def with_named_effects(robot: Robot, given: object) -> Robot:
 
 
 def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
-    """The effects that a simulated robot has beside its model.
+    """The effects that a simulated robot has in addition to its model.
 
     Raises:
-        UsageError: If they are given in no known way.
-        ParameterError: If an effect, joint or parameter cannot be; the sentence lists what there is.
+        UsageError: If they are not given in one of the known ways.
+        ParameterError: If an effect, joint or parameter is unknown or impossible; the sentence lists the known ones.
     """
     if isinstance(given, Diagnosis):
         return tuple(_cause(robot, effect_of(robot, finding)) for finding in lasting_findings(given.result))
@@ -103,7 +103,7 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
 
 
 def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:
-    """A controller that follows a motion: the stated one, else the model's torque with critically damped feedback."""
+    """A controller that follows a motion: the stated one, else the model's torque and critically damped feedback."""
     stated = [actuator.controller for actuator in robot.actuators]
     if kp is None and kd is None and all(controller is not None for controller in stated):
         gains = np.array([[one.kp, one.kd] for one in stated if one is not None]).T

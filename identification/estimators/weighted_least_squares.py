@@ -1,8 +1,9 @@
 """Ordinary, weighted and robust least squares: they differ in the weight of a row alone.
 
-Each takes equations that are made already: `torque_regressor` for rigid body and effects, `gap_regressor` for effects.
+Each takes equations that were made before: `torque_regressor` for rigid body and effects, `gap_regressor` for effects.
 Ordinary least squares (OLS) counts every row alike. Weighted least squares (WLS) divides each joint by its own noise,
-which the fits before estimate. Iteratively reweighted least squares (IRLS) lets rows far outside the noise count less.
+which the previous fit estimates. Iteratively reweighted least squares (IRLS) lets rows far outside the noise count
+less.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
 
-# In a fit without weights a joint of small torque gets the residual of the others, and keeps much of it in the first
-# fit with weights: fits go on until no joint's noise moves by a tenth against the others'.
+# Without weights, joints with small torques get large residuals from the others, and so too small a weight at first.
+# The fit is repeated until the noise of no joint changes by more than a tenth relative to the others.
 _CHANGE = 0.1
 PASSES = 8
-"""Most fits of weighted least squares, the one without weights included."""
+"""Largest number of fits, the one without weights included."""
 _HUBER = 1.345  # noise units beyond which an outlier pulls no harder: 95 % efficient on normal noise
 _MAD_OF_NORMAL = 0.6744897501960817  # median of the absolute value of a standard normal
 
@@ -67,20 +68,20 @@ def wls(regressor: Regressor) -> Fit:
 
 
 def weights_agree(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bool:
-    """True if another fit with the noise ``after`` would weigh the joints as the one with ``before`` did.
+    """True if the noise ``after`` gives the joints the same relative weights as ``before``.
 
     Args:
-        before: Noise of each joint that a fit was weighted by.
-        after: Noise that it has left.
+        before: Noise of each joint by which a fit was weighted.
+        after: Noise of each joint from the residual of that fit.
     """
     ratio = after / before
     return bool(ratio.max() <= (1.0 + _CHANGE) * ratio.min())
 
 
 def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " nv"]:
-    """Noise to weigh joints by: ``sigma``, but at least 1e-9 of the largest torque of any joint.
+    """Noise for the weights: ``sigma``, but at least 1e-9 of the largest torque of any joint.
 
-    A joint without noise (a simulation, or one that is not driven) would else get infinite weight.
+    A joint without noise (a simulation, or one that is not driven) would otherwise get infinite weight.
 
     Args:
         sigma: Estimated noise of each joint.
@@ -99,15 +100,15 @@ def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " 
 
 
 def irls(regressor: Regressor, *, iterations: int = 100) -> Fit:
-    """Base parameters by least squares that bounds the pull of outliers (Huber's loss).
+    """Base parameters by least squares with bounded influence of outliers (Huber's loss).
 
     Args:
         regressor: The equations.
-        iterations: Most there may be.
+        iterations: Largest number of iterations.
 
     Raises:
         IdentifiabilityError: If the recording excites no parameter.
-        EstimationError: If the weights do not settle.
+        EstimationError: If the weights do not converge.
     """
     base = base_of(regressor)
     solution, sigma = _reweighted(regressor, base, solve(regressor, base, np.ones_like(regressor.y)), iterations)
@@ -142,5 +143,5 @@ def _reweighted(
 
 
 def _scale(solution: Solution, regressor: Regressor) -> Float[Array, " nv"]:
-    """Noise of each joint from the median of the absolute residual, which half of the samples cannot spoil."""
+    """Noise of each joint from the median absolute residual, which outliers hardly change up to half of the samples."""
     return floored(np.median(np.abs(solution.residual), axis=0) / _MAD_OF_NORMAL, regressor)

@@ -6,11 +6,11 @@ YAML, URDF, MJCF = "corrected.yaml", "corrected.urdf", "corrected.xml"
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
 ISAAC, SIMULATORS = "isaac_lab.py", "simulators.yaml"
 NAMES = (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
-"""Files that a diagnosis has as a rule."""
+"""Files that a diagnosis usually writes."""
 
 RESIDUAL, RESIDUAL_TABLE = "residual.py", "residual.csv"
 OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
-"""Files that only some diagnoses have."""
+"""Files that only some diagnoses write."""
 
 GOES_WITH = {TABLE: FEEDFORWARD, RESIDUAL_TABLE: RESIDUAL, SIMULATORS: ISAAC}
-"""Files that hold what another one holds, and are written only beside it."""
+"""For each of these files the one whose content it repeats, and with which alone it is written."""

@@ -16,12 +16,12 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 
 MOST = 1200
-"""Most poses of a recording that are used, evenly spread: neighbours in time are redundant."""
-# Poses are a motion where a joint moves less than this share of its range from sample to sample, in the median.
+"""Largest number of poses that are used of a recording, evenly spread: neighbours in time are redundant."""
+# Poses are a motion if the median step of each joint is less than this share of its range.
 _DENSE = 0.02
 _FEWEST_OF_MOTION = 200
-_AT_EDGE = 1.0  # [s] at both ends of a motion that are left out, where derivatives are not accurate
-_MOVES = 1e-3  # [rad/s or m/s] speed of the fastest joint below which a delay does not show
+_AT_EDGE = 1.0  # time [s] at both ends of a motion that is left out, as derivatives are not accurate there
+_MOVES = 1e-3  # speed of the fastest joint [rad/s or m/s] below which a delay does not show
 
 
 @dataclass(frozen=True)
@@ -29,16 +29,16 @@ class Measured:
     """Poses of one frame in one recording.
 
     Attributes:
-        recording: Place of the recording among those that are judged; its base pose and delay are common to its frames.
+        recording: Index of the recording; all its frames share the pose of the base and the delay.
         file: Name of the recording.
         frame: Name of the frame.
-        index: Pinocchio's of the frame.
+        index: Index of the frame in Pinocchio.
         t: Time [s], ``(n,)``.
-        q: Joint positions as read [rad or m], ``(n, nv)``.
+        q: Readings of the joint positions [rad or m], ``(n, nv)``.
         v: Joint velocities, ``(n, nv)``: zeros for poses at rest.
         load: Modelled torque that the transmissions pass to the links [N m or N], ``(n, nv)``.
-        position: Measured [m], ``(n, 3)``.
-        turn: Measured orientation, x, y, z, w, ``(n, 4)``; None where it was not measured.
+        position: Measured position [m], ``(n, 3)``.
+        turn: Measured orientation, x, y, z, w, ``(n, 4)``; None if it was not measured.
         moving: True if the recording is a motion, so that a delay between pose and joints can show.
     """
 
@@ -92,7 +92,7 @@ def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tup
 
     Args:
         robot: Gives frames and loads.
-        recordings: Those without measured poses are passed over.
+        recordings: Recordings; those without measured poses are ignored.
     """
     out: list[Measured] = []
     paths: dict[int, Path] = {}

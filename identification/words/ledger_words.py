@@ -26,9 +26,9 @@ REASONS: dict[str, str] = {
     "{needed}",
     "in enough blocks": "its gain sits in few stretches of the recording: {value} where {needed} is needed",
     "explains more than others": "the set with it scores {margin} on data that no fit has seen",
-    "worth its numbers": "it explains only {value} more than a simpler law, where the method is right to {needed}",
+    "worth its numbers": "it explains only {value} more than a simpler law, where the method is accurate to {needed}",
     "torque is there": "no joint's measured torque is above its noise: the largest is {value} floors",
-    "shown by motion": "it goes with the motion as noise that moves a joint does, and where the motion is far above "
+    "shown by motion": "it varies with the motion as noise that moves a joint does, and where the motion is far above "
     "the noise it gains {value} where {needed} is needed",
     "closes for sure": "in one of forty draws of held-out blocks it closes {value} of what it closes in all, where "
     "{needed} is allowed",

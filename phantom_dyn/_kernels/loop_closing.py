@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Compiled loops that close the loops of a chain along a trajectory, and find what they do to accelerations.
+"""Compiled code that closes the loops of a chain along a trajectory, and computes their effect on accelerations.
 
-Newton's method on the distance between the two frames of each anchor, as in `phantom_dyn.loops.solver`, which says why
-where a loop here stops.
+It uses Newton's method on the distance between the two frames of each anchor. If it fails, `phantom_dyn.loops.solver`
+finds the reason.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
 from phantom_dyn.array_types import Array
 
 _TINY = 1e-9
-"""Sine of an angle below which the rotation vector is its axis times the sine."""
+"""Sine of an angle below which the rotation vector is taken as its axis times the sine."""
 
 
 class AnchoredTree(NamedTuple):
@@ -38,7 +38,7 @@ class AnchoredTree(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """When Newton's method and the way from sample to sample stop.
+    """Limits at which Newton's method and the steps from sample to sample stop.
 
     Attributes:
         closed: Largest distance [m, rad] at which frames count as together.
@@ -47,7 +47,7 @@ class Limits(NamedTuple):
         reach: Longest step of a joint between two solutions [rad or m].
         correction: Largest correction of a step over its length.
         shortest: Smallest part of the way to a sample that is tried.
-        iterations: Of Newton's method at most.
+        iterations: Largest number of iterations of Newton's method.
     """
 
     closed: float
@@ -60,12 +60,12 @@ class Limits(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """Solutions of N samples, and one row more.
+    """Solutions of N samples, and one additional row for the start.
 
     Attributes:
         z: The unknowns, ``(N + 1, nz)``.
-        slopes: Their slopes in the active positions, ``(N + 1, nz, nv)``.
-        inverses: Inverses of the constraint's slope in the unknowns, ``(N + 1, nz, m)``.
+        slopes: Derivatives of the unknowns by the active positions, ``(N + 1, nz, nv)``.
+        inverses: Inverses of the derivative of the constraints by the unknowns, ``(N + 1, nz, m)``.
     """
 
     z: Array
@@ -78,7 +78,7 @@ class Anchored(Protocol):
 
     @property
     def kind(self) -> str:
-        """``frame`` where axes stay together too."""
+        """``frame`` if the axes stay together too."""
         ...
 
     @property
@@ -93,7 +93,7 @@ class Anchored(Protocol):
 
 
 def anchored_tree(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays | None) -> AnchoredTree | None:
-    """What compiled loops take of a tree and its anchors; None where steps in Python have to do."""
+    """A tree and its anchors for compiled code; None if it cannot be used."""
     return None if arrays is None or not compiles() else anchors_of(model, anchors, arrays)
 
 

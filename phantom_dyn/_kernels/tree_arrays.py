@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A Pinocchio model as arrays, as compiled loops take it: joints, placements, axes and bodies of its tree."""
+"""A Pinocchio model as arrays for compiled code: joints, placements, axes and bodies of its tree."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _KINDS = {
 
 
 class Kinematics(NamedTuple):
-    """What compiled loops take of a tree to place its joints; see `TreeArrays`, rotations as ``(3 n, 3, 3)``."""
+    """Arrays of a tree that place its joints: those of `TreeArrays`, rotations as ``(3 n, 3, 3)``."""
 
     parents: Array
     kinds: Array

@@ -25,18 +25,18 @@ def phantom_yaml(parameters: PhantomParameters) -> str:
 
 
 def phantom_urdf(parameters: PhantomParameters, name: str) -> str:
-    """Text of the URDF, every number to the last bit.
+    """Text of the URDF; numbers are not rounded.
 
     Args:
-        parameters: Of the device.
-        name: Of the robot.
+        parameters: Parameters of the device.
+        name: Name of the robot.
 
     Returns:
         Links base (fixed), shoulder, upper_arm (BE), forearm (A), rocker (DF), parallel_link (C), tip; joints theta1,
         theta2, elbow, theta3, crank and the fixed tip.
     """
     p = parameters
-    # The base's mass and its moments about x and z are not published and move nothing: it only turns about y.
+    # Mass of the base and its moments about x and z are not published, and have no effect: it only turns about y.
     shoulder = _link("shoulder", 0.3, (0, 0, 0), (p.inertia_base, p.inertia_base, p.inertia_base))
     links = [
         '  <link name="base"/>',

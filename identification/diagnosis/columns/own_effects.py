@@ -1,7 +1,7 @@
 """Effects that act in one of several recordings only, and recordings with a model of their own.
 
-Where something changed between recordings, each effect that may have changed gets coefficients of its own there: its
-columns are zero in all other recordings. A known load or controller makes a model of its own for its recording.
+If something changed in a recording, each effect that may have changed gets its own coefficients there; its columns are
+zero in all other recordings. A recording with a known load or controller gets its own model.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def own_name(name: str, recording: int) -> str:
 
 
 def only_in(recording: int, operation: Operation, signature: Signature) -> Signature:
-    """A signature as it is in one recording, and zero in the others."""
+    """A signature that is zero in all recordings but one."""
     if operation.recording == recording:
         return signature
     steps = None if signature.steps is None else np.zeros_like(signature.steps)
@@ -162,8 +162,8 @@ ALIKE = Differences()
 def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
     """Models and own effects that follow from known and unknown changes.
 
-    Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it, the
-    first one is what the others are compared with.
+    For each kind of unknown change, all recordings that do not name it share one amount. If all recordings name it, the
+    first one is the reference.
 
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.
@@ -171,7 +171,7 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
         fitted: How many recordings fits see.
 
     Raises:
-        LogError: If an unknown amount is asked for that no fit can see, or unknown payloads of several recordings.
+        LogError: If an unknown amount is in held-out recordings only, or payloads of several recordings are unknown.
     """
     if not changes:
         return ALIKE

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""The program of physically consistent parameters as cvxpy has it: stated once for each shape, solved with any numbers.
+"""The cvxpy program of physically consistent parameters: built once for each shape of its arrays, solved repeatedly.
 
-Turning a program into cones takes cvxpy most of the time of a solution, and depends on nothing but the shapes of its
-arrays: the numbers are parameters (disciplined parametrised programming, [Agrawal]_).
+Most of the time of a solution is the translation into cones, which depends on the shapes of the arrays only. The
+numbers are therefore parameters (disciplined parametrised programming, [Agrawal]_).
 
 References:
     .. [Agrawal] A. Agrawal, B. Amos, S. Barratt, S. Boyd, S. Diamond, J. Z. Kolter, Differentiable convex optimization
@@ -23,16 +23,16 @@ import numpy as np
 from phantom_dyn.array_types import Array
 
 _KEPT = 8
-"""How many shapes stay stated: one takes some megabytes, and a run asks for two or three."""
+"""Number of shapes whose programs are kept: each takes some megabytes, and a run needs two or three."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What a stated program depends on.
+    """Sizes that determine a program.
 
     Attributes:
         unknowns: Number of coordinates.
-        bodies: The first coordinate that has to do with each body, of which each has a matrix that is not negative.
+        bodies: For each body the first coordinate on which its matrix depends, which has to be positive semidefinite.
         inequalities: Number of linear inequalities.
     """
 
@@ -46,11 +46,11 @@ class Values:
     """Numbers of a program in its coordinates ``u``.
 
     Attributes:
-        rows: Of the inequalities ``rows @ u >= least``.
-        least: Their least values.
-        slopes: Of each body's matrix, row by row ``(bodies, 16, unknowns)``.
-        constants: That matrix at ``u = 0``, ``(bodies, 4, 4)``.
-        margins: What it has to exceed, ``(bodies, 4, 4)``.
+        rows: Rows of the inequalities ``rows @ u >= least``.
+        least: Right-hand sides of the inequalities.
+        slopes: Derivatives of the matrix of each body, row by row, ``(bodies, 16, unknowns)``.
+        constants: The matrix at ``u = 0``, ``(bodies, 4, 4)``.
+        margins: Lower bound of the matrix, ``(bodies, 4, 4)``.
     """
 
     rows: Array
@@ -62,15 +62,15 @@ class Values:
 
 @dataclass(frozen=True)
 class Stated:
-    """A program whose numbers are given at each solution; one solution at a time.
+    """A program that gets its numbers at each solution; one solution at a time.
 
     Attributes:
-        shape: Of its arrays.
-        problem: The problem of cvxpy.
-        unknowns: Its variable.
-        limits: Its linear inequalities, or None.
-        bodies: Its matrices that are not negative.
-        parameters: In the order of `_numbers`.
+        shape: Sizes of its arrays.
+        problem: Problem of cvxpy.
+        unknowns: Variable of cvxpy.
+        limits: Linear inequalities, or None.
+        bodies: Matrices that are positive semidefinite.
+        parameters: Parameters of cvxpy in the order of `_numbers`.
     """
 
     shape: Shape
@@ -82,12 +82,12 @@ class Stated:
     _alone: threading.Lock = field(default_factory=threading.Lock)
 
     def solved(self, values: Values, tolerance: float) -> tuple[Array, Array, list[Array], str]:
-        """Coordinates at the minimum, what each inequality and each body pushes with, and Clarabel's status."""
+        """Coordinates at the minimum, dual values of inequalities and bodies, and the status of Clarabel."""
         import cvxpy as cp
 
         size = self.unknowns.size
         with self._alone, warnings.catch_warnings():
-            # That a solution may be inaccurate is said by its status, which is looked at.
+            # The warning on inaccurate solutions is not needed: the status tells it, and callers check it.
             warnings.simplefilter("ignore", UserWarning)
             for parameter, value in zip(self.parameters, _numbers(self.shape, values), strict=True):
                 parameter.value = value
@@ -109,7 +109,7 @@ class Stated:
 
 
 def _numbers(shape: Shape, values: Values) -> list[Array]:
-    """Those that a program of this shape has, in the order in which `stated` asks for them."""
+    """Numbers of a program of this shape, in the order in which `stated` makes its parameters."""
     out = [values.rows, values.least] if shape.inequalities else []
     for at, first in enumerate(shape.bodies):
         out += [values.slopes[at][:, first:], values.constants[at], values.margins[at]]
@@ -118,7 +118,7 @@ def _numbers(shape: Shape, values: Values) -> list[Array]:
 
 @lru_cache(maxsize=_KEPT)
 def stated(shape: Shape) -> Stated:
-    """The program of a shape; the same one for the same shape, as its numbers come with each solution.
+    """The program of a shape, built once.
 
     cvxpy takes most of a second to load, and is loaded here.
     """

@@ -15,12 +15,12 @@ from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 4  # samples that say anything of how they go on
-_STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band
+_FEWEST = 4  # samples from which an autocorrelation can be estimated
+_STRETCH = 4096  # samples at the full rate within which pairs count: longer than the memory of any residual
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 up to where it is lost in its own noise.
+    """Autocorrelation from lag 0 up to the lag at which it cannot be told from its noise.
 
     Pairs of samples from different recordings do not count.
 
@@ -40,7 +40,7 @@ def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Arra
     """Number of parameters that each joint's rows determine; they sum to ``r``.
 
     Args:
-        solution: Gives the grams.
+        solution: Gram matrices of each joint.
         information: Weight of each joint's rows (squared).
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
@@ -51,8 +51,8 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
     """Standard deviation of each joint's noise; nan where no equation is left over.
 
     Args:
-        residual: Of the fit.
-        used: Parameters that each joint's rows determine.
+        residual: Residual of the fit.
+        used: Number of parameters that the rows of each joint determine.
     """
     spare = len(residual) - used
     left = spare > 1e-6 * len(residual)
@@ -63,7 +63,7 @@ def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Arr
     """Covariance of the score if every sample's noise were independent.
 
     Args:
-        solution: Gives the grams.
+        solution: Gram matrices of each joint.
         scatter: Variance of each joint's score.
     """
     return np.einsum("j,jkl->kl", scatter, solution.grams)
@@ -78,14 +78,14 @@ def coloured_scatter(
 ) -> Float[Array, "r r"]:
     r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
 
-    A column that varies slowly against the noise gets the full factor `samples_per_independent`, a fast one less. The
-    spectrum of the noise is taken as at least that of white noise, so that no estimate is called better than the
-    white formula does: residuals hold what the model lacks, too. Pairs in different blocks do not count.
+    For a column that varies slowly compared with the noise the variance grows by `samples_per_independent`, for a fast
+    one by less. The spectrum of the noise is at least that of white noise, so that no deviation is smaller than for
+    white noise: residuals also contain errors of the model. Pairs in different blocks do not count.
 
     Args:
         regressor: The equations.
         base: The unknowns.
-        solution: Gives the factor.
+        solution: Triangular factor of the equations.
         scatter: Variance ``b`` of each joint's score.
         rho: Autocorrelation of each joint's score.
     """
@@ -134,7 +134,7 @@ def scatter_of_rows(
     """`coloured_scatter` of the rows of one block.
 
     Args:
-        rows: What multiplies the noise of each joint at each sample.
+        rows: Factor of the noise of each joint at each sample.
         scatter: Variance of each joint's noise.
         rho: Autocorrelation of each joint's noise.
     """
@@ -150,7 +150,7 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     if not len(columns):
         return columns
     kept = lags[: len(columns)]
-    # Zeros behind the columns, so that their end does not meet their beginning within the memory.
+    # Padded with zeros, so that the end of a column is not correlated with its beginning.
     length = 2 * int(next_fast_len((len(columns) + 1) // 2 + len(kept), real=True) or 0)
     padded = np.zeros(length)
     padded[: len(kept)] = kept
@@ -159,7 +159,7 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     # The two ends of a real spectrum count once, all other frequencies twice.
     share = np.full(len(colour), 2.0 / length)
     share[[0, -1]] = 1.0 / length
-    # The spectrum of a transposed view would be one, too, and have no view as pairs of real numbers.
+    # Contiguous, so that the spectrum can be viewed as pairs of real numbers.
     spectrum = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
     spectrum *= np.sqrt(colour * share)
     return spectrum.view(float).T
@@ -171,8 +171,8 @@ def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Floa
     Noise of different joints is taken as independent.
 
     Args:
-        solution: Gives the grams.
-        information: ``a``, weight (squared) of each joint's rows: the information that the estimator believes in.
+        solution: Gram matrices of each joint.
+        information: ``a``, weight (squared) of each joint's rows: the information that the estimator assumes.
         scatter: ``B``, covariance of the score.
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
@@ -193,7 +193,7 @@ def covariances(
 
     Args:
         influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
-        residual: Noise of each joint at each sample, as the estimate leaves it.
+        residual: Residual of each joint at each sample.
         sigma: Standard deviation of each joint's noise.
         starts: First sample of each recording, and N.
     """
@@ -214,8 +214,8 @@ def residual_noise(
     """Standard deviation of each joint's noise, see `joint_noise`.
 
     Args:
-        rows: Of the unknowns.
+        rows: Rows of the regressor for the unknowns.
         influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
-        residual: Torque that the estimates leave.
+        residual: Residual torque of the estimates.
     """
     return joint_noise(residual, np.einsum("njk,njk->j", influence, rows, optimize=True))

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes.
 
-A joint that follows others by a formula is an equality: of one joint directly, of several by a tendon.
+A joint that follows others by a formula is written as an equality: to one joint directly, to several by a tendon.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _inertial(element: Element, inertia: LinkInertia) -> None:
 
 
 def _trunk(world: Element, robot: Robot) -> Element:
-    """The body of a base that is not bolted down, with its mass as it was given; the world where it has none."""
+    """The body of a base that is not bolted down, with its given mass; the world if it has none."""
     mass, center, inertia = central_parameters(robot.model.inertias[0].toDynamicParameters())
     if mass < _LEAST or np.linalg.eigvalsh(inertia)[0] < _LEAST or breaks_triangle(inertia):
         return world

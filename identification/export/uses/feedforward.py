@@ -32,9 +32,9 @@ from phantom_dyn.motion import read_only
 _POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
 _JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1
 OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
-"""Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them."""
+"""Effects that have their own law in the file, in addition to their part in `CorrectedModel`."""
 _MOST = 2.0
-"""Largest torque that is asked for without a refusal, over the largest measured one."""
+"""Largest torque that the file gives, over the largest measured one; it refuses motions that need more."""
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
 
 
@@ -64,10 +64,10 @@ def loaded(code: str) -> dict[str, Any]:
 
 
 def over_samples(code: str) -> dict[str, Any]:
-    """The names that the text of a ``feedforward.py`` defines, for one array of N samples a joint in place of a number.
+    """The names that a ``feedforward.py`` defines, for an array of N samples per joint in place of a number.
 
-    The functions do sums, products and those of ``math``, which NumPy has under the same names; arrays that are given
-    have to be read-only, so that a function that changed what it is given would not pass.
+    The functions use sums, products and functions of ``math``, which NumPy has under the same names. Arguments have to
+    be read-only arrays, so that a function that changes its arguments fails.
     """
     names = loaded(code)
     names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None, "_refuse": lambda _: None}
@@ -133,7 +133,7 @@ def _rows(values: Float[Array, "N nv"]) -> list[Float[Array, " N"]]:
 
 
 def _series(values: list[Float[Array, " N"] | float]) -> Float[Array, "N nv"] | Float[Array, " nv"]:
-    """Samples first, of what a function gives for each joint; a number where no joint's depends on the samples."""
+    """Values of a function for each joint as one array, samples first; one row if they do not depend on samples."""
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
@@ -175,7 +175,7 @@ def _constants(corrected: CorrectedModel) -> dict[str, object]:
 
 
 class _Limits(tuple):
-    """Numbers of which some are infinite, as Python writes them."""
+    """Numbers, some of them infinite, whose text is valid Python."""
 
     def __repr__(self) -> str:
         words = [repr(float(x)) if np.isfinite(x) else "math.inf" for x in self]
@@ -199,7 +199,7 @@ def _bodies(robot: Robot) -> tuple:
 
 
 def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " nt"]]:
-    """Positions of the tree's joints as slopes and starts in those of the driven ones."""
+    """Positions of all joints as a linear function of the driven ones: slopes and offsets."""
     if robot.chain is None:
         return np.eye(robot.nv), np.zeros(robot.nv)
     if robot.chain.anchors:

@@ -6,8 +6,8 @@ The sensor sits between hand and body. With the hand's impedance :math:`Z_h` and
 .. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
 
 for the two masses of `phantom_dyn.haptics.device.axis`, by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device. The
-motor pushes at one mass and the sensor reads at the other: beyond the resonance the loop has turned by another 180
-degrees, which a rigid model does not know. A first-order low pass follows, as in the sensor of the chapter, (31).
+motor acts on one mass and the sensor on the other: beyond the resonance the phase of the loop is lower by another 180
+degrees, which a rigid model does not have. A first-order low pass follows, as in the sensor of the chapter, (31).
 
 References:
     Equation (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`); the chapter models the vibration for
@@ -34,9 +34,9 @@ class HeldDevice:
     """Device, hand and force sensor as one system: from motor force to minus the reading.
 
     Attributes:
-        device: Rigid, or of two masses.
-        hand: What holds it.
-        cutoff: Of the sensor's first-order low pass [rad/s].
+        device: Rigid device, or one of two masses.
+        hand: Hand that holds it.
+        cutoff: Cut-off of the first-order low pass of the sensor [rad/s].
 
     Raises:
         ParameterError: If nobody holds the device, or the cutoff is not above 0.
@@ -76,14 +76,14 @@ class HeldDevice:
 
     @property
     def force_unit(self) -> float:
-        """Force of one unit of the last state [N or N m]: keeps all entries of the state matrix of like size."""
+        """Force of one unit of the last state [N or N m], for entries of the state matrix of similar size."""
         if isinstance(self.device, TwoMassAxis):
             return self.device.cable_stiffness
         return self.cutoff**2 * self.device.held_by(self.hand).mass
 
     @property
     def push(self) -> Float[Array, " n"]:
-        """What the hand's own force of 1 N adds to the derivative of the states, shape ``(n,)``; read at once, too."""
+        """Derivative of the states by a force of the hand, shape ``(n,)``; the sensor reads part of it directly."""
         mechanics = self.device.held_by(self.hand).state_space
         pushed = np.zeros(len(mechanics.B) + 1)
         if isinstance(self.device, TwoMassAxis):
@@ -93,19 +93,19 @@ class HeldDevice:
         else:
             pushed[1] = mechanics.B[1]
             share = self.hand.mass * mechanics.B[1]
-        # The sensor reads F_h - m_h a - ...: of the hand's force, the share that does not move the hand's own mass.
+        # The sensor reads F_h - m_h a - ...: the share of the hand's force that does not accelerate the hand itself.
         pushed[-1] = self.cutoff * (1.0 - share) / self.force_unit
         return pushed
 
     @property
     def tip(self) -> Float[Array, " n"]:
-        """Row that reads the position of the body, which the hand holds, out of the states, shape ``(n,)``."""
+        """Row that gives the position of the body from the states, shape ``(n,)``."""
         row = np.zeros(len(self.state_space.B))
         row[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
         return row
 
     def _hand_force(self, mechanics: StateSpace) -> tuple[Array, float]:
-        """Reading before the low pass as a row of the states and a share of the motor force: minus Z_h x_d."""
+        """Reading before the low pass, minus Z_h x_d: a row for the states and a factor of the motor force."""
         n = len(mechanics.B)
         place = np.zeros(n)
         place[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
@@ -125,9 +125,9 @@ def felt_impedance(
     device, :math:`p / (p_r + (k_c + b_c s) G)` for one of two masses, which tends to it for a stiff cable.
 
     Args:
-        device: Rigid, or of two masses, without its hand.
+        device: Rigid device, or one of two masses, without a hand.
         helped: G at the frequencies, or one number for all.
-        frequency: [rad/s], shape ``(k,)``.
+        frequency: Frequencies [rad/s], shape ``(k,)``.
     """
     s = 1j * frequency
     if isinstance(device, RigidAxis):

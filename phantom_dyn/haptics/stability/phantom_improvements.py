@@ -3,11 +3,11 @@ r"""The three improvements that Cavusoglu, Feygin and Tendick (2002, section 5) 
 Wall 2.0 to 2.7 N/mm (+35 %), virtual damping 0.0050 to 0.011 N/(mm/s) (+120 %), teleoperation loop gain +50 % (no
 values). Between the two set-ups the amplifiers changed, and for the damping the velocity estimator.
 
-**What cannot be had.** The published transfer functions are unstable behind a virtual wall of any stiffness in x and y
-(they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in z (its
-position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model, whose
-axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says` gives
-the reason. What a damper or a delay would have to be for the published figures is in `needs`, and the fewest
+**What the models do not give.** The published transfer functions are unstable behind a virtual wall of any stiffness in
+x and y (they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in
+z (its position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model,
+whose axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says`
+gives the reason. What a damper or a delay would have to be for the published figures is in `needs`, and the fewest
 assumptions with which each ratio follows are in `explained_improvements`.
 
 **What must be added.** Each ratio has the numbers that must be added for it to follow, found by solving the exact
@@ -72,7 +72,7 @@ class ModelFigure:
         unit: Unit of both figures; that of a published fit is its own.
         before: With the stock set-up: 0 if unstable for every gain, infinite if stable for every gain.
         after: With the improved one.
-        says: What this means beside the published figure, one sentence.
+        says: Meaning of this compared with the published figure, one sentence.
     """
 
     model: str
@@ -89,15 +89,15 @@ class ModelFigure:
 
 @dataclass(frozen=True)
 class Improvement:
-    """A published improvement and what models make of it.
+    """A published improvement beside the figures of models.
 
     Attributes:
         quantity: What was improved.
-        published: Figures before and after, None where none are published.
+        published: Figures before and after; None if they are not published.
         unit: Their unit.
         published_ratio: After over before.
-        models: What models give.
-        needs: What would have to be so for the published figures, one sentence.
+        models: Figures of the models.
+        needs: Assumption under which the published figures would follow, one sentence.
     """
 
     quantity: str
@@ -117,7 +117,7 @@ def operational_masses() -> tuple[float, float, float]:
 
 
 def wall_improvement() -> Improvement:
-    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no model of the source holds."""
+    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no model of the source contains."""
     settings = LoopSettings()
     before, after = PUBLISHED_WALL
     half = settings.period / 2
@@ -242,7 +242,7 @@ class Explained:
     Attributes:
         quantity: What was improved.
         unit: Of both figures.
-        published: Figures before and after, None where none are published.
+        published: Figures before and after; None if they are not published.
         published_ratio: After over before.
         assumptions: All that is added to the published models.
         before: What the model then gives for the stock set-up.

@@ -1,7 +1,7 @@
-"""Torques in a unit of each joint's own, such as motor currents, recognised by the weight and inertia of the links.
+"""Torques that are logged in another unit on each joint (motor currents), found by weight and inertia of the links.
 
-Drives of different sizes have different torques per ampere, so that the joints need have no factor in common. That of a
-joint follows from what its links need by the model, beside friction of any size, and is as right as that.
+Drives of different sizes have different torques per ampere, so each joint has its own factor. It is the torque of the
+modelled links over the logged one, fitted beside friction of any size, and is as accurate as that model.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
-# Logarithm of a factor that no torque constant and no inertia of a plausible size makes.
+# Logarithm of a factor that is too large for a wrong torque constant or inertia.
 _OTHER_UNIT = float(np.log(4.0))
-# The same from which on a joint beside such a one is given a factor too.
+# Logarithm from which a joint gets its own factor, if another joint has one of the above size.
 _OWN = float(np.log(1.5))
-# Both halves of the record see the same factor to this, and the model explains this share of the torque by it.
-# Joints whose factors differ by less than a factor of two have one in common.
+# Joints whose factors differ by less than a factor of two share one.
 _AGREE = float(np.log(2.0))
+# Largest difference of the logarithms from both halves of a recording; least share of the torque that is explained.
 _ALIKE, _SHARE = float(np.log(1.3)), 0.5
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Torque [N m or N] by the model per unit of the measured one; NaN for joints of which the motion does not tell it.
+    """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not show it.
 
     Args:
         robot: The given model.
-        reading: The data as they stand.
+        reading: The recorded data.
     """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
@@ -46,9 +46,9 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 
 
 def common_scale(scales: Float[Array, " nv"]) -> float | None:
-    """Torque by the model per unit of the measured one where all joints that tell it agree; None where they do not.
+    """Modelled torque per unit of the measured one, if it is the same on all joints that show it; else None.
 
-    One factor of all is what a load would make too that the model lacks, and on one joint nothing else can be seen.
+    A load that the model lacks gives one factor on all joints, too; on a single joint the two look the same.
 
     Args:
         scales: Of each joint, see `torque_scales`.
@@ -60,14 +60,14 @@ def common_scale(scales: Float[Array, " nv"]) -> float | None:
 
 
 def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
-    """What one factor of all torques may mean, and the entries of a column map if these are currents.
+    """Possible causes of one factor on all torques, and the entries of a column map if the torques are currents.
 
     Args:
         robot: The given model.
         scales: Of each joint, see `torque_scales`.
 
     Returns:
-        A sentence without its end, and the entries; None where there is no factor in common.
+        The first part of a sentence, and the entries; None if the joints do not share a factor.
     """
     scale = common_scale(scales)
     if scale is None:
@@ -84,16 +84,16 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
 
 
 def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """The reading of torques in a unit of each joint's own, where one is far from any that torque constants make.
+    """The suspicion that torques are in another unit on each joint, if some factor is too large for a torque constant.
 
     Args:
         robot: The given model.
-        reading: The data as they stand.
+        reading: The recorded data.
     """
     scales = torque_scales(robot, reading)
     size = np.abs(np.log(scales))
     far = np.nan_to_num(size) > _OTHER_UNIT
-    # One factor of all joints is what a load would make too: see `load_or_current`.
+    # A load gives one factor on all joints too, see `load_or_current`.
     if not far.any() or common_scale(scales) is not None:
         return []
     joints = tuple(np.flatnonzero(np.nan_to_num(size) > _OWN).tolist())

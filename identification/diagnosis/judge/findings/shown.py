@@ -35,7 +35,7 @@ from identification.gates.moved_joints import shown_above_noise
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
 
-# Most sets that are compared where in each of them a rival should lead; the one that is outdone least is then shown.
+# Largest number of sets that are compared if a rival is more probable in each; the one with the least excess is shown.
 _MOST_LEADERS = 8
 
 
@@ -50,9 +50,9 @@ def in_band(bench: Bench, state: State) -> State:
 def shown_effects(bench: Bench, state: State) -> Shown:
     """Effects that pass every gate of the judge.
 
-    An effect that a rival has replaced does not come back while that rival is there. Where in each of several sets a
-    rival should lead, the set is shown in which the excess of the rivals' probabilities is least, and a finding and its
-    rival then get equal probabilities.
+    An effect that a rival has replaced does not come back while that rival is in the set. It may happen that in every
+    set a rival is more probable than a finding. Then the set with the smallest excess is shown, and the finding and its
+    rival get equal probabilities.
     """
     steps = (_motion, _sure, _noise, _simpler, _part, _searched_again, _rivals)
     return _until_all_pass(bench, state, steps).looked_at[-1]
@@ -68,9 +68,9 @@ def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, St
 def _without_exchanges(bench: Bench, before: State, after: State) -> State:
     """The state with replaced effects back in the set, where a rival in their place has failed a gate.
 
-    Several rivals explained more together; the remaining ones need not, and the one that failed is no rival any more. A
-    single rival was more probable by itself. It may be there and too small to pass, so that it stays a rival, as
-    probable as the effects that come back. They come back if no other rival was more probable.
+    If several rivals had explained more together, the remaining ones may not, and the failed one is no longer a rival.
+    A single rival that fails may still exist and be too small: it stays a rival with the same probability as the
+    effects that come back. They come back if no other rival was more probable.
     """
     fallen = before.shown - after.shown
     if not fallen or after.shown - before.shown:
@@ -274,7 +274,7 @@ def together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[
 
 
 def _outdone(standing: Standing) -> float:
-    """Excess of the probability of the rival that should lead over that of the finding."""
+    """Probability of the best rival less that of the finding; zero if the rival is not more probable."""
     return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
 
 
