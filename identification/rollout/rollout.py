@@ -27,7 +27,6 @@ from identification.rollout.joint_limits import recorded_past
 from identification.rollout.rollout_starts import SHORTEST, STEP, Window, acting_torque, spread, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, hides, look_back, tries, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
-from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
@@ -103,9 +102,8 @@ def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
     return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))
 
 
-_MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # numbers of windows
+_MOST, _FEWEST = 36, 6  # numbers of windows
 _STEPS = 60_000  # largest number of joint steps of one model over all windows: about a third of a second, compiled
-_SLOWER = 40  # ratio of the time of a step in Python to a compiled one
 _HIDDEN_TRIES = 400  # largest number of short simulations for hidden states over all windows: about a second
 _CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # horizons [s] under controllers, which keep the motion together for longer
 
@@ -161,8 +159,7 @@ def rollout_of(explained: Explained) -> Rollout:
         if not hides(model):
             return shot
         # A swing is too short to fit a start to a part of it.
-        fitted = compiles() and not robot.floating
-        return (shot.with_hidden_start if fitted else shot.pulled)(model, torque(shot, model))
+        return (shot.pulled if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, settle)
     if explained.controlled and loop is not None:
@@ -321,16 +318,14 @@ def _during(window: Window, operation: Operation) -> Operation:
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
     """Windows to simulate, if each needs ``tries`` short simulations for its hidden states."""
     problem, logs = explained.problem, explained.session.logs
-    slow = 1 if compiles() else _SLOWER
     # Each sample needs at least one step.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
-    fewest = _FEWEST if slow == 1 else _FEWEST_SLOW
     lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
     windows = windows_in(logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead)
     swings = [(w.stop - w.start - 1) / logs[w.log].band.rate_hz for w in windows if w.joints is not None]
     seconds = min(seconds, float(np.mean(swings))) if swings else seconds
-    count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv * slow), fewest, _MOST))
-    count = min(count, max(fewest, _HIDDEN_TRIES // tries)) if tries else count
+    count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv), _FEWEST, _MOST))
+    count = min(count, max(_FEWEST, _HIDDEN_TRIES // tries)) if tries else count
     windows = spread(windows, count)
     states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)

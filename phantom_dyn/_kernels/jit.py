@@ -1,16 +1,14 @@
-"""Compilation of functions at their first call, with machine code kept on disk; the identity without numba.
+"""Compilation of functions at their first call, with machine code kept on disk.
 
 Numba is loaded by the first call of a compiled function and not before: that takes as long as a small command does.
-`NUMBA_DISABLE_JIT=1` counts as no numba.
+With `NUMBA_DISABLE_JIT=1` all functions are plain Python, for a debugger: the same results, far slower.
 """
 
 from __future__ import annotations
 
 import functools
-import importlib.util
 import inspect
 import logging
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,31 +23,13 @@ _one_at_a_time = RLock()
 
 
 @cache
-def njit() -> Callable[..., Any] | None:
-    """Numba's decorator, for which numba is loaded; None where it is absent or off."""
-    try:
-        from numba import config
-        from numba import njit as decorator
-        from numba.core import event
-    except ImportError:  # numba has no build for this Python: the same functions, uncompiled
-        return None
-    # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's.
-    if getattr(config, "DISABLE_JIT", 0):
-        return None
+def njit() -> Callable[..., Any]:
+    """Numba's decorator, for which numba is loaded."""
+    from numba import njit as decorator
+    from numba.core import event
+
     event.register("numba:compile", _counting(event.Listener))
     return decorator
-
-
-def compiles() -> bool:
-    """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
-    return njit() is not None
-
-
-def _may_compile() -> bool:
-    """False where numba is absent or off for certain; nothing is loaded to know."""
-    if "numba" in sys.modules:
-        return compiles()
-    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and importlib.util.find_spec("numba") is not None
 
 
 class Compiled:
@@ -80,11 +60,10 @@ class Compiled:
 
     @property
     def compiled(self) -> Any:
-        """Numba's function; the plain one where numba turns out to be absent or off."""
+        """Numba's function."""
         with _one_at_a_time:
             if self._made is None:
-                decorator = njit()
-                self._made = self.py_func if decorator is None else _decorated(decorator, self.py_func, self._options)
+                self._made = _decorated(njit(), self.py_func, self._options)
         return self._made
 
     @property
@@ -110,10 +89,9 @@ class Part(Compiled):
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function, {"forceinline": True, "no_cpython_wrapper": True, **options})
-        self.plain = self.py_func
 
     def __call__(self, *args: Any) -> Any:
-        return self.plain(*args)
+        return self.py_func(*args)
 
 
 def _decorated(decorator: Callable[..., Any], plain: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -162,34 +140,24 @@ def jit(function: F) -> F:
     """A function compiled at its first call: free of the GIL, division as in NumPy, machine code kept on disk.
 
     Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
-    what the first one wrote, where it could be written. Without numba the function itself: slower, with the same
-    result.
+    what the first one wrote, where it could be written.
     """
-    return cast(F, Compiled(function, {})) if _may_compile() else function
+    return cast(F, Compiled(function, {}))
 
 
 def fused(function: F) -> F:
     """As `jit`, and a product may be added to a sum in one instruction: faster, the last digit may differ."""
-    return cast(F, Compiled(function, {"fastmath": {"contract"}})) if _may_compile() else function
+    return cast(F, Compiled(function, {"fastmath": {"contract"}}))
 
 
 def inlined(function: F) -> F:
     """As `fused`, for a short function that disappears into the compiled functions that call it."""
-    return cast(F, Part(function, {"fastmath": {"contract"}})) if _may_compile() else function
-
-
-def interpreted_as(plain: F, function: F) -> F:
-    """As `inlined`, with another function in its place where neither is compiled: one that NumPy makes fast."""
-    if not _may_compile():
-        return plain
-    part = Part(function, {"fastmath": {"contract"}})
-    part.plain = plain
-    return cast(F, part)
+    return cast(F, Part(function, {"fastmath": {"contract"}}))
 
 
 def within(function: F) -> F:
     """As `jit`, for a part of a larger function that disappears into it: as fast as if it were written there."""
-    return cast(F, Part(function, {})) if _may_compile() else function
+    return cast(F, Part(function, {}))
 
 
 @dataclass
@@ -210,7 +178,7 @@ _watching: list[Compilation] = []
 
 @contextmanager
 def watched_compilation() -> Iterator[Compilation]:
-    """A count of the functions that are compiled while the context is open; of none without numba."""
+    """A count of the functions that are compiled while the context is open."""
     if "numba" in sys.modules:
         njit()
     count = Compilation()

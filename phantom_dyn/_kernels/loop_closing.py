@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels.jit import compiles, fused, inlined
+from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, move, place, turned, turned_back
 from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
@@ -94,7 +94,7 @@ class Anchored(Protocol):
 
 def anchored_tree(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays | None) -> AnchoredTree | None:
     """A tree and its anchors for compiled code; None if it cannot be used."""
-    return None if arrays is None or not compiles() else anchors_of(model, anchors, arrays)
+    return None if arrays is None else anchors_of(model, anchors, arrays)
 
 
 def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays) -> AnchoredTree:

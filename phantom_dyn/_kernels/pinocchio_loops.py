@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of N samples by loops over Pinocchio: without numba, or for joints of other kinds.
+"""Rigid-body quantities of N samples by loops over Pinocchio, for joints of other kinds.
 
 They stand in for the compiled loops of `phantom_dyn._kernels.rigid_body` and are the oracle of their tests.
 """

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels import jit, pinocchio_loops
+from phantom_dyn._kernels import pinocchio_loops
 from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
 from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
@@ -79,7 +79,7 @@ def regressor(
         out = np.zeros((len(q), rows, len(chosen)))
     else:
         _require_room(out, (len(q), rows, len(chosen)))
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         tree = pinocchio_loops.regressor(model, q, v, a, root)[:, :, chosen]
         out[:, :, : len(chosen)] = tree if slope is None else np.swapaxes(slope, 1, 2) @ tree
         return out
@@ -133,7 +133,7 @@ def torque(
 ) -> Array:
     """Torque with armature, as `pin.rnea`, shape ``(N, nt)`` [N m or N]."""
     _require_motion(model, q, v, a, root=root)
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return pinocchio_loops.torque(model, q, v, a, root)
     return _torque(arrays, model.gravity.linear, q, v, a, root) + model.armature * a
 
@@ -144,7 +144,7 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
     pull = model.gravity.linear if gravity is None else np.asarray(gravity, dtype=float)
     if pull.shape != (3,):
         raise ParameterError(f"gravity has shape {pull.shape}: give three components [m/s^2].")
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return pinocchio_loops.weight(model, q, pull)
     rest = np.zeros((len(q), model.nv))
     return _torque(arrays, pull, q, rest, rest)
@@ -166,7 +166,7 @@ def torque_slopes(
     Each entry's series is in one piece of memory.
     """
     _require_motion(model, q, v, a, root=root)
-    if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING or not jit.compiles():
+    if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING:
         out = pinocchio_loops.torque_slopes(model, q, v, a, root)
     else:
         out = np.zeros((2, model.nv, model.nv, len(q)))
@@ -180,7 +180,7 @@ def torque_slopes(
 def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
     """Mass matrix with armature, as `pin.crba` with both triangles, shape ``(N, nt, nt)``."""
     _require_motion(model, q)
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return pinocchio_loops.mass(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
     announce(mass_loop)
@@ -193,7 +193,7 @@ def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
 def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int) -> tuple[Array, Array]:
     """Orientation ``(N, 3, 3)`` and position ``(N, 3)`` [m] of a frame, by its index, in the root frame."""
     _require_motion(model, q)
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return pinocchio_loops.frame_pose(model, q, frame)
     return _frame(model, arrays, q, frame, body=False, jacobian=False)[:2]
 
@@ -201,7 +201,7 @@ def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int
 def frame(model: pin.Model, arrays: TreeArrays | None, q: Array, index: int) -> tuple[Array, Array, Array]:
     """Orientation, position [m] and Jacobian in the axes of the root, see `frame_pose` and `frame_jacobian`."""
     _require_motion(model, q)
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return *pinocchio_loops.frame_pose(model, q, index), pinocchio_loops.frame_jacobian(model, q, index, False)
     return _frame(model, arrays, q, index, body=False, jacobian=True)
 
@@ -209,7 +209,7 @@ def frame(model: pin.Model, arrays: TreeArrays | None, q: Array, index: int) -> 
 def frame_jacobian(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int, *, body: bool) -> Array:
     """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
     _require_motion(model, q)
-    if arrays is None or not jit.compiles():
+    if arrays is None:
         return pinocchio_loops.frame_jacobian(model, q, frame, body)
     return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
 

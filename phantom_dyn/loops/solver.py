@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels.followed_loops import FollowedLoops, followed_loops, rewind
-from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, anchors_of, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
@@ -191,7 +190,7 @@ def closed_each(
     """
     rows = sum(6 if anchor.kind == "frame" else 3 for anchor in chain.anchors)
     out = np.full((len(q), len(chain.unknowns), rows), np.nan)
-    loops = loops_to_follow(model, chain, arrays) if arrays is not None and compiles() else None
+    loops = loops_to_follow(model, chain, arrays) if arrays is not None else None
     offset = np.array(chain.offset)
     for k, posture in enumerate(q):
         if loops is not None and np.isfinite(posture).all():

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.array_types import Array
@@ -41,10 +40,8 @@ class Compiled(NamedTuple):
 def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
     """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
 
-    That is so without numba, and for effects that have Python laws only.
+    That is so for effects that have Python laws only.
     """
-    if not compiles():
-        return None
     laws = [law for part in parts for law in part.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):

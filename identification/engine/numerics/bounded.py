@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import fused, inlined, interpreted_as
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn._kernels.jit import fused, inlined
+from phantom_dyn.array_types import Array, Float
 
 # Added to the diagonal, relative: keeps exact twins solvable, and is below the accuracy of these products.
 _TWINS = 1e-12
@@ -222,16 +222,12 @@ def _slope(matrices: Array, b: Array, x: Array, out: Array) -> None:
                 out[i] += matrices[0, j, i] * x[j]
 
 
-def _free_minimum_plain(
-    matrices: Float[Array, "2 k k"], b: Float[Array, " k"], fixed: Bool[Array, " k"], x: Float[Array, " k"], *_: Array
-) -> None:
-    """Make ``x`` the minimum with some coefficients fixed at their values in it, the others zero there."""
-    free, a = ~fixed, matrices[0]
-    x[free] = solve(a[np.ix_(free, free)], b[free] - a[free] @ x)
+@inlined
+def _free_minimum(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
+    """Make ``x`` the minimum with some coefficients fixed at their values in it, the others zero there.
 
-
-def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
-    """The same by ``L D L^T`` without pivoting, which a positive definite matrix does not need."""
+    By ``L D L^T`` without pivoting, which a positive definite matrix does not need.
+    """
     scale, right, moved = vectors[5], vectors[6], vectors[7]
     _slope(matrices, b, x, moved)
     # Not a plain zero: a function that is called with one is compiled for it alone, and once more for any number.
@@ -279,7 +275,3 @@ def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
         for k in range(j + 1, count):
             rest -= u[j, k] * right[k]
         right[j] = rest / u[j, j]
-
-
-# Interpreted, the loops of the factorisation would be far slower than LAPACK.
-_free_minimum = interpreted_as(_free_minimum_plain, _free_minimum_compiled)

@@ -30,7 +30,6 @@ from identification.identify.identify import identify
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
 from identification.stages import Announcement, Stage
-from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
 
@@ -161,7 +160,6 @@ def test_without_a_terminal_a_line_is_written_at_an_announcement_ten_seconds_aft
     assert stream.getvalue() == "11 s: 40 % writing\n21 s: 40 % writing\n"
 
 
-@pytest.mark.skipif(not compiles(), reason="numba is off")
 def test_compilation_is_mentioned_while_it_lasts_and_not_before():
     # Oracle: numba's own compilation of a function that no cache holds; its generated body asks what is said.
     said = []
@@ -178,7 +176,6 @@ def test_compilation_is_mentioned_while_it_lasts_and_not_before():
     assert said == ["filtering", "filtering; compiling function 1, in a first run only"]
 
 
-@pytest.mark.skipif(not compiles(), reason="numba is off")
 def test_a_line_without_a_terminal_says_how_many_functions_were_compiled_before_it(monkeypatch):
     # Oracle: numba's own count of signatures of two functions that no cache holds.
     monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 0.0)

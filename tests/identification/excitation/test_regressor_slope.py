@@ -2,9 +2,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.excitation import regressor_slope as module
 from identification.excitation.regressor_slope import regressor_slope
-from phantom_dyn._kernels.jit import compiles
 
 N = 4
 
@@ -35,12 +33,6 @@ def regressors(model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray) ->
     data = model.createData()
     rows = zip(q, v, a, strict=True)
     return np.array([pin.computeJointTorqueRegressor(model, data, configuration(model, x), y, z) for x, y, z in rows])
-
-
-@pytest.fixture(autouse=True, params=[True, False], ids=["compiled", "plain"])
-def compiled(request, monkeypatch) -> None:
-    """Each fact holds of the compiled loop and of what stands in for it without numba."""
-    monkeypatch.setattr(module, "compiles", lambda: request.param and compiles())
 
 
 @pytest.fixture

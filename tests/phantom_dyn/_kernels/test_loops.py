@@ -1,6 +1,6 @@
 """Compiled loops over samples against NumPy and SciPy.
 
-What becomes of a function where numba is absent or off, or has nowhere to keep its machine code, and in threads.
+What becomes of a function where numba is off, or has nowhere to keep its machine code, and in threads.
 """
 
 import copy
@@ -126,13 +126,6 @@ def no_cache(folder: Path) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined, jit.within])
-def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
-    monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.setattr(jit, "njit", lambda: None)
-    assert decorator(twice) is twice
-
-
 @pytest.fixture(scope="module")
 def uncached(tmp_path_factory):
     """What such a process prints."""
@@ -157,7 +150,7 @@ def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
         jit.jit(twice)(1.0)
 
 
-def test_numba_that_is_off_counts_as_absent():
+def test_with_numba_off_a_function_is_plain_python():
     done = spring_in_a_fresh_process(NUMBA_DISABLE_JIT="1")
     assert done.stdout.strip() == "1.0 False"
 
@@ -193,20 +186,12 @@ def test_numba_is_loaded_by_the_first_call_and_not_before():
         "print('numba' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", str(jit.compiles())]
+    assert done.stdout.split() == ["False", "True"]
 
 
 def test_a_compiled_function_is_pickled_and_copied_by_its_name():
     assert pickle.loads(pickle.dumps(spring_torque)) is spring_torque
     assert copy.deepcopy(spring_torque) is spring_torque
-
-
-def test_where_nothing_is_compiled_the_plain_function_stands_in():
-    # Oracle: the two differ.
-    part = jit.interpreted_as(lambda x: x + 1.0, lambda x: 2.0 * x)
-    whole = jit.jit(lambda x: part(x))
-    assert part(3.0) == 4.0
-    assert whole(3.0) == (6.0 if jit.compiles() else 4.0)
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,15 @@
 """Compiled rigid-body dynamics against Pinocchio, and what they refuse."""
 
 import logging
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn._kernels import jit, pinocchio_loops, rigid_body
+from phantom_dyn._kernels import pinocchio_loops, rigid_body
 from phantom_dyn._kernels.tree_arrays import tree_arrays
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.motion import Motion
 
 SAMPLES = 7
 
@@ -210,34 +206,6 @@ def test_joints_of_other_kinds_are_left_to_pinocchio(joint, rng):
     q, (v, a) = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), rng.normal(size=(2, 1, model.nv))
     found = rigid_body.torque(model, tree_arrays(model), q[None], v, a)
     assert_agrees(found[0], pin.rnea(model, model.createData(), q, v[0], a[0]))
-
-
-def test_without_numba_pinocchio_gives_the_same(model, samples, monkeypatch):
-    arrays, slope = tree_arrays(model), np.ones((SAMPLES, model.nv, 2))
-    compiled = rigid_body.regressor(model, arrays, *samples, slope=slope), rigid_body.torque(model, arrays, *samples)
-    monkeypatch.setattr(jit, "njit", lambda: None)
-    assert_agrees(rigid_body.regressor(model, arrays, *samples, slope=slope), compiled[0])
-    assert_agrees(rigid_body.torque(model, arrays, *samples), compiled[1])
-
-
-@pytest.mark.parametrize(
-    "absent", ['import sys; sys.modules["numba"] = None', "import numba; numba.config.DISABLE_JIT = 1"]
-)
-def test_a_python_without_numba_gives_the_torque_of_one_with_it(absent):
-    # Known truth: the same call with numba.
-    words = f"""
-{absent}
-import numpy as np
-from phantom_dyn.model.loading import load_robot
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn._kernels import jit
-from phantom_dyn.motion import Motion
-assert not jit.compiles()
-print(*inverse_dynamics(load_robot("emps"), Motion(np.zeros(1), *np.full((3, 1, 1), 0.3)))[0])
-"""
-    printed = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True).stdout
-    expected = inverse_dynamics(load_robot("emps"), Motion(np.zeros(1), *np.full((3, 1, 1), 0.3)))[0]
-    np.testing.assert_allclose([float(word) for word in printed.split()], expected, rtol=1e-12)
 
 
 def test_a_changed_gravity_of_a_model_counts_at_once(rng):

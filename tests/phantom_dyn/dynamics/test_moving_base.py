@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn._kernels import jit, rigid_body
+from phantom_dyn._kernels import rigid_body
 from phantom_dyn.dynamics.dynamics import (
     inverse_dynamics,
     inverse_dynamics_derivatives,
@@ -87,12 +87,6 @@ def flight(request, tmp_path, rng) -> Flight:
 
 def test_the_torque_is_that_of_pinocchios_free_flyer(flight):
     np.testing.assert_allclose(inverse_dynamics(flight.robot, flight.motion), flight.torque, rtol=0, atol=1e-10)
-
-
-def test_the_torque_without_compiled_loops_is_that_of_pinocchios_free_flyer(flight, monkeypatch):
-    monkeypatch.setattr(jit, "compiles", lambda: False)
-    np.testing.assert_allclose(inverse_dynamics(flight.robot, flight.motion), flight.torque, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(rigid_body_regressor(flight.robot, flight.motion), flight.regressor, rtol=0, atol=1e-10)
 
 
 def test_the_regressor_is_that_of_pinocchios_free_flyer(flight):
