@@ -62,7 +62,7 @@ def products_of(
 ) -> Products:
     """Products of the active columns; rows with a gain are rescaled."""
     grams = problem.grams
-    a, b = grams.train_a.among(active)[0], problem.total_b[active]
+    a, b = problem.total_a[active[:, None], active], problem.total_b[active]
     c = float(grams.c[grams.fold >= 0].sum())
     if not scalings:
         return Products(a, b, c, _held_out(problem, active) if held_out else None)
