@@ -1,4 +1,4 @@
-"""A recording that examples and pages diagnose."""
+"""A recording that examples and pages diagnose, and environments with and without other recordings."""
 
 from pathlib import Path
 
@@ -11,6 +11,9 @@ from phantom_dyn.motion import Motion
 from places import ROBOTS
 
 PENDULUM = ROBOTS / "pendulum.urdf"
+
+# A proxy where nobody listens: every address is out of reach, at once and on every machine.
+NO_NETWORK = {name: "http://127.0.0.1:9" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
 
 
 @pytest.fixture
@@ -26,3 +29,15 @@ def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
     (tmp_path / "robot.urdf").write_text(PENDULUM.read_text())
     np.savetxt(tmp_path / "log.csv", columns, fmt="%.9g", delimiter=",", header="t,q.pin,tau.pin", comments="")
     return tmp_path
+
+
+@pytest.fixture
+def offline(tmp_path: Path) -> dict[str, str]:
+    """Environment without a network, without recordings and with an empty cache."""
+    return {**NO_NETWORK, "PHANTOM_DYN_DATA": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+
+
+@pytest.fixture(scope="session")
+def mirror(data_folder: Path) -> dict[str, str]:
+    """Environment in which the recordings are at hand."""
+    return {"PHANTOM_DYN_DATA": str(data_folder)}

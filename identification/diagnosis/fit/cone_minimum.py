@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identification.engine.numerics.elimination import eliminate, solve_eliminated
 from identification.estimators.consistent.consistent_bodies import standard_of
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
@@ -66,30 +67,30 @@ class Cone(NamedTuple):
 
 
 class Path(NamedTuple):
-    """Where the iteration is: bodies, slacks of their reach, multipliers, and the next step of all.
+    """Where the iteration is: bodies, slacks of their reach, their multipliers, and the next step of all of them.
 
     Attributes:
         inertias, inverses: Pseudo-inertias and their inverses, ``(B, 4, 4)``.
         multipliers: Of the pseudo-inertias, ``(B, 4, 4)``.
-        change, answer: Steps of pseudo-inertias and multipliers, ``(B, 4, 4)``.
-        bent: What the products of both steps change in the answer, ``(B, 4, 4)``.
-        slacks, forces: Slacks of the reach and their multipliers, ``(B, F)``.
-        opened, pushed: Steps of slacks and multipliers, ``(B, F)``.
-        curved: As ``bent``, ``(B, F)``.
+        inertia_steps, multiplier_steps: Next steps of both, ``(B, 4, 4)``.
+        corrections: Of the multipliers' steps, for the products of the predicted steps, ``(B, 4, 4)``.
+        slacks, slack_multipliers: Slacks of the reach and their multipliers, ``(B, F)``.
+        slack_steps, slack_multiplier_steps: Next steps of both, ``(B, F)``.
+        slack_corrections: As ``corrections``, ``(B, F)``.
         work: Room for one matrix, ``(4, 4)``.
     """
 
     inertias: Array
     inverses: Array
     multipliers: Array
-    change: Array
-    answer: Array
-    bent: Array
+    inertia_steps: Array
+    multiplier_steps: Array
+    corrections: Array
     slacks: Array
-    forces: Array
-    opened: Array
-    pushed: Array
-    curved: Array
+    slack_multipliers: Array
+    slack_steps: Array
+    slack_multiplier_steps: Array
+    slack_corrections: Array
     work: Array
 
 
@@ -132,31 +133,31 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, room: Array)
     # How much lower the loss could be than that of the given bodies without the cone: this gives the first multipliers.
     most = 0.0
     _set_up(a, b, x, hessian, slope)
-    _factorise(hessian)
+    eliminate(hessian, n)
     for i in range(n):
         step[i] = b[i]
-    _solve(hessian, step)
+    solve_eliminated(hessian, step, n)
     for i in range(n):
         most += 0.5 * b[i] * step[i]
-    if not _placed(cone, path, x):
+    if not _set_inertias(cone, path, x):
         return
-    _begin(max(most, _GAP) / numbers, path)
-    # Part of the multipliers' equations that is still open.
-    still_open = 1.0
+    _set_first_multipliers(max(most, _GAP) / numbers, path)
+    # Part of the first slope of the Lagrangian that is left: a whole step makes it zero.
+    unsolved = 1.0
     for _ in range(_STEPS):
         loss, gap = _set_up(a, b, x, hessian, slope), _gap(0.0, path)
-        if max(gap, still_open * most) <= _GAP * max(loss + most, 1.0):
+        if max(gap, unsolved * most) <= _GAP * max(loss + most, 1.0):
             return
         _add_curvature(cone, path, hessian)
-        _factorise(hessian)
+        eliminate(hessian, n)
         # How far a step to the minimum itself would come says where the next one aims at, and its products correct it.
         length = _step(0.0, cone, path, hessian, slope, step)
         aim = gap / numbers * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
-        _bend(path)
+        _set_corrections(path)
         length = _INSIDE * _step(aim, cone, path, hessian, slope, step)
-        still_open *= 1.0 - length
+        unsolved *= 1.0 - length
         _advance(length, path, x, step)
-        if length <= 0.0 or not _placed(cone, path, x):
+        if length <= 0.0 or not _set_inertias(cone, path, x):
             return
 
 
@@ -177,33 +178,33 @@ def _set_up(a: Array, b: Array, x: Array, hessian: Array, slope: Array) -> float
 
 
 @inlined
-def _begin(mean: float, path: Path) -> None:
+def _set_first_multipliers(mean: float, path: Path) -> None:
     """Write the first multipliers: a multiple of the inverses."""
     for body in range(len(path.inertias)):
         for i in range(4):
             for j in range(4):
                 path.multipliers[body, i, j] = mean * path.inverses[body, i, j]
         for r in range(path.slacks.shape[1]):
-            path.forces[body, r] = mean / path.slacks[body, r]
+            path.slack_multipliers[body, r] = mean / path.slacks[body, r]
 
 
 @inlined
 def _advance(length: float, path: Path, x: Array, step: Array) -> None:
-    """Take a part of the step; nothing is corrected any more."""
+    """Take a part of the step, and clear the corrections."""
     for i in range(len(x)):
         x[i] += length * step[i]
     for body in range(len(path.inertias)):
         for i in range(4):
             for j in range(4):
-                path.multipliers[body, i, j] += length * path.answer[body, i, j]
-                path.bent[body, i, j] = 0.0
+                path.multipliers[body, i, j] += length * path.multiplier_steps[body, i, j]
+                path.corrections[body, i, j] = 0.0
         for r in range(path.slacks.shape[1]):
-            path.forces[body, r] += length * path.pushed[body, r]
-            path.curved[body, r] = 0.0
+            path.slack_multipliers[body, r] += length * path.slack_multiplier_steps[body, r]
+            path.slack_corrections[body, r] = 0.0
 
 
 @inlined
-def _placed(cone: Cone, path: Path, x: Array) -> bool:
+def _set_inertias(cone: Cone, path: Path, x: Array) -> bool:
     """Write pseudo-inertias, their inverses and the slacks; False if one is outside of the cone."""
     start, reach, places = cone
     n = len(places)
@@ -231,11 +232,11 @@ def _gap(length: float, path: Path) -> float:
     for body in range(len(path.inertias)):
         for i in range(4):
             for j in range(4):
-                here = path.inertias[body, i, j] + length * path.change[body, i, j]
-                gap += here * (path.multipliers[body, i, j] + length * path.answer[body, i, j])
+                here = path.inertias[body, i, j] + length * path.inertia_steps[body, i, j]
+                gap += here * (path.multipliers[body, i, j] + length * path.multiplier_steps[body, i, j])
         for r in range(path.slacks.shape[1]):
-            slack = path.slacks[body, r] + length * path.opened[body, r]
-            gap += slack * (path.forces[body, r] + length * path.pushed[body, r])
+            slack = path.slacks[body, r] + length * path.slack_steps[body, r]
+            gap += slack * (path.slack_multipliers[body, r] + length * path.slack_multiplier_steps[body, r])
     return gap
 
 
@@ -254,7 +255,7 @@ def _add_curvature(cone: Cone, path: Path, hessian: Array) -> None:
                 pair += inverse[p, i] * multiplier[j, q] + inverse[p, j] * multiplier[i, q]
                 hessian[first + k, first + c] += (0.5 if i == j else 1.0) * (0.5 if p == q else 1.0) * pair
         for r in range(reach.shape[1]):
-            stiffness = path.forces[body, r] / path.slacks[body, r]
+            stiffness = path.slack_multipliers[body, r] / path.slacks[body, r]
             for k in range(n):
                 for c in range(k, n):
                     hessian[first + k, first + c] += stiffness * reach[body, r, k] * reach[body, r, c]
@@ -272,23 +273,23 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
     for body in range(len(cone.start)):
         for k in range(n):
             i, j = places[k, 0], places[k, 1]
-            pull = (1.0 if i == j else 2.0) * (aim * path.inverses[body, i, j] - path.bent[body, i, j])
+            pull = (1.0 if i == j else 2.0) * (aim * path.inverses[body, i, j] - path.corrections[body, i, j])
             for r in range(reach.shape[1]):
-                pull += reach[body, r, k] * (aim - path.curved[body, r]) / path.slacks[body, r]
+                pull += reach[body, r, k] * (aim - path.slack_corrections[body, r]) / path.slacks[body, r]
             step[body * n + k] = pull - slope[body * n + k]
-    _solve(factor, step)
+    solve_eliminated(factor, step, len(step))
     length = 1.0
     for body in range(len(cone.start)):
-        change, answer = path.change[body], path.answer[body]
+        change, answer = path.inertia_steps[body], path.multiplier_steps[body]
         for k in range(n):
             change[places[k, 0], places[k, 1]] = change[places[k, 1], places[k, 0]] = step[body * n + k]
         for r in range(reach.shape[1]):
             opened = 0.0
             for k in range(n):
                 opened += reach[body, r, k] * step[body * n + k]
-            slack, force = path.slacks[body, r], path.forces[body, r]
-            pushed = (aim - path.curved[body, r] - force * opened) / slack - force
-            path.opened[body, r], path.pushed[body, r] = opened, pushed
+            slack, force = path.slacks[body, r], path.slack_multipliers[body, r]
+            pushed = (aim - path.slack_corrections[body, r] - force * opened) / slack - force
+            path.slack_steps[body, r], path.slack_multiplier_steps[body, r] = opened, pushed
             if opened < 0.0:
                 length = min(length, -slack / opened)
             if pushed < 0.0:
@@ -296,7 +297,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
         _mixed(path.inverses[body], change, path.multipliers[body], path.work, answer)
         for i in range(4):
             for j in range(4):
-                kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.bent[body, i, j]
+                kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.corrections[body, i, j]
                 answer[i, j] = kept - answer[i, j]
         length = _inside(length, path.inertias[body], change, path.work)
         length = _inside(length, path.multipliers[body], answer, path.work)
@@ -304,12 +305,18 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
 
 
 @inlined
-def _bend(path: Path) -> None:
-    """Write what the products of a predicted step change in the multipliers."""
+def _set_corrections(path: Path) -> None:
+    """Write the corrections of the multipliers' steps: products of the predicted steps."""
     for body in range(len(path.inertias)):
-        _mixed(path.inverses[body], path.change[body], path.answer[body], path.work, path.bent[body])
+        _mixed(
+            path.inverses[body],
+            path.inertia_steps[body],
+            path.multiplier_steps[body],
+            path.work,
+            path.corrections[body],
+        )
         for r in range(path.slacks.shape[1]):
-            path.curved[body, r] = path.opened[body, r] * path.pushed[body, r]
+            path.slack_corrections[body, r] = path.slack_steps[body, r] * path.slack_multiplier_steps[body, r]
 
 
 @inlined
@@ -385,42 +392,3 @@ def _invert(matrix: Array, inverse: Array) -> bool:
         for j in range(i):
             inverse[i, j] = inverse[j, i]
     return True
-
-
-@inlined
-def _factorise(a: Array) -> None:
-    """Overwrite the upper triangle of a matrix with its Cholesky factor.
-
-    Four rows of the factor are made at a time, and taken out of all rows below in one pass: the compiler then keeps a
-    row in registers.
-    """
-    n = len(a)
-    for first in range(0, n, 4):
-        last = min(first + 4, n)
-        for j in range(first, last):
-            pivot = 1.0 / np.sqrt(max(a[j, j], 1e-300))
-            for k in range(j, n):
-                a[j, k] *= pivot
-            for i in range(j + 1, last):
-                part = a[j, i]
-                for k in range(i, n):
-                    a[i, k] -= part * a[j, k]
-        for i in range(last, n):
-            left, one, two = a[i, i:], a[first, i:], a[first + 1, i:]
-            three, four = a[first + 2, i:], a[first + 3, i:]
-            for k in range(len(left)):
-                left[k] -= one[0] * one[k] + two[0] * two[k] + three[0] * three[k] + four[0] * four[k]
-
-
-@inlined
-def _solve(factor: Array, x: Array) -> None:
-    """Overwrite the right side with the solution."""
-    for i in range(len(x)):
-        x[i] /= factor[i, i]
-        for k in range(i + 1, len(x)):
-            x[k] -= factor[i, k] * x[i]
-    for back in range(len(x)):
-        i = len(x) - 1 - back
-        for k in range(i + 1, len(x)):
-            x[i] -= factor[i, k] * x[k]
-        x[i] /= factor[i, i]

@@ -126,7 +126,7 @@ def _losses(problem: LinearProblem, active: Int[Array, " k"], x: Float[Array, "B
 def _row_losses(
     problem: LinearProblem, active: Int[Array, " k"], scaling: Scaling, x: Float[Array, "B k"]
 ) -> Float[Array, " B"]:
-    """By how much the loss of each block is larger with a gain on a row.
+    """Change of the loss of each block by a gain on one row.
 
     The rescaled columns are sums of the row's own, so that their coefficients are turned into those of its own columns.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.engine.numerics.elimination import eliminate, solve_eliminated
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
 
@@ -13,8 +14,6 @@ _TWINS = 1e-12
 _AT_ONCE, _DESCENDING = 10, 400
 # A multiplier is of the wrong sign from this size on.
 _WRONG = 1e-9
-# Rows that are eliminated at once.
-_PANEL = 4
 
 
 def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k ..."]:
@@ -242,36 +241,7 @@ def _free_minimum(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Ar
         for k in range(i, count):
             matrices[1, i, k] = matrices[0, free[i], free[k]] * scale[i] * scale[k]
         matrices[1, i, i] += _TWINS
-    _factorised(matrices[1], right, count)
+    eliminate(matrices[1], count)
+    solve_eliminated(matrices[1], right, count)
     for i in range(count):
         x[free[i]] = right[i] * scale[i]
-
-
-@inlined
-def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
-    """Solve for the first ``count`` coefficients, into ``right``; of ``u`` the upper triangle is given, and used up."""
-    for first in range(0, count, _PANEL):
-        last = min(first + _PANEL, count)
-        for j in range(first, last):
-            for i in range(j + 1, last):
-                share = u[j, i] / u[j, j]
-                for k in range(i, count):
-                    u[i, k] -= share * u[j, k]
-                right[i] -= share * right[j]
-        if last - first < _PANEL:
-            break
-        # Four rows are taken out at once: each row below is read and written once for all of them.
-        j, m, n, o = first, first + 1, first + 2, first + 3
-        for i in range(last, count):
-            p, q, r, s = u[j, i] / u[j, j], u[m, i] / u[m, m], u[n, i] / u[n, n], u[o, i] / u[o, o]
-            # Products of joints on different limbs are zero.
-            if p == 0.0 and q == 0.0 and r == 0.0 and s == 0.0:
-                continue
-            for k in range(i, count):
-                u[i, k] -= p * u[j, k] + q * u[m, k] + r * u[n, k] + s * u[o, k]
-            right[i] -= p * right[j] + q * right[m] + r * right[n] + s * right[o]
-    for j in range(count - 1, -1, -1):
-        rest = right[j]
-        for k in range(j + 1, count):
-            rest -= u[j, k] * right[k]
-        right[j] = rest / u[j, j]

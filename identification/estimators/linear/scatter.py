@@ -20,7 +20,7 @@ _STRETCH = 4096  # samples at the full rate within which pairs count: longer tha
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
-    """Autocorrelation from lag 0 up to the lag at which it cannot be told from its noise.
+    """Autocorrelation from lag 0 up to the lag at which it cannot be distinguished from its noise.
 
     Pairs of samples from different recordings do not count.
 

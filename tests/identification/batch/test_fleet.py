@@ -242,7 +242,7 @@ def started(tmp_path_factory):
 
 @pytest.fixture
 def cluster(started):
-    """Two workers, and joblib told to use them."""
+    """Two workers, which joblib uses."""
     started.fill()
     with parallel_config(backend="dask"):
         yield started
