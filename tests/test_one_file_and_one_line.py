@@ -49,7 +49,7 @@ def checkout(tmp_path_factory) -> Path:
     """A copy of the checkout with one file and one line more."""
     copy = tmp_path_factory.mktemp("checkout")
     for name in ("phantom_dyn", "identification", "benchmarks", "tests", "docs", "examples", "urdf"):
-        shutil.copytree(CHECKOUT / name, copy / name, ignore=shutil.ignore_patterns("_build", "generated", "cases*"))
+        shutil.copytree(CHECKOUT / name, copy / name, ignore=shutil.ignore_patterns("_build", "generated", "cases"))
     for name in ("pyproject.toml", "README.md", "CONTRIBUTING.md", "CHANGELOG.md"):
         shutil.copy2(CHECKOUT / name, copy / name)
     shutil.copy2(FILE, copy / "phantom_dyn" / "effects" / "friction" / FILE.name)
@@ -75,7 +75,7 @@ def said_by_pytest(checkout: Path, *words: str) -> str:
 def test_what_goes_through_all_effects_passes_with_it(checkout):
     out = said_by_pytest(checkout, *GOING_THROUGH_ALL)
     # It was there: the tests that have each effect as a case have it.
-    assert len(re.findall(rf"^PASSED .*\[.*{NAME}.*\]", out, flags=re.MULTILINE)) > 20
+    assert len(re.findall(rf"^PASSED .*\[.*{NAME}.*\]", out, flags=re.MULTILINE)) > 15
 
 
 def test_it_is_simulated_degraded_and_drawn_as_the_others_are(checkout):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import phantom_dyn as dyn
 from called_example import EXAMPLES, ended
 
 # What the demo calls has tests of its own, which check its annotations.
