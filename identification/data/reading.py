@@ -13,9 +13,15 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.suspects import slow_clock, usual_clock
 from identification.data.drives.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
-from identification.data.drives.duty_cycles import with_voltages
-from identification.data.drives.joint_torque import drive_torque, require_frames, torque_sources, voltage_slowing
-from identification.data.drives.loops_of_drives import computed_from_references, loops_of
+from identification.data.drives.joint_torque import (
+    computed_from_references,
+    drive_torque,
+    loops_of,
+    require_frames,
+    torque_sources,
+    voltage_slowing,
+    with_voltages,
+)
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.mending import mended

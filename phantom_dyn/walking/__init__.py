@@ -1,1 +1,1 @@
-"""Walking with a joystick: zero moment point, support polygon, a walking reference and its margin as haptic signal."""
+"""Walking under a joystick: zero moment point, support polygon, a walking reference, and a haptic signal of margin."""

@@ -1,9 +1,9 @@
 r"""Closed form of the linear inverted pendulum under a zero moment point that ramps and then holds.
 
-With :math:`\omega = \sqrt{g/z}` the pendulum :math:`\ddot x = \omega^2 (x - p)` splits into a part that falls away, the
-divergent component :math:`\xi = x + \dot x / \omega` (the capture point), :math:`\dot \xi = \omega (\xi - p)`, and one
-that follows it, :math:`\dot x = \omega (\xi - x)`. To walk is to keep :math:`\xi` bounded by the choice of :math:`p`.
-Everything here is linear in points on the ground, so that one set of scalars serves x and y.
+With :math:`\omega = \sqrt{g/z}` the pendulum :math:`\ddot x = \omega^2 (x - p)` splits into two parts. The divergent
+component :math:`\xi = x + \dot x / \omega` (the capture point) falls away, :math:`\dot \xi = \omega (\xi - p)`. The
+centre of mass follows it, :math:`\dot x = \omega (\xi - x)`. To walk is to choose :math:`p` so that :math:`\xi` stays
+bounded. Everything here is linear in points on the ground, so that one set of scalars serves x and y.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from phantom_dyn.array_types import Array, Float
 
 @dataclass(frozen=True)
 class Profile:
-    """Zero moment point that goes in a line from one point to another in ``ramp`` [s], then stays: ``duration`` [s]."""
+    """Timing of a phase: the zero moment point goes to its next point in ``ramp`` and holds until ``duration`` [s]."""
 
     ramp: float
     duration: float
@@ -34,7 +34,7 @@ def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float
 
 
 def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: float) -> tuple[float, Float[Array, " 2"]]:
-    r"""Divergent component with which a row of phases must be entered to end at rest over its last point.
+    r"""Divergent component at the start of a row of phases that ends at rest over its last point.
 
     Args:
         points: Where the zero moment point holds in each phase [m], shape ``(n, 2)``.
@@ -42,7 +42,7 @@ def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: flo
         omega: :math:`\omega` [1/s].
 
     Returns:
-        ``alpha`` and ``beta``: it is ``alpha p + beta`` where ``p`` is the point that the first phase ramps away from.
+        ``alpha`` and ``beta``: the component is ``alpha p + beta`` if the first phase ramps away from the point ``p``.
     """
     xi = points[-1]
     for k in range(len(points) - 1, 0, -1):
@@ -65,7 +65,7 @@ def holding_point(
         xi: Divergent component at the start of the phase [m].
         start: Point that the phase ramps away from [m].
         profile: Of the phase.
-        onward: What `entry` says of the phases after it.
+        onward: What `entry` returns for the phases after it.
         omega: :math:`\omega` [1/s].
     """
     grow, first, last = forward_weights(profile, omega)
@@ -92,7 +92,7 @@ def pendulum(
     com: Float[Array, " 2"],
     omega: float,
 ) -> PendulumState:
-    r"""Samples within one phase.
+    r"""Samples of the pendulum within one phase.
 
     Args:
         t: Times since the start of the phase [s], shape ``(N,)``.

@@ -1,4 +1,4 @@
-"""Joystick and footsteps: what the user does with the controller over time, and the step that follows at a landing."""
+"""Joystick and footsteps: what the user asks for over time, and the next step, which is decided at each landing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True)
 class Command:
-    """The controller at one time: ``speed`` [m/s], ``turn`` [rad/s, positive to the left], ``walking`` or not."""
+    """Setting of the controller at one time: ``speed`` [m/s], ``turn`` [rad/s, positive to the left], ``walking``."""
 
     speed: float
     turn: float
@@ -25,7 +25,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Joystick(ReadOnlyArrays):
-    """A controller over time; what was set holds until the next sample, and before the first one the robot stands.
+    """A controller over time: a setting holds until the next one, and the robot stands before the first one.
 
     Attributes:
         t: Times of changes [s], increasing, shape ``(K,)``.
@@ -48,7 +48,7 @@ class Joystick(ReadOnlyArrays):
             raise ParameterError("The joystick's times must increase, and there must be one: sort them.")
 
     def at(self, time: float) -> Command:
-        """What is set at ``time`` [s]."""
+        """Setting at ``time`` [s]."""
         k = int(np.searchsorted(self.t, time, side="right")) - 1
         if k < 0:
             return Command(0.0, 0.0, False)
@@ -67,11 +67,11 @@ class Gait:
     """How to step; times in s, lengths in m, angles in rad.
 
     Attributes:
-        foot_distance: Between the middles of the soles, sideways; a walker says what its posture has.
+        foot_distance: Sideways distance between the middles of the soles, as `Walker.foot_distance` of the posture.
         single_support: Time on one foot in each step.
-        double_support: Time on both feet in each step, before it.
-        settle: Time in which the weight goes to the middle between the feet after the last step.
-        step_height: Of the swinging sole.
+        double_support: Time on both feet in each step, before the time on one foot.
+        settle: Time in which the weight moves to the middle between the feet after the last step.
+        step_height: Greatest height of the swinging sole.
         longest_step: Longest advance of the body in one step.
         largest_turn: Largest turn of the body in one step.
     """
@@ -112,7 +112,7 @@ class Footstep:
 
 @dataclass(frozen=True)
 class Stance:
-    """Both soles, and the path of the body: the point and heading that the next step advances."""
+    """Both soles, and the point and heading of the body between them, from which the next step advances."""
 
     left: Footstep
     right: Footstep

@@ -1,8 +1,8 @@
 """The plan of a walk, phase by phase, and its samples: the pendulum and both feet with their derivatives.
 
-The plan is causal: each step is decided at the landing before it, from what the joystick says then. What comes later is
-assumed to go on as it is; where it does not, the zero moment point leaves the middle of the sole for one step, by two
-centimetres when the stick is thrown from full forward to full backward.
+The plan is causal: each step is decided at the landing before it, from the setting of the joystick at that time, which
+is assumed to stay. If it changes, the zero moment point leaves the middle of the sole for one step, by two centimetres
+when the stick is thrown from full forward to full backward.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from phantom_dyn.walking.footsteps import (
 )
 
 PREVIEW = 6
-"""Steps assumed to follow. What lies behind them counts by exp(-omega T PREVIEW), under 1e-5 at usual gaits."""
+"""Number of steps planned ahead. Later ones have the weight exp(-omega T PREVIEW), less than 1e-5 at usual gaits."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the walk.
+    """One phase of the walk, between two landings.
 
     Attributes:
-        start: Time [s].
-        profile: Of the zero moment point.
-        points: Where it starts and where it holds [m].
+        start: Time at which it starts [s].
+        profile: Timing of the zero moment point.
+        points: Where the zero moment point starts and where it holds [m].
         dcm: Divergent component at the start [m].
         com: Centre of mass at the start [m].
         stance: Feet at the start.
@@ -111,7 +111,7 @@ def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: flo
 def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, step_height: float) -> FootMotion:
     """Samples of one sole at times ``t`` [s] that the phases cover.
 
-    It swings by a polynomial of fifth order along the ground and one of sixth order in height, so that velocity and
+    It follows a polynomial of fifth order along the ground and one of sixth order in height, so that velocity and
     acceleration are zero at lift-off and landing.
     """
     parts = []
@@ -122,7 +122,7 @@ def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, st
         s = np.clip((own - phase.profile.ramp) / air, 0.0, 1.0)[:, None] if moving else np.zeros((len(own), 1))
         air = air if moving else 1.0
         lift = np.array([0.0, 0.0, step_height, 0.0])
-        along, up = _minimum_jerk(s), _bump(s)
+        along, up = minimum_jerk(s), _bump(s)
         order = [(after - before) * along[k] / air**k + lift * up[k] / air**k for k in range(3)]
         parts.append((before + order[0], order[1], order[2], (s[:, 0] == 0.0) | (s[:, 0] == 1.0)))
     return FootMotion(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
@@ -142,14 +142,15 @@ def _walk_until_stop(
         dcm, com = _end(phases[-1], omega)
         time, point, stance = phases[-1].end, hold, landing
 
-    # From rest the weight must first lean on the foot that lifts, to fall towards the other one.
+    # From rest the weight first moves onto the foot that lifts next, so that the body falls towards the other one.
     add(step, stance, None, _onward(stance, swing, joystick.at(time), gait, omega))
     while True:
         command = joystick.at(time)
         if not command.walking:
             landing = closed(stance, swing, gait)
             add(step, landing, swing, entry(landing.middle[None], (settle,), omega))
-            # The end is at rest over the middle by the choice of the hold before; to the last bit, as errors grow.
+            # The hold before was chosen so that this phase ends at rest over the middle. Its point is set there
+            # exactly, as rounding errors would grow.
             phases.append(Phase(time, settle, (point, landing.middle), dcm, com, landing, landing, None))
             return phases
         landing = stepped(stance, swing, command, gait)
@@ -190,8 +191,8 @@ def _pose(foot: Footstep) -> Array:
     return np.array([foot.x, foot.y, 0.0, foot.heading])
 
 
-def _minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
-    """10 s^3 - 15 s^4 + 6 s^5 and its derivatives."""
+def minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
+    """Minimum-jerk transition 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, and its first two derivatives."""
     return (
         s**3 * (10 - 15 * s + 6 * s**2),
         30 * s**2 * (1 - s) ** 2,
@@ -200,6 +201,6 @@ def _minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
 
 
 def _bump(s: Array) -> tuple[Array, Array, Array]:
-    """64 s^3 (1 - s)^3 and its derivatives: one at the middle, zero with two derivatives at both ends."""
+    """64 s^3 (1 - s)^3, and its first two derivatives: one in the middle, zero with both derivatives at both ends."""
     c = s * (1 - s)
     return 64 * c**3, 192 * c**2 * (1 - 2 * s), 384 * c * ((1 - 2 * s) ** 2 - c)

@@ -1,13 +1,13 @@
-r"""Walking up or down stairs: the plan of level ground on a slope, and the margin of soles at two heights.
+r"""Walking up or down stairs: the plan for level ground applied on a slope, and the margin with soles at two heights.
 
 Let the centre of mass keep to a plane :math:`z = k x + h` and the zero moment point to the plane :math:`z = k x` of the
-footholds, k the rise over the tread. The moment balance of a point mass,
+footholds, where k is the rise over the tread. The moment balance of a point mass,
 
 .. math:: (x - p)(\ddot z + g) = \ddot x\,(z - z_p), \qquad \ddot z = k \ddot x, \quad z - z_p = k (x - p) + h,
 
 loses its products: :math:`\ddot x = \frac{g}{h} (x - p)`, the law of level ground with the same :math:`\omega`. So
-the plan of `phantom_dyn.walking.pattern` holds as it is, if the slope begins and ends where the robot stands: from both
-feet on one tread to both feet on another. Only straight ahead: a turn leaves the slope.
+the plan of `phantom_dyn.walking.pattern` holds unchanged if the slope begins and ends where the robot stands, that is,
+from both feet on one tread to both feet on another. It holds straight ahead only, as a turn leaves the slope.
 
 In double support the soles are level at two heights. Their support polygon is that of their contact points seen along
 the contact force, `phantom_dyn.walking.zmp.support_polygon_along`; on one foot it is that of its sole.
@@ -29,16 +29,16 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick, Side
-from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
+from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, minimum_jerk, pendulum_motion, plan_walk
 from phantom_dyn.walking.walker import Walker
-from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
+from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, com_above_slope, whole_body_motion
 from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_of_wrench
 
 _SIDES: tuple[Side, Side] = ("left", "right")
 _START = 0.2
 """Time on both feet before the first step [s]."""
 _UP, _FORWARD = (0.0, 0.6), (0.25, 1.0)
-"""Shares of a swing in which a sole goes up a way up, and forward: it must pass the edge in front of it."""
+"""Shares of a swing in which a sole rises and moves forward when it goes up: it must clear the edge in front of it."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Stairs:
 
     Attributes:
         tread: Length of a tread [m].
-        rise: Height of a step [m], negative for a way down.
+        rise: Height of a step [m], negative downstairs.
 
     Raises:
         ParameterError: If the tread is not above 0, or the rise not finite.
@@ -79,16 +79,16 @@ class StairReference(ReadOnlyArrays):
 
     Attributes:
         t: Time [s], shape ``(N,)``.
-        stairs: What it walks on.
+        stairs: The stairs.
         phases: The plan along the ground.
         pendulum: Planned zero moment point, divergent component and centre of mass, horizontal.
-        com: Motion of the centre of mass, in its plane over the slope.
+        com: Motion of the centre of mass, in its plane above the slope.
         left: Motion of the left sole.
         right: Motion of the right sole.
         motion: Motion of the whole robot.
         zmp: Zero moment point of all bodies on the slope of the footholds [m], shape ``(N, 3)``.
         margin: Distance of the zero moment point to the edge of the support polygon [m], shape ``(N,)``.
-        clearance: Of the lower edge of both soles over the stairs [m], shape ``(N,)``.
+        clearance: Least height of both soles above the stairs below them [m], shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -105,7 +105,7 @@ class StairReference(ReadOnlyArrays):
 
 
 def stair_gait(walker: Walker, stairs: Stairs) -> Gait:
-    """A slow gait of one tread a step, the swinging sole lifted by 6 cm and half a step."""
+    """A slow gait of one tread per step that lifts the swinging sole by 6 cm and half the rise."""
     return Gait(
         foot_distance=walker.foot_distance,
         single_support=1.0,
@@ -120,9 +120,9 @@ def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope:
     """Point [m] of the plane z = slope x about which a wrench has no horizontal moment, shape ``(N, 3)``.
 
     Args:
-        force: [N], pressing in every sample.
-        moment: About the world's origin [N m].
-        slope: Of the plane along x.
+        force: Contact force [N], upwards in every sample, shape ``(N, 3)``.
+        moment: Contact moment about the world's origin [N m], shape ``(N, 3)``.
+        slope: Slope of the plane along x.
     """
     level = zmp_of_wrench(force, moment)
     along = force[:, :2] / force[:, 2:]
@@ -135,14 +135,14 @@ def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope:
 def climb(
     walker: Walker, stairs: Stairs, steps: int, *, gait: Gait | None = None, rate: float = 100.0
 ) -> StairReference:
-    """Walk over stairs from both feet on the tread at the origin, one tread a step, and stand on the last one.
+    """Walk over stairs from both feet on the tread at the origin, one tread per step, to both feet on the last one.
 
     Args:
-        walker: Biped.
-        stairs: What it walks on.
-        steps: Treads to go, two or more.
-        gait: How to step; by default slowly, as a foot goes two treads in a step and passes their edges.
-        rate: Samples in a second [Hz].
+        walker: The biped.
+        stairs: The stairs.
+        steps: Number of treads, two or more.
+        gait: How to step; by default slowly, as a foot passes two treads and their edges in a step.
+        rate: Sample rate [Hz].
 
     Raises:
         ParameterError: If there are fewer than two steps, the soles are longer than a tread, or a leg cannot follow.
@@ -166,13 +166,13 @@ def climb(
     t = np.arange(round(phases[-1].end * rate)) / rate
     pendulum = pendulum_motion(phases, t, omega)
     left, right = (_raised(foot_motion(phases, t, side, gait.step_height), side, phases, stairs, t) for side in _SIDES)
-    com = _on_slope(pendulum, walker.com_height, stairs.slope)
+    com = com_above_slope(pendulum, walker.com_height, stairs.slope)
     motion = whole_body_motion(walker, com, left, right)
     force, moment = contact_wrench(walker.model, motion.q, motion.v, motion.a)
     point = zmp_of_wrench(force, moment)
     margin = np.empty(len(t))
     for k in range(len(t)):
-        corners = np.vstack([_placed(walker.corners, foot.position[k]) for foot in (left, right) if foot.contact[k]])
+        corners = np.vstack([walker.corners_at(foot.position[k]) for foot in (left, right) if foot.contact[k]])
         margin[k] = support_polygon_along(corners, force[k]).margin(point[k : k + 1])[0]
     return StairReference(
         t=t,
@@ -189,18 +189,8 @@ def climb(
     )
 
 
-def _on_slope(pendulum: PendulumState, height: float, slope: float) -> ComMotion:
-    """The centre of mass in its plane."""
-    x, v, a = pendulum.com, pendulum.velocity, pendulum.acceleration
-    return ComMotion(
-        np.column_stack([x, height + slope * x[:, 0]]),
-        np.column_stack([v, slope * v[:, 0]]),
-        np.column_stack([a, slope * a[:, 0]]),
-    )
-
-
 def _raised(foot: FootMotion, side: Side, phases: tuple[Phase, ...], stairs: Stairs, t: Array) -> FootMotion:
-    """A sole of level ground on the stairs: on a way up first up, then forward, on a way down the other way round."""
+    """A sole's motion on level ground put onto the stairs: first up, then forward; downstairs first forward."""
     position, velocity, acceleration = foot.position.copy(), foot.velocity.copy(), foot.acceleration.copy()
     for phase in phases:
         within = (t >= phase.start) & (t < phase.end)
@@ -224,22 +214,14 @@ def _mirrored(span: tuple[float, float]) -> tuple[float, float]:
 
 
 def _eased(s: Array, begin: float, end: float) -> tuple[Array, Array, Array]:
-    """From 0 at ``begin`` to 1 at ``end`` with velocity and acceleration zero at both, and its derivatives."""
+    """Minimum-jerk transition from 0 at ``begin`` to 1 at ``end``, and its first two derivatives."""
     width = end - begin
-    u = np.clip((s - begin) / width, 0.0, 1.0)
-    return (
-        u**3 * (10 - 15 * u + 6 * u**2),
-        30 * u**2 * (1 - u) ** 2 / width,
-        60 * u * (1 - u) * (1 - 2 * u) / width**2,
-    )
-
-
-def _placed(corners: Float[Array, "4 2"], foot: Float[Array, " 4"]) -> Float[Array, "4 3"]:
-    return np.column_stack([corners + foot[:2], np.full(len(corners), foot[2])])
+    x, v, a = minimum_jerk(np.clip((s - begin) / width, 0.0, 1.0))
+    return x, v / width, a / width**2
 
 
 def _clearance(stairs: Stairs, feet: tuple[FootMotion, FootMotion], sole: float) -> Float[Array, " N"]:
-    """Least height of the soles over the stairs under them, at points a twentieth of a sole apart."""
+    """Least height of the soles above the stairs below them, at points a twentieth of a sole apart."""
     along = sole * np.linspace(-0.5, 0.5, 21)
     heights = []
     for foot in feet:

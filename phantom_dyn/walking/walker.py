@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot on two legs: a floating-base model, its soles, and the posture of the joints that do not walk."""
+"""A robot on two legs: a floating-base model, its soles, and a standing posture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Sole:
         back: x of the back edge.
         half_width_front: Half the length of the front edge.
         half_width_back: Half the length of the back edge.
-        below: How far the ground is below the frame.
+        below: Height of the frame above the ground.
     """
 
     frame: str
@@ -56,13 +56,13 @@ class Walker:
     """A biped ready to walk.
 
     Attributes:
-        model: Private copy with a free-flyer; the frames ``left_sole`` and ``right_sole`` are added to it.
+        model: Private copy with a free-flyer and the added frames ``left_sole`` and ``right_sole``.
         name: Name for figures.
-        corners: Of either sole about its middle [m], shape ``(4, 2)``.
-        posture: Configuration with both soles level on the ground at ``foot_distance``, legs bent, shape ``(nq,)``.
-        leg_columns: Velocities that walk: the base and both legs, shape ``(18,)``.
-        foot_distance: Between the middles of the soles in the posture [m].
-        com_height: Of the centre of mass above the soles in the posture [m].
+        corners: Corners of either sole about its middle [m], shape ``(4, 2)``.
+        posture: Configuration with bent legs and both soles level on the ground, shape ``(nq,)``.
+        leg_columns: Indices of the velocities of the base and both legs, 18 of them.
+        foot_distance: Distance between the middles of the soles in the posture [m].
+        com_height: Height of the centre of mass above the soles in the posture [m].
     """
 
     model: pin.Model
@@ -77,6 +77,12 @@ class Walker:
         object.__setattr__(self, "model", self.model.copy())
         object.__setattr__(self, "corners", read_only(self.corners))
         object.__setattr__(self, "posture", read_only(self.posture))
+
+    def corners_at(self, foot: Float[Array, " 4"]) -> Float[Array, "4 3"]:
+        """Corners of a sole in the world [m], shape ``(4, 3)``, from x, y, z of its middle and its heading."""
+        cosine, sine = np.cos(foot[3]), np.sin(foot[3])
+        turned = self.corners @ np.array([[cosine, sine], [-sine, cosine]])
+        return np.column_stack([turned + foot[:2], np.full(len(turned), foot[2])])
 
 
 def load_walker(
@@ -112,11 +118,12 @@ def load_walker(
     left_at, right_at = (data.oMf[model.getFrameId(f"{side}_sole")] for side in ("left", "right"))
     between = left_at.translation - right_at.translation
     tilt = max(abs(pose.rotation - np.eye(3)).max() for pose in (left_at, right_at))
-    # A tenth of a degree, and half a millimetre: what a rounded posture leaves.
+    # A rounded posture leaves a tenth of a degree and half a millimetre.
     if tilt > 2e-3 or abs(between[[0, 2]]).max() > 5e-4 or between[1] <= 0:
         raise RobotError(
-            f"{path}: in the posture the soles are not level side by side, the left one being off by "
-            f"({between[0]:.4f}, {between[1]:.4f}, {between[2]:.4f}) m and tilted by {tilt:.4f}: correct the posture."
+            f"{path}: in the posture the soles are not level side by side: the left one is at "
+            f"({between[0]:.4f}, {between[1]:.4f}, {between[2]:.4f}) m from the right one, and a sole is tilted by "
+            f"{tilt:.4f} rad: correct the posture."
         )
     middle = (left_at.translation + right_at.translation) / 2
     q[:3] -= middle
@@ -159,7 +166,7 @@ TALOS_BENT = MappingProxyType(
         for joint, value in ((3, -0.6), (4, 1.2), (5, -0.6))
     }
 )
-"""TALOS with its knees bent farther, for stairs: the rear leg must reach a step down."""
+"""TALOS with its knees bent farther for stairs, so that the rear leg reaches one step down."""
 
 G1_SOLE = Sole("left_ankle_roll_link", 0.12, -0.05, 0.03, 0.025, 0.035)
 """Unitree G1: the lowest points of the four contact spheres in its URDF."""

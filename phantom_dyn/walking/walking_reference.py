@@ -13,7 +13,7 @@ from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick
 from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
 from phantom_dyn.walking.walker import Walker
-from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
+from phantom_dyn.walking.whole_body import WholeBodyMotion, com_above_slope, whole_body_motion
 from phantom_dyn.walking.zmp import SupportPolygon, support_polygon, zmp_from_contact_wrench
 
 
@@ -62,10 +62,11 @@ class WalkingReference(ReadOnlyArrays):
 def haptic_signal(margin: Float[Array, " N"], *, silent_above: float) -> Float[Array, " N"]:
     """Drive of the controller's motor: 0 with margin to spare, rising in a line to 1 where the robot starts to tip.
 
-    The published fragment has a motor that tells the user how the walk is, and no equation for it; this one is ours.
+    The published fragment has a motor that tells the user how stable the walk is, but no equation for it. This one is
+    ours.
 
     Args:
-        margin: Of the zero moment point [m], shape ``(N,)``.
+        margin: Distance of the zero moment point to the edge of its polygon [m], shape ``(N,)``.
         silent_above: Margin at and above which nothing is felt [m].
 
     Raises:
@@ -83,17 +84,17 @@ def walk(
 ) -> WalkingReference:
     """Walk from standing at the origin as the joystick says.
 
-    Footsteps follow the stick at each landing, so that a stop ends within two steps: the one under way, and one that
-    closes the feet. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed
-    form; joints follow by inverse kinematics; the zero moment point is that of all bodies. The walk is a reference:
-    where its margin is negative, the robot would tip, and all that is done about it is to let the hand feel it.
+    The stick is read at each landing, so that a stop takes two steps at most: the one under way, and one that closes
+    the feet. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed form.
+    Joints follow by inverse kinematics. The zero moment point is that of all bodies. The walk is only a reference:
+    where its margin is negative the robot would tip, and nothing corrects it; the hand feels it.
 
     Args:
-        walker: Biped.
-        joystick: What the user does; it is not looked at ahead of time.
-        duration: Time to walk for [s].
-        gait: How to step; by default the standard gait at the walker's own distance between its feet.
-        rate: Samples in a second [Hz].
+        walker: The biped.
+        joystick: Settings of the user's controller; only those of the past are used at any time.
+        duration: Duration of the walk [s].
+        gait: How to step; by default the standard gait with the feet as far apart as in the walker's posture.
+        rate: Sample rate [Hz].
 
     Raises:
         ParameterError: If the joystick asks for more than the gait has, or a leg cannot follow.
@@ -107,7 +108,7 @@ def walk(
     t = np.arange(round(duration * rate)) / rate
     pendulum = pendulum_motion(phases, t, omega)
     left, right = (foot_motion(phases, t, side, gait.step_height) for side in ("left", "right"))
-    motion = whole_body_motion(walker, _at_height(pendulum, walker.com_height), left, right)
+    motion = whole_body_motion(walker, com_above_slope(pendulum, walker.com_height, 0.0), left, right)
     zmp = zmp_from_contact_wrench(walker.model, motion.q, motion.v, motion.a)
     polygons, index = _polygons(walker, left, right)
     margin = np.empty(len(t))
@@ -116,17 +117,8 @@ def walk(
     return WalkingReference(t, joystick, gait, phases, pendulum, left, right, motion, zmp, polygons, index, margin)
 
 
-def _at_height(pendulum: PendulumState, height: float) -> ComMotion:
-    level = np.zeros((len(pendulum.com), 1))
-    return ComMotion(
-        np.hstack([pendulum.com, level + height]),
-        np.hstack([pendulum.velocity, level]),
-        np.hstack([pendulum.acceleration, level]),
-    )
-
-
 def _polygons(walker: Walker, left: FootMotion, right: FootMotion) -> tuple[tuple[SupportPolygon, ...], Array]:
-    """Support polygons and the one that holds at each sample."""
+    """Support polygons, and the index of the one that holds at each sample, shape ``(N,)``."""
     on_ground = np.stack([left.contact, right.contact], axis=1)
     placed = np.hstack([left.position * on_ground[:, :1], right.position * on_ground[:, 1:]])
     state = np.hstack([on_ground, placed])
@@ -134,10 +126,5 @@ def _polygons(walker: Walker, left: FootMotion, right: FootMotion) -> tuple[tupl
     polygons = []
     for k in np.flatnonzero(changed):
         feet = [foot.position[k] for foot in (left, right) if foot.contact[k]]
-        polygons.append(support_polygon(np.vstack([_placed(walker.corners, foot) for foot in feet])))
+        polygons.append(support_polygon(np.vstack([walker.corners_at(foot)[:, :2] for foot in feet])))
     return tuple(polygons), np.cumsum(changed) - 1
-
-
-def _placed(corners: Array, foot: Array) -> Array:
-    cosine, sine = np.cos(foot[3]), np.sin(foot[3])
-    return corners @ np.array([[cosine, sine], [-sine, cosine]]) + foot[:2]

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Inverse kinematics of a biped: joint motion that puts centre of mass, base and both soles where they are wanted.
+"""Inverse kinematics of a biped: joint motion for given motions of the centre of mass and both soles.
 
-Eighteen coordinates (the base and two legs of six joints) meet eighteen wishes: the centre of mass, an upright base
+Eighteen coordinates (the base and two legs of six joints) meet eighteen conditions: the centre of mass, an upright base
 with a heading, and two sole poses. Velocities and accelerations follow exactly; nothing is differentiated numerically.
 """
 
@@ -15,13 +15,14 @@ import pinocchio as pin
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import ReadOnlyArrays
+from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker
 
 TOLERANCE = 1e-10
-"""Residual in m and rad at which Newton's method stops: rounding, far below what shows in a zero moment point."""
+"""Residual [m and rad] at which Newton's method stops: far below what would show in a zero moment point."""
 MAX_STEPS = 30
-"""Steps of Newton's method at most; from the sample before it takes three or four."""
+"""Largest number of Newton steps; started from the sample before, it takes three or four."""
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
@@ -32,6 +33,16 @@ class ComMotion:
     position: Float[Array, "N 3"]
     velocity: Float[Array, "N 3"]
     acceleration: Float[Array, "N 3"]
+
+
+def com_above_slope(pendulum: PendulumState, height: float, slope: float) -> ComMotion:
+    """Centre of mass of a planned pendulum, at a height [m] above a plane that rises by ``slope`` along x."""
+    x, v, a = pendulum.com, pendulum.velocity, pendulum.acceleration
+    return ComMotion(
+        np.column_stack([x, height + slope * x[:, 0]]),
+        np.column_stack([v, slope * v[:, 0]]),
+        np.column_stack([a, slope * a[:, 0]]),
+    )
 
 
 @dataclass(frozen=True)
@@ -47,10 +58,10 @@ def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: F
     """Motion of base and legs; the other joints stay in the walker's posture.
 
     Args:
-        walker: Biped.
-        com: Where the centre of mass should be.
-        left: Where the left sole should be.
-        right: Where the right sole should be; the base heads where both soles head on average.
+        walker: The biped.
+        com: Motion of the centre of mass.
+        left: Motion of the left sole.
+        right: Motion of the right sole. The base has the mean heading of both soles.
 
     Raises:
         ParameterError: If a leg cannot reach its sole, or goes beyond a joint's limits.
@@ -93,7 +104,7 @@ def _solve(
 
 
 def _residual(model: pin.Model, data: pin.Data, q: Array, com: Array, base: Array, soles: list[pin.SE3]) -> Array:
-    """What is still to go: centre of mass, base and soles, rotations as vectors in world axes."""
+    """Remaining error of centre of mass, base and soles, shape ``(18,)``, with rotation vectors in world axes."""
     pin.framesForwardKinematics(model, data, q)
     parts = [com - pin.centerOfMass(model, data, q), pin.log3(base @ data.oMi[1].rotation.T)]
     for name, wanted in zip(("left_sole", "right_sole"), soles, strict=True):
@@ -103,7 +114,7 @@ def _residual(model: pin.Model, data: pin.Data, q: Array, com: Array, base: Arra
 
 
 def _jacobian(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Rows as `_rates`."""
+    """Jacobian of the quantities of `_rates`, in world axes, shape ``(18, nv)``."""
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     rows = [pin.jacobianCenterOfMass(model, data, q, False)]
@@ -113,7 +124,7 @@ def _jacobian(model: pin.Model, data: pin.Data, q: Array) -> Array:
 
 
 def _drift(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
-    """Accelerations that the velocities alone bring, rows as `_rates`."""
+    """Accelerations at zero joint acceleration, in the order of `_rates`."""
     rest = np.zeros(model.nv)
     pin.centerOfMass(model, data, q, v, rest)
     parts = [data.acom[0].copy()]

@@ -1,16 +1,16 @@
 # pyright: reportAttributeAccessIssue=false
 r"""Zero moment point of a whole robot and of the inverted pendulum, and the support polygon that it has to stay in.
 
-The equations of this section of the source are lost; it cites [Huang]_. With :math:`L` the angular momentum of a body
-about its own centre of mass, right-handed, :math:`z` up and counted from the ground:
+The equations of this section of the source are lost; it cites [Huang]_. Let :math:`L` be the angular momentum of a body
+about its own centre of mass, in right-handed axes, with :math:`z` upwards from the ground. Then
 
 .. math::
     x_{zmp} = \frac{\sum m (\ddot z + g) x - \sum m \ddot x z - \sum \dot L_y}{\sum m (\ddot z + g)}, \qquad
     y_{zmp} = \frac{\sum m (\ddot z + g) y - \sum m \ddot y z + \sum \dot L_x}{\sum m (\ddot z + g)}
 
-The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both rows, which holds for another convention of the
-axes only; with a right-handed :math:`L_x` it moves the point by up to a metre in fast motion. Leaving :math:`\dot L`
-out (point masses) does nearly as much. Both are held by a test.
+The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both rows, which holds only for another convention of the
+axes. With a right-handed :math:`L_x` it moves the point by up to a metre in fast motion. To leave :math:`\dot L` out
+(point masses) does nearly as much. A test checks both.
 
 References:
     .. [Huang] Q. Huang et al., Planning walking patterns for a biped robot, IEEE Trans. Robotics and Automation 17(3),
@@ -53,16 +53,12 @@ class SupportPolygon(ReadOnlyArrays):
         inside = (edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0] >= 0).all(axis=1)
         return np.where(inside, distance, -distance)
 
-    def contains(self, points: Float[Array, "N 2"]) -> np.ndarray:
-        """True where a point lies in the polygon or on its boundary, shape ``(N,)``."""
-        return self.margin(points) >= 0
-
 
 def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
     """Support polygon of the contact points of all feet on the ground.
 
     Args:
-        contacts: Contact points [m], shape ``(C, 2)``, in any order; those inside the hull do not count.
+        contacts: Contact points [m], shape ``(C, 2)``, in any order. Points inside the hull are ignored.
 
     Raises:
         ParameterError: If fewer than three points are given, one is not finite, or all lie on one line.
@@ -81,20 +77,20 @@ def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
 
 
 def support_polygon_along(contacts: Float[Array, "C 3"], force: Float[Array, " 3"]) -> SupportPolygon:
-    r"""Support polygon of contact points at any heights: their hull on the level z = 0, seen along the contact force.
+    r"""Support polygon of contact points at different heights: hull of their projections along the force onto z = 0.
 
     A force f through the point :math:`\sum \lambda_i c_i`, :math:`\lambda_i \ge 0`, :math:`\sum \lambda_i = 1`, is
-    the sum of forces :math:`\lambda_i f` at the contacts c_i, all parallel to it. So a motion whose force f has its
-    zero moment point on z = 0 inside this polygon needs no force but such ones, if f is within the cone of friction.
-    Another level moves point and polygon alike, so that the margin does not depend on it; of soles of one height it is
+    the sum of parallel forces :math:`\lambda_i f` at the contacts c_i. So if the zero moment point on z = 0 of a force
+    f is inside this polygon, and f within the cone of friction, such contact forces produce the motion. A level other
+    than z = 0 moves point and polygon alike, so that the margin does not depend on it. For soles at one height it is
     the margin in their plane.
 
     Args:
         contacts: Contact points [m], shape ``(C, 3)``.
-        force: Sum of the contact forces [N], pressing.
+        force: Sum of the contact forces [N], upwards, shape ``(3,)``.
 
     Raises:
-        ParameterError: If the force does not press, or as for `support_polygon`.
+        ParameterError: If the force does not point upwards, or as for `support_polygon`.
     """
     _pressing(force[2:])
     return support_polygon(contacts[:, :2] - contacts[:, 2:] * force[:2] / force[2])
@@ -107,9 +103,9 @@ def zmp_from_bodies(
 
     Args:
         model: Robot with a free-flyer as its first joint.
-        q: Configurations, quaternion of the base included, shape ``(N, nq)``.
-        v: Velocities, of the base in its own frame, shape ``(N, nv)``.
-        a: Their time derivatives, shape ``(N, nv)``.
+        q: Configurations with the quaternion of the base [m, rad], shape ``(N, nq)``.
+        v: Velocities, those of the base in its own frame [m/s, rad/s], shape ``(N, nv)``.
+        a: Time derivatives of the velocities, shape ``(N, nv)``.
         ground: Height of the ground [m].
 
     Raises:
@@ -134,7 +130,7 @@ def zmp_from_centroidal_momentum(
 ) -> Float[Array, "N 2"]:
     """Zero moment point [m] from the rate of change of the centroidal momentum, shape ``(N, 2)``.
 
-    Arguments and errors as `zmp_from_bodies`.
+    Arguments and errors are those of `zmp_from_bodies`.
     """
     g = _vertical_gravity(model)
     data = model.createData()
@@ -153,8 +149,8 @@ def contact_wrench(
 ) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"]]:
     """Force [N] and moment [N m] about the world's origin that the ground must exert, world axes, each ``(N, 3)``.
 
-    It is what inverse dynamics asks for at the floating base; the feet are its only source. Arguments as
-    `zmp_from_bodies`.
+    Inverse dynamics gives them as the wrench at the floating base, which only the feet can provide. Arguments are those
+    of `zmp_from_bodies`.
 
     Raises:
         RobotError: If the base does not float or gravity is not vertical.
@@ -173,14 +169,14 @@ def contact_wrench(
 def zmp_of_wrench(
     force: Float[Array, "N 3"], moment: Float[Array, "N 3"], *, ground: float = 0.0
 ) -> Float[Array, "N 2"]:
-    """Point [m] of the level ``ground`` about which a wrench has no horizontal moment, shape ``(N, 2)``.
+    """Point [m] at height ``ground`` about which a wrench has no horizontal moment, shape ``(N, 2)``.
 
     Args:
-        force: [N], pressing in every sample.
-        moment: About the world's origin [N m].
-        ground: Height of the level [m].
+        force: Contact force [N], upwards in every sample, shape ``(N, 3)``.
+        moment: Contact moment about the world's origin [N m], shape ``(N, 3)``.
+        ground: Height of the ground [m].
     """
-    # Moment about the point of the ground below the world's origin: n - (0, 0, ground) x f.
+    # Moment about the point of the ground below the world's origin: moment - (0, 0, ground) x force.
     moment_x = moment[:, 0] + ground * force[:, 1]
     moment_y = moment[:, 1] - ground * force[:, 0]
     return np.stack([-moment_y, moment_x], axis=1) / _pressing(force[:, 2])[:, None]
@@ -191,13 +187,13 @@ def zmp_from_contact_wrench(
 ) -> Float[Array, "N 2"]:
     """Zero moment point [m] from the wrench that the ground must exert, shape ``(N, 2)``.
 
-    Arguments and errors as `zmp_from_bodies`.
+    Arguments and errors are those of `zmp_from_bodies`.
     """
     return zmp_of_wrench(*contact_wrench(model, q, v, a), ground=ground)
 
 
 def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Array, Array, Array]:
-    """Mass, centre of mass, its acceleration and the body's rate of spin about it, in world axes."""
+    """Mass, centre of mass, its acceleration, and the rate of angular momentum about it, in world axes."""
     inertia = model.inertias[joint]
     rotation = data.oMi[joint].rotation
     omega = data.v[joint].angular

@@ -1,1 +1,1 @@
-"""Drives: torque of currents and voltages, shares of a supply, loops that a log shows, references that arrive late."""
+"""Drives: torque from currents and voltages, position loops that a log shows, and when references reach the drive."""

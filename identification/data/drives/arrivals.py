@@ -1,9 +1,9 @@
-"""What a voltage that is read once a frame leaves open: when within the frame the next reference arrives in the drive.
+"""Torque that stays unknown because a bus reads the voltage of a drive once per frame.
 
-A drive follows a held reference until the next one comes, so that its voltage jumps when it comes and falls as the
-joint follows. A bus reads it once a frame, always at the same moment after a jump: the line through the readings is not
-the mean over the frame. Both differ by the gain times the change of the reference in up to half a frame, of either
-sign, and the readings are the same whenever the reference arrives. Only the motion can say.
+A drive holds each reference until the next one arrives. Its voltage jumps at that moment and then falls as the joint
+follows. The bus reads the voltage always at the same moment after a jump, so that a line through the readings is not
+the mean over the frame. The two differ by the gain times the change of the reference in at most half a frame, with
+either sign. The readings do not depend on when the reference arrives within the frame; only the motion shows it.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-# Moments of a frame at which a voltage is asked for.
+# Points within a frame over which a voltage is averaged.
 _FINE = 16
-# When references may arrive, of a frame from its middle.
+# Arrival of the reference in a frame, as a share of the frame from its middle.
 _PARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 
 
 @dataclass(frozen=True)
 class BetweenReadings:
-    """What drives do between two readings of their voltage that are a frame apart, shape ``(N, nv)`` [N m or N].
+    """Torque of drives between two readings of their voltage, one frame apart, shape ``(N, nv)`` [N m or N].
 
     Attributes:
-        torque: Mean over the frame about each reading less the line through the readings, where references arrive in
-            the middle of a frame; zero but where a drive drops its voltage.
-        arrival: Change of that mean with references that arrive a frame later.
-        doubt: Standard deviation of what is not in proportion to that: whether a drive drops its voltage in this frame
-            or the next. It has the sign of the change, so that filters make of it what they make of the torque.
+        torque: Mean over the frame around each reading minus the line through the readings, if references arrive in
+            the middle of a frame. It is zero unless a drive reduces its voltage to protect itself.
+        arrival: Change of that mean if references arrive one frame later.
+        doubt: Standard deviation of the part that is not proportional to the arrival: whether a drive reduces its
+            voltage in this frame or in the next. It is signed, so that filters act on it as on the torque.
     """
 
     torque: Float[Array, "N nv"]
@@ -44,12 +44,12 @@ class BetweenReadings:
 
 
 def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], held: bool) -> BetweenReadings | None:
-    """What readings of voltages leave out; None where there is no such reading or references act at once.
+    """Torque between readings of voltages; None without such readings, or if references act at once.
 
     Args:
-        recording: With the loops that were read from its voltages.
+        recording: Recording whose loops were identified from its voltages.
         robot: Gives the constants of the drives.
-        t: Uniform times [s].
+        t: Uniform times [s], shape ``(N,)``.
         held: True if a reference acts from its sample to the next.
     """
     if not held or recording.q_ref is None or not recording.loops:
@@ -74,7 +74,7 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
 
 
 def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int) -> Float[Array, " N"]:
-    """Voltage of a loop when it is read."""
+    """Voltage of a loop at the moments at which it is read, shape ``(N,)``."""
     assert recording.q_ref is not None
     reference = np.interp(t - loop.delay, recording.t, recording.q_ref[:, j])
     return loop.put_out(reference - np.interp(t, recording.t, recording.q[:, j]))
@@ -83,14 +83,14 @@ def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], 
 def _mean_voltage(
     loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int, part: float
 ) -> Float[Array, " N"]:
-    """Voltage of a loop along the recorded motion, mean over the frame about each time.
+    """Voltage of a loop along the recorded motion, averaged over the frame around each time, shape ``(N,)``.
 
     Args:
         loop: The loop.
         recording: Gives references and motion.
-        t: Uniform times [s], a frame apart.
-        j: The joint.
-        part: Of a frame by which references arrive later than half a frame before they are read.
+        t: Uniform times [s], one frame apart.
+        j: Index of the joint.
+        part: Arrival of references, as one of `_PARTS`.
     """
     assert recording.q_ref is not None
     frame = float((t[-1] - t[0]) / max(len(t) - 1, 1))
@@ -104,13 +104,13 @@ def _mean_voltage(
 
 
 def arrival_notes(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Note, ...]:
-    """A note on each joint whose references arrive at a moment that is left open, with the friction that is as much.
+    """Notes on joints whose references arrive at an unknown moment, with the viscous friction that has the same effect.
 
-    Another one where its drive protects itself.
+    There is one more note for each recording in which such a drive reduces its voltage to protect itself.
 
     Args:
-        robot: Names these joints.
-        recordings: With their loops.
+        robot: Robot with `open_arrivals`.
+        recordings: Recordings with their loops.
     """
     out = []
     for joint in robot.open_arrivals:
@@ -131,12 +131,7 @@ def _drop_note(recording: Recording, robot: Robot, j: int, loop: DriveLoop) -> N
 
 
 def with_open_arrivals(robot: Robot, logs: tuple[Log, ...]) -> Robot:
-    """The robot with the joints whose references arrive at a moment of a frame that the logs leave open.
-
-    Args:
-        robot: The given model.
-        logs: Of all recordings.
-    """
+    """The robot with the names of the joints whose references arrive at an unknown moment of a frame."""
     left_open = [log.arrival.any(axis=0) for log in logs if log.arrival is not None]
     if not left_open:
         return robot

@@ -1,8 +1,8 @@
-"""Adds gravity and friction of the model to recorded torques from which a controller had subtracted its own.
+"""Adds the model's gravity and friction to recorded torques from which a controller had subtracted its own.
 
-A column map says so. A low pass of the torque is inverted first. Gravity needs the positions alone. Friction needs
-velocities, and where a joint stands these are noise whose sign changes at every sample; so it is added with the same
-velocities from which the model's friction is computed, and both cancel.
+The column map says which torques these are. A low pass of the torque is inverted first. Gravity needs only positions.
+Friction needs velocities, and at standstill these are noise whose sign changes at every sample. It is therefore added
+with the same velocities from which the model's friction is computed, so that the two cancel.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phantom_dyn.motion import read_only
 
 
 def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
-    """Joints from whose torque a controller had taken ``gravity`` or ``friction``, in the robot's order.
+    """Joints from whose torque a controller had subtracted ``gravity`` or ``friction`` (`part`), in the robot's order.
 
     Raises:
         LogError: If the column map names a joint that the robot does not have.
@@ -43,14 +43,14 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
 def before_low_pass(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
-    r"""Torques as they were before a low pass of first order, and a sentence that says which one was inverted.
+    r"""Torques before a low pass of first order, and a sentence that says which low passes were inverted.
 
-    A low pass of the time constant T whose input is :math:`\tau + T \dot\tau` gives :math:`\tau`.
+    A low pass with time constant T turns :math:`\tau + T \dot\tau` into :math:`\tau`.
 
     Args:
-        table: Says which torques went through which low pass, as the column map has it.
+        table: Table with the low passes that the column map states.
         robot: Gives the joints.
-        tau: Drive torques as recorded [N m or N].
+        tau: Drive torques as recorded [N m or N], shape ``(N, nv)``.
 
     Raises:
         LogError: If the column map names a joint that the robot does not have.
@@ -72,12 +72,12 @@ def before_low_pass(
 
 
 def gravity_taken(robot: Robot, q: Float[Array, "N nv"], joints: tuple[str, ...]) -> Float[Array, "N nv"]:
-    """Gravity torque of some joints [N m or N]; zero for the others.
+    """Gravity torque of some joints [N m or N], zero for the others, shape ``(N, nv)``.
 
     Args:
-        robot: Its gravity torque stands for the controller's.
-        q: Joint positions [rad or m].
-        joints: Which.
+        robot: Its gravity torque is taken to be the controller's.
+        q: Joint positions [rad or m], shape ``(N, nv)``.
+        joints: Names of the joints whose gravity is wanted.
 
     Raises:
         ChainError: If a loop of a closed chain cannot be closed at a sample.
@@ -86,18 +86,18 @@ def gravity_taken(robot: Robot, q: Float[Array, "N nv"], joints: tuple[str, ...]
 
 
 def friction_taken(robot: Robot, recording: Recording, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Friction torque that a controller had taken out of a recording [N m or N].
+    """Friction torque that a controller had subtracted from a recording [N m or N], shape ``(N, nv)``.
 
     Args:
-        robot: Its friction stands for the controller's.
-        recording: Says of which joints.
-        v: Velocities from which the model's friction is computed too.
+        robot: Its friction is taken to be the controller's.
+        recording: Names the joints whose friction was subtracted.
+        v: Velocities from which the model's friction is computed as well [rad/s or m/s], shape ``(N, nv)``.
     """
     return own_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
 
 
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:
-    """What is put back into which torques, a sentence for gravity and one for friction."""
+    """Sentences on gravity and friction that are added to torques, and on what these can no longer show."""
     weightless, smooth = (joints_without(table, robot, part) for part in ("gravity", "friction"))
     rubbing = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
     rough = tuple(joint for joint in smooth if rubbing[joint] > 0)

@@ -1,25 +1,31 @@
 # pyright: reportAttributeAccessIssue=false
-"""Torque of every joint from what was recorded: torque, current or voltage of its drive, and measured forces."""
+"""Torque of every joint from the recorded torque, current or voltage of its drive, and from measured forces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from identification.data.drive_loop import DriveLoop, drive_loop
 from identification.data.mending import mended_position
 from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.kinematics import wrench_torque
-from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.model.robot import Actuator, Robot
-from phantom_dyn.motion import side_by_side
+from phantom_dyn.motion import read_only, side_by_side
 
-# Copper's resistance grows by so much per kelvin.
+# Relative growth of copper's resistance per kelvin.
 _COPPER = 0.00393
-# Of the resistance: a smaller growth is less than what data sheets are right to, and is not said.
+# Relative growth of the resistance below which nothing is reported: data sheets are not more precise.
 _SAID = 0.01
+# Largest share of the supply; a little more is rounding.
+_WHOLE = 1.0 + 1e-6
+# Samples in the middle of a long recording from which a loop is identified.
+_ROWS = 60000
 
 
 class NoTorqueError(LogError):
@@ -38,36 +44,39 @@ def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> floa
 
 
 def per_volt(actuator: Actuator) -> float:
-    """Torque on the joint side per volt at standstill [N m/V or N/V]; zero where a constant is not stated."""
+    """Torque on the joint side per volt at standstill [N m/V or N/V]; zero if a constant is not stated."""
     if actuator.torque_constant is None or actuator.resistance is None:
         return 0.0
     return actuator.torque_constant * actuator.gear_ratio / actuator.resistance
 
 
 def per_speed(actuator: Actuator) -> float:
-    """Torque on the joint side that back-EMF takes per speed [N m s/rad or N s/m]; zero where it is not known."""
+    """Loss of torque on the joint side to back-EMF per speed [N m s/rad or N s/m]; zero if a constant is not stated."""
     return (
         0.0 if actuator.torque_constant is None else per_volt(actuator) * actuator.torque_constant * actuator.gear_ratio
     )
 
 
 def voltage_bound(actuator: Actuator) -> float:
-    """Torque [N m or N] at standstill of the largest voltage of a drive; infinite where that is not known."""
+    """Torque at standstill under the largest voltage of a drive [N m or N]; infinite if that is not stated."""
     return per_volt(actuator) * actuator.voltage_limit if actuator.voltage_limit and per_volt(actuator) else np.inf
 
 
 def warm_share(table: Table, joint: str) -> Float[Array, " N"] | float:
-    """Resistance of a motor at the coldest of a recording as a share of the one at each time; one without temperature.
+    """Resistance of a motor when coldest in a recording over that at each time, shape ``(N,)``; one if not measured.
 
-    Nobody says at which temperature a resistance was stated: a data sheet's is that of a cold motor, one that was
-    fitted that of the motor as it ran. Only how it changes within a recording is certain.
+    At which temperature a stated resistance holds is not known: a data sheet gives it for a cold motor, a fit for the
+    motor as it ran. Only its change within a recording is certain.
     """
     warm = table.columns.get(f"temp.{joint}")
     return 1.0 if warm is None else copper_share(warm)
 
 
 def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
-    """The same at temperatures [deg C]; one where none was measured."""
+    """Resistance of copper at the lowest temperature over that at each temperature [deg C], shape ``(N,)``.
+
+    It is one throughout if no temperature was measured.
+    """
     # A register that nobody fills is zero throughout.
     known = np.isfinite(warm)
     if not known.any() or not np.any(warm[known]):
@@ -77,10 +86,10 @@ def copper_share(warm: Float[Array, " N"]) -> Float[Array, " N"]:
 
 
 def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
-    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`, of a motor that warms.
+    r"""Torque from the voltage of a motor that warms: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`.
 
-    Where no velocity was recorded it is that of differences of the mended positions, as a dropout of one sample is none
-    of the motor; whoever filters the positions takes the back-EMF of the filtered ones, see `Recording.slowing`.
+    Without a recorded velocity, positions are differentiated. They are mended first, as a dropout of one sample is no
+    motion. When positions are filtered later, the back-EMF of the filtered ones replaces this one: `Recording.slowing`.
     """
     _constant(table, joint, actuator, f"u.{joint}")
     if actuator.resistance is None:
@@ -95,24 +104,24 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
 
 
 def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) -> Float[Array, " nv"] | None:
-    """Torque per speed of joints whose back-EMF was computed from differences of positions; None if there is none.
+    """Torque per speed of joints whose back-EMF was computed from differences of positions; None without such joints.
 
     Args:
         table: Columns under the contract's names.
         robot: Gives the constants of its drives.
-        torque_from: The quantity that gave the torque of each joint.
+        torque_from: For each joint, the quantity from which its torque was computed, as `torque_sources` says.
     """
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     differenced = [torque_from.get(joint) == "u" and f"v.{joint}" not in table.columns for joint in robot.joint_names]
     if not any(differenced):
         return None
-    # Of what the filter takes from speeds, the mean of a motor that warms is enough.
+    # The mean resistance of a motor that warms is enough here: only what the filter removes from speeds is scaled.
     warm = [float(np.mean(warm_share(table, joint))) for joint in robot.joint_names]
     return np.array([w * per_speed(a) if own else 0.0 for (_, a), own, w in zip(pairs, differenced, warm, strict=True)])
 
 
 def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
-    """A sentence on a motor whose resistance is not the stated one."""
+    """A sentence on a motor whose resistance grows with its temperature, if it grows enough to matter."""
     share, resistance = warm_share(table, joint), actuator.resistance
     if resistance is None or np.max(np.abs(np.asarray(share) - 1.0)) < _SAID:
         return ()
@@ -123,14 +132,40 @@ def _warming(table: Table, joint: str, actuator: Actuator) -> tuple[str, ...]:
     )
 
 
+def with_voltages(table: Table) -> Table:
+    """The table with ``u.<joint>`` computed from ``duty.<joint>`` and ``supply`` for joints without a voltage.
+
+    Raises:
+        LogError: If a duty cycle is not between -1 and 1.
+    """
+    duties = {name.partition(".")[2]: values for name, values in table.columns.items() if name.startswith("duty.")}
+    for joint, duty in duties.items():
+        largest = float(np.max(np.abs(duty), initial=0.0))
+        if largest > _WHOLE:
+            raise LogError(
+                f"{table.file}: duty.{joint} reaches {largest:g}, wanted the share of the supply, -1 to 1: map it with "
+                f"its unit, as in duty.{joint}: {{from: duty.{joint}, unit: percent}}."
+            )
+    lacking = [joint for joint in duties if f"u.{joint}" not in table.columns]
+    if not lacking:
+        return table
+    if "supply" not in table.columns:
+        names = listed(f"duty.{joint}" for joint in lacking)
+        sentence = f"{table.file}: {names} not used: a voltage from it needs a column supply (voltage of the supply)."
+        return replace(table, warnings=(*table.warnings, sentence))
+    supply = table.columns["supply"]
+    voltages = {f"u.{joint}": read_only(duties[joint] * supply) for joint in lacking}
+    return replace(table, columns={**table.columns, **voltages})
+
+
 def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
-    """The quantity that gives the torque of each joint: ``tau``, ``i`` or ``u``; joints that have none are left out."""
+    """For each joint, the quantity that gives its torque: ``tau``, ``i`` or ``u``. Joints with none are left out."""
     found = {joint: [x for x in ("tau", "i", "u") if f"{x}.{joint}" in table.columns] for joint in joints}
     return {joint: quantities[0] for joint, quantities in found.items() if quantities}
 
 
 def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
-    """Torque of one joint, or None if nothing gives it; zeros where nobody knows its drive."""
+    """Torque of one joint; None if no column gives it, zeros if its drive is unknown or it has none."""
     if not actuator.drive_known:
         return np.zeros(len(table.columns["t"]))
     if f"tau.{joint}" in table.columns:
@@ -156,16 +191,16 @@ def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
 def drive_torque(
     table: Table, robot: Robot, torque_needed: bool
 ) -> tuple[Float[Array, "N nv"] | None, tuple[str, ...]]:
-    """Drive torque on the joint side [N m or N], shape ``(N, nv)``, read-only, and what was noticed about it.
+    """Drive torque on the joint side [N m or N], shape ``(N, nv)``, read-only, and warnings about it.
 
     Args:
         table: Columns under the contract's names.
         robot: Gives the joints and the constants of its drives.
-        torque_needed: If False, None is returned where a joint has no torque.
+        torque_needed: If False, the torque is None when a joint has none.
 
     Raises:
-        LogError: If a driven joint has no torque and it is needed, a constant is missing that turns current or voltage
-            into torque, or the torque of every joint is zero.
+        LogError: If torque is needed and a driven joint has none, if a constant that turns current or voltage into
+            torque is missing, or if the torque of every joint is zero.
     """
     pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
     found = {joint: _one_joint(table, joint, actuator) for joint, actuator in pairs}
@@ -195,12 +230,12 @@ def drive_torque(
 def external_torque(
     robot: Robot, q: Float[Array, "N nv"], forces: Mapping[str, Float[Array, "N 3"]]
 ) -> Float[Array, "N nv"]:
-    r"""Torque :math:`\sum J^T f` that forces on the robot put on its joints, :math:`(N, nv)` [N m or N].
+    r"""Joint torque :math:`\sum J^T f` of external forces [N m or N], shape ``(N, nv)``.
 
     Args:
         robot: Gives frames and loops.
-        q: Joint positions [rad or m].
-        forces: Force on the robot [N], world axes, by the frame at whose origin it acts.
+        q: Joint positions [rad or m], shape ``(N, nv)``.
+        forces: For each frame, the force on the robot at its origin [N], world axes, shape ``(N, 3)``.
 
     Raises:
         LogError: If the robot has no such frame, or a force is not finite.
@@ -217,15 +252,15 @@ def external_torque(
 
 
 def require_frames(robot: Robot, frames: Iterable[str], quantity: str = "f") -> None:
-    """Refuse a force, or what else belongs to a frame, at a frame that the robot does not have.
+    """Refuse a quantity measured at a frame that the robot does not have.
 
     Args:
         robot: Gives the frames.
-        frames: Names.
+        frames: Names of frames.
         quantity: ``f`` for a force, ``p`` for measured positions, ``o`` for orientations.
 
     Raises:
-        LogError: It lists the frames that there are.
+        LogError: If a frame is missing. The message lists the frames that exist.
     """
     for frame in frames:
         if not robot.model.existFrame(frame):
@@ -235,3 +270,49 @@ def require_frames(robot: Robot, frames: Iterable[str], quantity: str = "f") -> 
                 f"The columns {quantity}.{frame}{', '.join(first)} and {last} are {MEANT[quantity]} at a frame that "
                 f"{robot.name} does not have: {known_names(frame, names, 'frames')}"
             )
+
+
+def loops_of(table: Table, joints: Iterable[str]) -> tuple[DriveLoop | None, ...]:
+    """The position loop of each joint's drive; None if output or reference was not recorded, or shows no loop."""
+    return tuple(_loop_of(table, joint) for joint in joints)
+
+
+def _loop_of(table: Table, joint: str) -> DriveLoop | None:
+    columns = table.columns
+    output = next((name for name in ("u", "i", "tau") if f"{name}.{joint}" in columns), None)
+    if output is None or f"q_ref.{joint}" not in columns or f"q.{joint}" not in columns:
+        return None
+    start = max((len(columns["t"]) - _ROWS) // 2, 0)
+    t, y, q_ref, q = (
+        np.ascontiguousarray(columns[name][start : start + _ROWS])
+        for name in ("t", f"{output}.{joint}", f"q_ref.{joint}", f"q.{joint}")
+    )
+    return drive_loop(output, t, y, q_ref, q)
+
+
+def computed_from_references(
+    table: Table, robot: Robot, loops: tuple[DriveLoop | None, ...], torque_from: Mapping[str, str]
+) -> tuple[Float[Array, " nv"] | None, Float[Array, " nv"] | None]:
+    """Gain and limit of torque of joints whose voltage was computed from the reference; None without such joints.
+
+    Only voltages count, as the drive itself computes them from the reference it holds. A torque that follows a law to
+    the last digit is a command, computed by something that knows the reference at that instant.
+
+    Args:
+        table: Columns under the contract's names.
+        robot: Gives the constants of the drives.
+        loops: Position loop of each joint's drive, or None.
+        torque_from: For each joint, the quantity from which its torque was computed.
+
+    Returns:
+        Torque per reference [N m/rad or N/m], and the torque at which it is clipped [N m or N], each ``(nv,)``.
+    """
+    gain, limits = np.zeros(robot.nv), np.full(robot.nv, np.inf)
+    for j, (joint, loop, actuator) in enumerate(zip(robot.joint_names, loops, robot.actuators, strict=True)):
+        if loop is None or not loop.computed or torque_from.get(joint) != "u":
+            continue
+        own = float(np.mean(warm_share(table, joint))) * per_volt(actuator)
+        gain[j] = own * loop.gain
+        if loop.limit is not None:
+            limits[j] = own * loop.limit
+    return (gain, limits) if gain.any() else (None, None)

@@ -1,1 +1,1 @@
-"""Robots that are not bolted down: what their base's sensors read, and when nothing touches what a joint carries."""
+"""Robots that are not bolted down: readings of the sensors on the base, and when limbs are free of contact."""

@@ -1,7 +1,7 @@
 """Columns of a base that is not bolted down (gyroscope ``w.``, accelerometer ``sf.``, ``contact.``), and its motion.
 
-The motion goes through the filter of the joints' positions. The effect of white noise of the sensors is drawn by
-reading it once more.
+The motion goes through the same filter as the joints' positions. The effect of the sensors' white noise is found by
+drawing the readings again.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _SENSORS = {"w": "gyroscope, the angular velocity [rad/s]", "sf": "accelerometer
 def base_readings(
     table: Table, robot: Robot, sensors: Mapping[str, Mapping[str, Float[Array, "N 3"]]]
 ) -> tuple[BaseReadings | None, tuple[str, ...]]:
-    """What the sensors on the base read, and what was noticed; None for a robot that is bolted down.
+    """Readings of the sensors on the base, and warnings about them; None for a robot that is bolted down.
 
     Args:
         table: Columns under the contract's names.
         robot: Says whether its base floats, and where the frames are.
-        sensors: Readings by ``w`` and ``sf``, then by frame.
+        sensors: Readings [rad/s or m/s^2], shape ``(N, 3)``, by quantity (``w`` or ``sf``) and then by frame.
 
     Raises:
-        LogError: If a sensor, or what says which frames touch something, is missing or of no use.
+        LogError: If a sensor is missing or on no frame of the base, or if a column of contacts cannot be used.
     """
     contacts = {name.removeprefix(_CONTACT): x for name, x in table.columns.items() if name.startswith(_CONTACT)}
     if not robot.floating:
@@ -61,11 +61,11 @@ def base_readings(
         sensors["sf"][frames["sf"]],
         {frame: read_only(x) for frame, x in contacts.items()},
     )
-    return readings, _words(table, robot, readings)
+    return readings, _uncovered_words(table, robot, readings)
 
 
 def _one_frame(table: Table, robot: Robot, quantity: str, found: Mapping[str, Array]) -> str:
-    """The frame of a sensor."""
+    """The frame on the base in whose axes a sensor reads."""
     if not found:
         raise LogError(
             f"{table.file} has no columns {quantity}.<frame>.x, .y and .z, and {robot.name} is not bolted down (base: "
@@ -97,8 +97,8 @@ def _require_contacts(table: Table, robot: Robot, contacts: Mapping[str, Array])
             )
 
 
-def _words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
-    """One sentence on joints of which no column says whether something touches what they carry."""
+def _uncovered_words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...]:
+    """A sentence on joints whose links are covered by no column of contacts."""
     if not readings.contacts:
         return ()
     known = np.zeros(robot.nv, dtype=bool)
@@ -108,15 +108,15 @@ def _words(table: Table, robot: Robot, readings: BaseReadings) -> tuple[str, ...
     if not free:
         return ()
     return (
-        f"{table.file}: no contact.<frame> is of a frame that {listed(free)} moves: it is taken that nothing touches "
-        "what is there.",
+        f"{table.file}: no contact.<frame> is of a frame that {listed(free)} moves: it is assumed that nothing touches "
+        "these links.",
     )
 
 
 def carriers(robot: Robot, frame: str) -> np.ndarray:
-    """True for joints that a force on a frame puts a torque on, shape ``(nv,)``.
+    """True for joints on which a force at a frame exerts a torque, shape ``(nv,)``.
 
-    Of a closed chain these are all joints of it, as its loops pass forces on.
+    In a closed chain these are all its joints, as loops pass forces on.
     """
     model = robot.model
     joint = model.frames[model.getFrameId(frame)].parentJoint
@@ -130,7 +130,7 @@ def carriers(robot: Robot, frame: str) -> np.ndarray:
 
 
 def some_readings(base: BaseReadings | None, rows: slice) -> BaseReadings | None:
-    """Some samples of what the sensors read."""
+    """The readings at some samples."""
     if base is None:
         return None
     contacts = {frame: read_only(x[rows]) for frame, x in base.contacts.items()}
@@ -140,14 +140,14 @@ def some_readings(base: BaseReadings | None, rows: slice) -> BaseReadings | None
 def filtered_base(
     recording: Recording, robot: Robot, t: Float[Array, " N"], rate_hz: float, cutoff_hz: float
 ) -> BaseMotion:
-    """Motion of the root on a uniform grid, its angular acceleration that of a spline through the gyroscope.
+    """Motion of the root on a uniform grid. A spline through the gyroscope's readings gives its angular acceleration.
 
     Args:
-        recording: Of a base that is not bolted down.
+        recording: Recording of a base that is not bolted down.
         robot: Says where its sensors are.
-        t: The grid [s].
-        rate_hz: Of the grid.
-        cutoff_hz: Up to which the motion is kept.
+        t: Times of the grid [s], shape ``(N,)``.
+        rate_hz: Sample rate of the grid [Hz].
+        cutoff_hz: Edge of the low pass [Hz].
     """
     base = recording.base
     assert base is not None
@@ -159,7 +159,7 @@ def filtered_base(
 
 
 def _filtered(both: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
-    """Angular velocity, its derivative, and specific force, below an edge [Hz]."""
+    """Angular velocity, its derivative, and specific force after a low pass, each of shape ``(N, 3)``."""
     if cutoff_hz < 0.4 * rate_hz:
         both = low_passed(both, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
     w = both[:, :3]
@@ -167,9 +167,9 @@ def _filtered(both: Float[Array, "N 6"], rate_hz: float, cutoff_hz: float) -> tu
 
 
 def sensors_of_base(recording: Recording) -> BaseSensors | None:
-    """Gyroscope and accelerometer with their white noise, from differences in which motion cancels.
+    """Frames of gyroscope and accelerometer with the white noise of each; None for a base that is bolted down.
 
-    It is that of their median, as impacts are no noise. None for a base that is bolted down.
+    The noise is estimated from third differences, in which motion cancels. Their median leaves impacts out.
     """
     base = recording.base
     if base is None:
@@ -179,7 +179,7 @@ def sensors_of_base(recording: Recording) -> BaseSensors | None:
 
 
 def read_once_more(log: Log, rng: np.random.Generator, cutoff_hz: float) -> BaseMotion | None:
-    """Motion of the base of a log as its sensors would read it once more; None where it is bolted down."""
+    """Motion of the base of a log with noise of its sensors drawn again; None if it is bolted down."""
     base, sensors = log.motion.base, log.base_sensors
     if base is None or sensors is None:
         return base

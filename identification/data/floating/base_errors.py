@@ -1,7 +1,7 @@
 """Usual errors of sound sensors on a floating base, and the spurious torque from each of them.
 
 Sizes are those of sensors of legged robots (Bosch BMI088 and similar): offsets of 20 mg and 1 deg/s, scales within 1 %,
-a board mounted to a degree and to a centimetre, readings some milliseconds later than those of joints.
+a board mounted to within a degree and a centimetre, and readings some milliseconds later than those of joints.
 """
 
 from __future__ import annotations
@@ -24,37 +24,37 @@ _SIZES = {
     "turn of the base's sensors": 0.0175,
     "place of the accelerometer": 0.01,
 }
-"""One sigma of each along one axis [m/s^2, 1, rad/s, 1, rad, m]."""
+"""Standard deviation of each error along one axis [m/s^2, 1, rad/s, 1, rad, m]."""
 _DELAY = "delay of the base's sensors"
 _LATE = 0.003
-"""One sigma of their delay, which may be negative [s]."""
+"""Standard deviation of the delay, which may be negative [s]."""
 
 SENSOR_ERRORS: dict[str, float] = {f"{kind} {axis}": size for kind, size in _SIZES.items() for axis in "xyz"} | {
     _DELAY: _LATE
 }
-"""One sigma of every error, by name: offsets and scales in the axes of the sensor, turns and places in the root's."""
+"""Standard deviation of every error. Offsets and scales are in the sensor's axes, turns and places in the root's."""
 
 
 def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str, Float[Array, "N nv"]]:
-    """Change of the modelled torque if one unit of each error is removed from the readings, to first order.
+    """Change of the modelled torque if one unit of an error is removed from the readings, to first order, by error.
 
     Args:
         robot: The given model.
-        log: The recording, with the frames of the sensors.
-        motion: Its motion.
+        log: Gives the frames of the sensors.
+        motion: Motion of the log, or a part of it.
     """
     slopes = torque_of_base(robot, motion)
     return {name: np.einsum("njk,nk->nj", slopes, more) for name, more in _corrections(robot, log, motion).items()}
 
 
 def torque_of_base_errors(robot: Robot, log: Log, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N nv"]:
-    """Change of the modelled torque if errors of given sizes are removed from the readings together."""
+    """Change of the modelled torque if several errors of given sizes are removed from the readings at once."""
     more = _without(robot, log, log.motion, sizes)
     return np.einsum("njk,nk->nj", torque_of_base(robot, log.motion), more)
 
 
 def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tuple[str, float]]) -> BaseMotion | None:
-    """Motion of the base over some samples, without errors of given sizes; None for a fixed base."""
+    """Motion of the base at some samples after errors of given sizes are removed; None for a fixed base."""
     motion = log.motion.at(rows)
     if motion.base is None:
         return None
@@ -62,14 +62,14 @@ def base_without_errors(robot: Robot, log: Log, rows: slice, sizes: Iterable[tup
 
 
 def _without(robot: Robot, log: Log, motion: Motion, sizes: Iterable[tuple[str, float]]) -> Float[Array, "N 9"]:
-    """What `BaseMotion.columns` have more without errors of given sizes."""
+    """Change of `BaseMotion.columns` if errors of given sizes are removed."""
     errors = [(name, size) for name, size in sizes if size]
     corrections = _corrections(robot, log, motion) if errors else {}
     return sum((size * corrections[name] for name, size in errors), np.zeros((len(motion.t), 9)))
 
 
 def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Array, "N 9"]]:
-    """What each error per unit changes of `BaseMotion.columns`."""
+    """Change of `BaseMotion.columns` if one unit of an error is removed, by error."""
     base, sensors = motion.base, log.base_sensors
     assert base is not None
     assert sensors is not None
@@ -81,7 +81,7 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
     felt = base.f + np.cross(dw, lever) + np.cross(w, np.cross(w, lever))
 
     def root(w_more: Array, dw_more: Array, felt_more: Array) -> Array:
-        """Of what the root does, where the sensors read so much more, in its axes."""
+        """Change of the root's motion, in its axes, if the sensors read more by the given amounts."""
         carried = np.cross(w_more, np.cross(w, lever)) + np.cross(w, np.cross(w_more, lever))
         return np.hstack([w_more, dw_more, felt_more - np.cross(dw_more, lever) - carried])
 

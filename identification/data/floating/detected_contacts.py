@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Contacts that no column states, detected from torques: a foot that carries weight asks for more than the model does.
+"""Detects contacts from torques if no column states them: a leg that carries weight needs more torque than modelled.
 
-A detector knows less than a switch in the foot: a model that is wrong by as much as a light touch looks like one. So
-contacts reach a little beyond what is detected, and a sentence says that they were.
+A detector knows less than a switch in the foot, as the error of a wrong model looks like a light touch. Contacts are
+therefore extended a little beyond what is detected, and a sentence says that they were detected.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import quintic_derivatives
 
 _STEPS_HZ = 20.0
-"""Edge below which torques of swings and of stances differ [Hz]."""
+"""Edge of a low pass that keeps the difference between swing and stance [Hz]."""
 _MARGIN = 0.04
-"""[s] By which a contact reaches beyond what is detected on both sides, as the edge blurs it."""
+"""Time by which a contact is extended at both ends, as the low pass blurs it [s]."""
 _APART = 4.0
-"""Ratio of high to low torque levels of a leg from which on it swings and stands."""
+"""Least ratio of the high to the low level of a leg's torque at which it is taken to swing and stand in turn."""
 _LEVELS = (10.0, 90.0)
-"""Percentiles that are the two levels."""
+"""Percentiles that give the low and the high level."""
 _LEANS = 0.05
-"""Share of the robot's weight on a stretched leg from whose torque on a leg of one level stands."""
+"""Least torque of a leg that stands, as a share of the torque of the robot's weight on the stretched leg."""
 
 
 def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Uniform times, and the differences between the torques and those of the model without contacts.
+    """Uniform times [s], and how far torques are from those of the model without contacts [N m or N], not negative.
 
     Args:
-        recording: Of a base that is not bolted down, with torques.
+        recording: Recording of a base that is not bolted down, with torques.
         robot: The given model.
     """
     motion, tau = slow_motion(recording, robot)
@@ -46,10 +46,10 @@ def torque_rest(recording: Recording, robot: Robot) -> tuple[Float[Array, " N"],
 
 
 def slow_motion(recording: Recording, robot: Robot) -> tuple[Motion, Float[Array, "N nv"]]:
-    """Motion and torque at uniform times, below the edge at which swings and stances differ.
+    """Motion and torque [N m or N] at uniform times after a low pass that keeps swings and stances apart.
 
     Args:
-        recording: Of a base that is not bolted down, with torques.
+        recording: Recording of a base that is not bolted down, with torques.
         robot: The given model.
     """
     assert recording.tau is not None
@@ -64,11 +64,7 @@ def slow_motion(recording: Recording, robot: Robot) -> tuple[Motion, Float[Array
 
 
 def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
-    """The recording with a contact of each leg, where no column states any.
-
-    Args:
-        recording: As it was read.
-        robot: The given model.
+    """The recording with detected contacts of each leg; unchanged if columns state contacts, or the base is fixed.
 
     Raises:
         LogError: If there is no torque to detect contacts from.
@@ -87,24 +83,23 @@ def with_detected_contacts(recording: Recording, robot: Robot) -> Recording:
     contacts = {}
     for frame, length in _legs(robot).items():
         largest = rest[:, carriers(robot, frame)].max(axis=1)
-        touches = ndimage.maximum_filter1d(
-            _stands(largest, weight * length), 2 * max(1, round(_MARGIN * rate)) + 1, axis=0
-        )
+        reach = 2 * max(1, round(_MARGIN * rate)) + 1
+        touches = ndimage.maximum_filter1d(_stands(largest, weight * length), reach, axis=0)
         contacts[frame] = read_only(np.interp(recording.t, t, touches) > 0.5, float)
     shares = ", ".join(f"{frame} {100 * x.mean():.0f} %" for frame, x in contacts.items())
     said = (
-        f"{recording.file} has no column contact.<frame>: contacts were detected from torques, so much of the time: "
+        f"{recording.file} has no column contact.<frame>: contacts were detected from torques, as shares of the time: "
         f"{shares}. Add what the feet measure if you have it: a light touch looks like a wrong model."
     )
     return replace(recording, base=replace(base, contacts=contacts), warnings=(*recording.warnings, said))
 
 
 def _stands(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
-    """True while a leg stands, by the largest torque that its model does not foretell.
+    """True while a leg stands.
 
     Args:
-        largest: Of its joints.
-        torque: That of the robot's weight on the stretched leg.
+        largest: Largest torque of its joints that the model does not predict [N m or N], shape ``(N,)``.
+        torque: Torque of the robot's weight on the stretched leg [N m].
     """
     low, high = np.percentile(largest, _LEVELS)
     if high > _APART * low and high > _LEANS * torque:
@@ -113,7 +108,7 @@ def _stands(largest: Float[Array, " N"], torque: float) -> Bool[Array, " N"]:
 
 
 def _weight(robot: Robot) -> float:
-    """Of all bodies, the base included [N]."""
+    """Weight of all bodies, the base included [N]."""
     mass = sum(float(inertia.mass) for inertia in robot.model.inertias)
     return mass * float(np.linalg.norm(robot.model.gravity.linear))
 

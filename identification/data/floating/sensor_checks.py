@@ -1,8 +1,8 @@
-"""What may be wrong with the sensors of a base that is not bolted down, and with what says that feet touch the ground.
+"""Checks of the sensors on a base that is not bolted down, and of the columns that state contacts.
 
-Over a second the base gains no speed: the mean of the specific force is as large as gravity. Its direction stays where
-it is in the world, so that in the axes of the base it turns as the gyroscope says. And in the air the model foretells
-torques better than on the ground.
+Three facts are used. Over a second the base gains hardly any speed, so that the mean specific force is as large as
+gravity. Gravity keeps its direction in the world, so that in the axes of the base it turns as the gyroscope says. A
+leg in the air is free of contact forces, so that the model predicts its torques better than on the ground.
 """
 
 from __future__ import annotations
@@ -21,33 +21,35 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
 
 _SECOND = 1.0
-"""[s] Over it a base gains no speed that matters, and turns by little."""
+"""Time over which a base gains no speed that matters, and turns by little [s]."""
 _OFF = 0.1
-"""Share of gravity by which means of the specific force may differ from it."""
+"""Largest difference between the mean specific force and gravity, as a share of gravity."""
 _NONE = 0.3
-"""Share of gravity below which it was taken out."""
+"""Mean specific force, as a share of gravity, below which gravity was subtracted."""
 _SLOW_HZ = 1.0
-"""Edge below which the direction of the specific force is that of gravity [Hz]."""
+"""Edge of a low pass below which the direction of the specific force is that of gravity [Hz]."""
 _TURNS = 0.05
-"""Speed of turning of that direction [rad/s, root mean square] from which on it says something of the gyroscope."""
+"""Least angular speed of that direction, root mean square, at which the gyroscope can be checked [rad/s]."""
 _BETTER, _GOOD = 0.5, 0.8
-"""Share of the squares that another reading leaves of those that the given one leaves, and of all, at most."""
+"""Other axes or units explain the turning if they leave at most these shares: of the squares that the given ones leave,
+and of all squares."""
 _ONE = 0.05
-"""Share by which another reading has to fit worse than the best one: turning about one axis shows two numbers."""
+"""Other axes are named only if the second best leave more by this share: turning about one axis determines two only."""
 _FASTER = 2.0
-"""Times as fast as the gyroscope turns in any axes: what turns the specific force so is acceleration of the base."""
+"""If the specific force turns this many times faster than the gyroscope says, the base accelerates."""
 _SPINS, _FAR = 0.5, 0.05
-"""Turning [rad/s] that a gyroscope says and gravity does not show, and the share of its squares that degrees leave of
-what any axes and signs leave: nobody spins a robot whose accelerometer sees nothing of it."""
+"""The gyroscope is in deg/s if it differs from the turning of gravity by more than the first [rad/s], and degrees leave
+less than the second of the squares that any axes and signs leave: an accelerometer shows it if a robot spins."""
 _PER_G = 9.80665
 _DEGREE = np.pi / 180
 _WORSE = 1.5
-"""Times the torque that the model does not foretell on the ground: so much in the air, and the flags are exchanged."""
+"""Flags are exchanged if the torque that the model does not predict is this many times larger where they say air."""
 _FEWEST = 100
+"""Least number of samples for a check."""
 
 
 def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """What may be wrong with the sensors of the base and with contacts, and what certainly is."""
+    """Sentences on what may be wrong with the sensors of the base and with contacts, and certain faults."""
     base = recording.base
     if base is None:
         return (), ()
@@ -65,7 +67,7 @@ def check_base(recording: Recording, robot: Robot) -> tuple[tuple[str, ...], tup
 def _specific_force(
     recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float, gravity: float
 ) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Its size over a second, and whether it points upwards."""
+    """Checks that the mean specific force over a second is as large as gravity and points upwards."""
     size = max(1, round(_SECOND * rate_hz))
     parts = base.sf[: len(base.sf) // size * size].reshape(-1, size, 3)
     if not len(parts):
@@ -83,7 +85,7 @@ def _specific_force(
     if abs(found / gravity - 1) > _OFF:
         return (
             f"{recording.file}: {column} is not as large as gravity: {why}: correct its scale and its bias, or leave "
-            "out what is no motion of the robot.",
+            "out times at which the robot does not move by itself.",
         ), ()
     up = float((place_on_base(robot, base.accelerometer).rotation @ means.mean(axis=0))[2])
     if up < -0.5 * gravity:
@@ -97,7 +99,7 @@ def _specific_force(
 def _gyroscope(
     recording: Recording, base: BaseReadings, robot: Robot, rate_hz: float
 ) -> tuple[tuple[str, ...], tuple[Fault, ...]]:
-    """Whether the direction of gravity turns as the gyroscope says."""
+    """Checks that the direction of gravity turns as the gyroscope says."""
     turns = [place_on_base(robot, frame).rotation for frame in (base.gyroscope, base.accelerometer)]
     both = np.hstack([base.w @ turns[0].T, base.sf @ turns[1].T])
     if len(both) < _FEWEST or 0.2 * rate_hz < _SLOW_HZ:
@@ -113,7 +115,7 @@ def _gyroscope(
 
     given = left(np.eye(3))
     column = f"w.{base.gyroscope}"
-    why = f"of the turning of gravity in the axes of the base they leave {100 * given:.0f} % of the squares"
+    why = f"it leaves {100 * given:.0f} % of the squares of gravity's turning in the axes of the base"
     degrees = left(_DEGREE * np.eye(3))
     others = sorted(((left(matrix), matrix.tolist()) for matrix in _other_axes()), key=lambda one: one[0])
     best, matrix = others[0]
@@ -125,7 +127,7 @@ def _gyroscope(
     if whole < _TURNS**2 or accelerated or best > min(_GOOD, _BETTER * given):
         return (), ()
     alone = others[1][0] > best + _ONE
-    read = f", and {_axes_words(matrix)} {100 * best:.0f} %" if alone else ""
+    read = f", but only {100 * best:.0f} % {_axes_words(matrix)}" if alone else ""
     return (
         f"{recording.file}: {column} and sf.{base.accelerometer} do not turn alike: {why}{read}: correct the axes or "
         "signs of one of them, or the places of their frames.",
@@ -133,7 +135,7 @@ def _gyroscope(
 
 
 def _other_axes() -> list[Array]:
-    """Axes in another order or with other signs, 47 of them."""
+    """The 47 matrices that give axes another order or other signs."""
     out = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -144,13 +146,13 @@ def _other_axes() -> list[Array]:
 
 
 def _axes_words(matrix: list[list[float]]) -> str:
-    """As in ``with x, -y and -z of the gyroscope in the axes of the root, not x, y and z,``."""
+    """As in ``with x, -y and -z of the gyroscope in the axes of the root in place of x, y and z``."""
     words = [f"{'-' if min(row) < 0 else ''}{'xyz'[int(np.argmax(np.abs(row)))]}" for row in matrix]
-    return f"with {words[0]}, {words[1]} and {words[2]} of the gyroscope in the axes of the root, not x, y and z,"
+    return f"with {words[0]}, {words[1]} and {words[2]} of the gyroscope in the axes of the root in place of x, y and z"
 
 
 def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[str, ...]:
-    """Frames whose flag says the contrary of what torques say."""
+    """Sentences on frames whose contact flag contradicts the torques."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
     t, rest = torque_rest(recording, robot)
@@ -163,7 +165,7 @@ def _contacts(recording: Recording, base: BaseReadings, robot: Robot) -> tuple[s
         air, ground = (float(np.median(rest[some][:, rows].max(axis=1))) for some in (~touches, touches))
         if air > _WORSE * ground:
             out.append(
-                f"{recording.file}: contact.{frame} seems to say the contrary: where it is 0 the model leaves "
-                f"{air:.2g} N m, and where it is 1 {ground:.2g}; write 1 while the frame touches something."
+                f"{recording.file}: contact.{frame} seems to be inverted: the model leaves {air:.2g} N m where it is "
+                f"0, and {ground:.2g} where it is 1; write 1 while the frame touches something."
             )
     return tuple(out)

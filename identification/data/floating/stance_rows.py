@@ -1,7 +1,7 @@
-"""What stance would add: rows of base and joints from which the unknown forces of points that touch are projected out.
+"""Equations that samples in stance would add, with the unknown forces of points in contact projected out.
 
-No diagnosis uses them. They take the inertia of the base and the place of every contact as known, and a model of both
-that is wrong looks like a wrong joint.
+No diagnosis uses them. They need the inertia of the base and the place of every contact, and an error of either looks
+like an error of a joint.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from phantom_dyn.dynamics.moving_base import contact_free, wrench_and_torque
 from phantom_dyn.model.robot import Robot
 
 _RATE = 50.0
-"""Of the samples that are looked at [Hz]: twice the edge of the motion, and a bit."""
+"""Rate of the samples that are used [Hz]: a little more than twice the edge of the motion."""
 _MARGIN = 0.04
-"""[s] Left out beside a change of any contact, as the edge blurs it."""
+"""Time left out before and after a contact changes, as the low pass blurs it [s]."""
 
 
 def stance_words(recording: Recording, robot: Robot) -> str:
-    """A sentence on how many rows stance adds to those of swings, and what the given model leaves in them."""
+    """A sentence on how many equations stance adds to those of swings, and how well the given model meets them."""
     base, file = recording.base, recording.file
     if base is None or recording.tau is None or robot.chain is not None:
-        return f"{file}: stance adds nothing, as it takes base: floating, torques, and a robot without closed loops."
+        return f"{file}: stance adds nothing, as it needs base: floating, torques, and a robot without closed loops."
     motion, tau = slow_motion(recording, robot)
     rate = (len(motion.t) - 1) / (motion.t[-1] - motion.t[0])
     touches = {frame: np.interp(motion.t, recording.t, x) > 0.5 for frame, x in base.contacts.items()}
@@ -53,7 +53,7 @@ def stance_words(recording: Recording, robot: Robot) -> str:
         return f"{file}: stance adds nothing, as nothing touches the ground."
     added, left, all_ = sum(map(len, rest)), *(np.sqrt(np.mean(np.concatenate(x) ** 2)) for x in (rest, whole))
     return (
-        f"{file}: {added / len(rows):.1f} rows a sample hold whatever points that touch are pushed by, beside "
-        f"{swings / len(rows):.1f} of joints that touch nothing. In these the given model, its base included, leaves "
-        f"{left:.2g} of {all_:.2g} (root mean square, N and N m together). No diagnosis uses them."
+        f"{file}: stance adds {added / len(rows):.1f} equations per sample that hold for any contact forces, beside "
+        f"{swings / len(rows):.1f} of joints free of contact. In those of stance the given model, its base included, "
+        f"leaves {left:.2g} of {all_:.2g} (root mean square, N and N m together). No diagnosis uses them."
     )

@@ -1,4 +1,4 @@
-"""When the row of a joint may be judged on a base that is not bolted down: while nothing touches what it carries."""
+"""Samples at which a joint of a robot that is not bolted down can be judged: nothing touches the links it carries."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 _MARGIN = 0.02
-"""Seconds left out before and after a contact of a foot begins or ends: a threshold of a force is crossed late."""
+"""Time left out before a contact begins and after it ends [s]: a threshold on a force is crossed late."""
 _IMPACT = 0.01
-"""Seconds left out of all rows around a change of any contact: the impact shakes the sensors of the base."""
+"""Time left out for all joints around a change of any contact [s]: the impact shakes the sensors of the base."""
 _PERIODS = 6.0
-"""Periods of the band's edge that a usual swing has: the filter of the band takes four of them."""
+"""Periods of the band's edge in a typical swing: the filter of the band takes four of them."""
 _SHARE, _LEAST, _MOST = 0.1, 20.0, 50.0
-"""The edge is at most this share of the rate; slow swings have the first edge at least, short ones the second [Hz]."""
+"""Limits of the edge: highest share of the sample rate, lowest edge for slow swings and highest for short ones [Hz]."""
 
 
 def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> Bool[Array, "N nv"] | None:
-    """True where the row of a joint is not free of contact forces, or may not be; None where nobody knows of contacts.
+    """True where contact forces act on a joint, or may act, shape ``(N, nv)``; None for a base that is bolted down.
 
     Args:
         recording: Says which frames touch something.
         robot: Says which joints carry them.
-        t: Times at which it is asked, uniform [s].
+        t: Uniform times [s], shape ``(N,)``.
     """
     if recording.base is None:
         return None
     rate = (len(t) - 1) / (t[-1] - t[0])
     out = np.zeros((len(t), robot.nv), dtype=bool)
     for frame, values in recording.base.contacts.items():
-        # Between two samples anything may have happened.
+        # A contact may begin or end anywhere between two samples.
         touches = np.interp(t, recording.t, values) > 0
         changes = np.diff(touches, prepend=touches[0])
         out |= _about(changes, _IMPACT * rate)[:, None]
@@ -46,19 +46,19 @@ def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> B
 
 
 def _about(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
-    """True within so many samples of a true one."""
+    """True within `reach` samples of a true one."""
     return ndimage.maximum_filter1d(true, 2 * max(1, round(reach)) + 1, axis=0)
 
 
 def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: float) -> float | None:
-    """Edge [Hz] of a band whose filter fits into the usual swing once and a half; None where nothing ever touches.
+    """Edge [Hz] of a band whose filter is two thirds as long as a typical swing; None if nothing is ever touched.
 
-    Feet on the ground shake all, so that spectra tell nothing of how fast swings are.
+    Feet that hit the ground shake the whole robot, so that spectra do not show how fast swings are.
 
     Args:
         recordings: Say which frames touch something.
         robot: Says which joints carry them.
-        moving_hz: Edge of the band that spectra show.
+        moving_hz: Edge of the band by the spectra [Hz].
     """
     lengths, rate = [], np.inf
     for recording in recordings:
@@ -72,17 +72,17 @@ def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: flo
             lengths += (step * np.diff(edges)[::2]).tolist()
     if not lengths:
         return None
-    # Each swing counts by its length: a flickering contact leaves many that are of no use.
+    # Each swing is weighted by its length: a flickering contact leaves many useless short ones.
     ordered = np.sort(lengths)
     usual = ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())]
     return float(min(max(_PERIODS / usual, min(moving_hz, _LEAST)), _SHARE * rate, _MOST))
 
 
 def require_swings(logs: Sequence[Log]) -> None:
-    """Refuse recordings in which something touches what every joint carries, all the time.
+    """Refuse recordings in which no joint is ever free of contact for long enough.
 
     Raises:
-        LogError: It says how long swings have to be.
+        LogError: If there is no such swing. The message says how long one has to be.
     """
     if any(log.touched is None or (log.untouched_in_band & log.valid_in_band[:, None]).any() for log in logs):
         return

@@ -252,7 +252,7 @@ def test_a_point_on_the_boundary_is_inside_with_no_margin():
     polygon = support_polygon(SQUARE)
     edge = np.array([[0.5, 0.0], [1.0, 1.0]])
     np.testing.assert_allclose(polygon.margin(edge), 0.0, atol=1e-15)
-    assert polygon.contains(edge).all()
+    assert (polygon.margin(edge) >= 0).all()
 
 
 def test_the_corners_run_counter_clockwise(rng):
@@ -265,10 +265,10 @@ def test_the_corners_run_counter_clockwise(rng):
 def test_random_convex_combinations_are_inside_and_far_points_are_not(rng):
     contacts = rng.normal(size=(12, 2))
     polygon = support_polygon(contacts)
-    assert polygon.contains(rng.dirichlet(np.ones(12), 200) @ contacts).all()
+    assert (polygon.margin(rng.dirichlet(np.ones(12), 200) @ contacts) >= 0).all()
     angle = rng.uniform(0, 2 * np.pi, 50)
     reach = 1.01 * np.linalg.norm(contacts, axis=1).max()
-    assert not polygon.contains(reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)).any()
+    assert (polygon.margin(reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)) < 0).all()
 
 
 def test_two_feet_span_the_ground_between_them():

@@ -85,7 +85,7 @@ def test_a_sensor_on_the_leg_is_refused_with_its_column(leg):
 def test_joints_of_which_no_contact_is_known_are_named(leg):
     found = recording(table(contact__foot=None, contact__thigh=T * 0), leg)
     assert found.warnings == (
-        "log.csv: no contact.<frame> is of a frame that knee moves: it is taken that nothing touches what is there.",
+        "log.csv: no contact.<frame> is of a frame that knee moves: it is assumed that nothing touches these links.",
     )
 
 

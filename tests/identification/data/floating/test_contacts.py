@@ -80,8 +80,8 @@ def said(tmp_path, rng):
 def test_rows_of_the_base_less_three_of_the_foot_are_added_while_it_stands(said):
     # By hand: of 6 rows of the base and 2 of the leg a point takes 3, half of the time; else its 2 joints are free.
     words = said(steps=True)
-    assert words.startswith("log.csv: 2.5 rows a sample hold")
-    assert "beside 1.0 of joints that touch nothing" in words
+    assert words.startswith("log.csv: stance adds 2.5 equations per sample that hold for any contact forces")
+    assert "beside 1.0 of joints free of contact" in words
 
 
 def test_a_leg_that_hangs_gains_nothing(said):
@@ -262,7 +262,9 @@ def test_a_gyroscope_with_the_wrong_signs_is_told_with_the_right_ones(sentence):
 @pytest.mark.parametrize(("signs", "read"), [((-1, 1, 1), "-x, y and z"), ((-1, -1, -1), "-x, -y and -z")])
 def test_where_the_base_only_turns_the_right_axes_are_told(tmp_path, rng, signs, read):
     (said,), _ = told_of_turns(tmp_path, rng, signs)
-    assert f", and with {read} of the gyroscope in the axes of the root, not x, y and z, 0 %: correct" in said
+    assert (
+        f", but only 0 % with {read} of the gyroscope in the axes of the root in place of x, y and z: correct" in said
+    )
 
 
 def test_a_specific_force_that_turns_faster_than_the_base_says_nothing_of_signs(tmp_path, rng):
@@ -288,7 +290,7 @@ def told_of_turns(tmp_path, rng, signs):
 
 def test_a_contact_that_says_the_contrary_is_told(sentence):
     (said,), _ = sentence(contact__foot=lambda log: 1 - log["contact.foot"])
-    assert "contact.foot seems to say the contrary: where it is 0 the model leaves" in said
+    assert "contact.foot seems to be inverted: the model leaves" in said
 
 
 def test_the_checks_of_a_recording_hold_them(tmp_path, rng):
