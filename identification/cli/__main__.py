@@ -7,9 +7,9 @@ import sys
 
 
 def started() -> int:
-    """Run the command, and return its exit code: 130 where Ctrl-C comes before it is loaded, too."""
+    """Run the command and return its exit code: 130 if Ctrl-C comes, even before the command is loaded."""
     try:
-        # MuJoCo, asked to check a corrected model, would load a library for windows.
+        # Without this MuJoCo, which checks corrected models, would load a library for windows.
         os.environ.setdefault("MUJOCO_GL", "disable")
         from identification.cli.main import main
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The argument parser of every command, arguments that several share, and checks that need nothing heavy loaded."""
+"""The argument parser of every command, arguments that several share, and checks that need no heavy import."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import argparse
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from identification.files import is_lerobot, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
+
+if TYPE_CHECKING:
+    from identification.data.recording import Recording
+    from phantom_dyn.model.robot import Robot
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
@@ -22,7 +27,7 @@ EXAMPLES = "examples:"
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Wraps descriptions and leaves the lines of examples as they are."""
+    """Wraps descriptions, but leaves the lines of examples as they are."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return text if text.startswith(EXAMPLES) else super()._fill_text(text, width, indent)
@@ -31,7 +36,7 @@ class _Formatter(argparse.HelpFormatter):
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises `UsageError` where argparse would print its usage and exit.
 
-    Its help ends with examples, one a line, without the name of the program in front.
+    Its help ends with examples, one per line, given without the name of the program.
     """
 
     def __init__(self, *, prog: str, description: str | None = None, examples: Sequence[str] = ()):
@@ -40,7 +45,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog=prog, epilog=epilog, description=description, formatter_class=_Formatter)
 
     def _parse_optional(self, arg_string: str):
-        # A stretch of time that begins before zero, -1:2, is no option although it begins as one.
+        # -1:2 is a stretch of time that begins before zero, not an option.
         return None if re.match(r"-[\d.]", arg_string) else super()._parse_optional(arg_string)
 
     def error(self, message: str) -> NoReturn:
@@ -49,7 +54,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    """ROBOT and the option that names its configuration."""
+    """Add ROBOT and the option that names its configuration."""
     parser.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
     parser.add_argument(
         "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
@@ -57,13 +62,13 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
-    """LOG, once or more, and how recordings are read."""
+    """Add LOG, once or more, and the options of reading."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help=_LOG_HELP)
     _add_log_options(parser)
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:
-    """LOG, once, and how it is read."""
+    """Add LOG, once, and the options of reading."""
     parser.add_argument("log", metavar="LOG", help=_LOG_HELP)
     _add_log_options(parser)
 
@@ -75,13 +80,13 @@ def _add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help: str, dest: str | None = None) -> None:
-    """An option with one value or more that may be given again: all values are collected in one list."""
+    """Add an option that takes one value or more and may be repeated; all values are collected in one list."""
     dest = dest or option.removeprefix("--").replace("-", "_")
     parser.add_argument(option, dest=dest, metavar=metavar, action="extend", nargs="+", default=[], help=help)
 
 
 def add_effects(parser: argparse.ArgumentParser) -> None:
-    """The option that names files of effects beside the catalogue."""
+    """Add the option that names files of effects beside the catalogue."""
     parser.add_argument(
         "--effects",
         dest="effect_files",
@@ -94,7 +99,7 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
-    """How the columns of a recording are read."""
+    """Add the options that say how the columns of a recording are read."""
     parser.add_argument(
         "--columns",
         metavar="FILE|PRESET",
@@ -104,12 +109,12 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--topic", metavar="NAME", help="topic of joint states in a bag that has several")
     parser.add_argument(
-        "--ref-topic", metavar="NAME", help="topic of a bag that has the references, where another one has them"
+        "--ref-topic", metavar="NAME", help="topic of a bag that has the references, if they are on another one"
     )
     parser.add_argument(
         "--episodes",
         metavar="A:B",
-        help="episodes of a LeRobot dataset, each a recording: 0:5 are the first five, 3 is one (default: all)",
+        help="episodes of a LeRobot dataset, each a recording: 0:5 is the first five, 3 is one (default: all)",
     )
 
 
@@ -141,7 +146,7 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
 
 
 def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
-    """Arguments of a command that may be files to be read."""
+    """Arguments of a command that may name files to read."""
     lists = (getattr(arguments, name, ()) for name in ("logs", "hold_out", "known", "effect_files"))
     one = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
     return (*one, *(path for paths in lists for path in paths or ()))
@@ -150,7 +155,7 @@ def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
 def require_files(arguments: argparse.Namespace) -> None:
     """Refuse a missing robot or log, and a log given twice, before slow imports.
 
-    Blocks of a recording given twice would be predicted by fits that have seen their copy.
+    A recording given twice would make predictions of held-out blocks worthless, as their copies were fitted.
     """
     require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)
@@ -169,8 +174,28 @@ def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, floa
     return tuple(_stretch(text) for text in arguments.exclude)
 
 
+def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
+    """A function that reads a recording, with the options of reading that the arguments give."""
+    return partial(
+        read,
+        columns=arguments.columns,
+        topic=arguments.topic,
+        ref_topic=arguments.ref_topic,
+        excluded=excluded_stretches(arguments),
+        anyway=arguments.anyway,
+    )
+
+
+def robot_with_effects(arguments: argparse.Namespace) -> Robot:
+    """The robot of the arguments with effects of their files and of installed packages."""
+    from phantom_dyn.effects.user.user_effects import with_user_effects
+    from phantom_dyn.model.loading import load_robot
+
+    return with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
+
+
 def _stretch(text: str) -> tuple[float, float]:
-    """``T0:T1`` as two times."""
+    """The two times of ``T0:T1`` [s]."""
     try:
         start, stop = (float(part) for part in text.split(":"))
         if math.isnan(start) or math.isnan(stop):
@@ -178,15 +203,15 @@ def _stretch(text: str) -> tuple[float, float]:
     except ValueError:
         raise UsageError(f"--exclude {text} was given, wanted two times in seconds such as 2.5:4") from None
     if not start < stop:
-        raise UsageError(f"--exclude {text} ends before it begins, wanted T0 < T1; turn the two times round")
+        raise UsageError(f"--exclude {text} ends before it begins, wanted T0 < T1; swap the two times")
     return start, stop
 
 
 def one_blas_thread() -> None:
-    """One thread of linear algebra, if NumPy is not loaded yet, whatever the environment says.
+    """Limit linear algebra to one thread, if NumPy is not loaded yet, whatever the environment says.
 
-    Matrices are small and threads wait for each other; and with more of them sums come in another order, so that the
-    same recording would give other last digits on another machine.
+    Matrices are small, so that threads would only wait for each other. Their number also changes the order of sums, and
+    with it the last digits of results from one machine to another.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

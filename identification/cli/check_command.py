@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading, one_blas_thread
-from identification.cli.terminal.percentage import CHECK
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import CHECK, Progress
 from identification.files import is_lerobot, looks_like_log, require_existing, require_not_swapped
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
@@ -24,8 +23,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     out = Parser(
         prog="phantom-dyn check",
-        description="Tell what is wrong with recordings, nothing else: what certainly is, so that diagnose and "
-        "identify would refuse them, what was mended, and what may be wrong. Exit code 0 whatever is found.",
+        description="Tell what is wrong with recordings, nothing else: certain faults, for which diagnose and identify "
+        "refuse a recording, what was mended, and what may be wrong. Exit code 0 whatever is found.",
         examples=("check robot.urdf log.csv", "check log.csv other.csv --columns columns.yaml"),
     )
     out.add_argument(
@@ -39,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--stance",
         action="store_true",
-        help="of a robot that is not bolted down, say also what the rows of its base would add while feet stand",
+        help="if the robot is not bolted down, also say how many equations of its base stance would add",
     )
     add_reading(out)
     return out
@@ -75,14 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str]]:
-    """The robot, None where none was given, and the recordings."""
+    """The robot, or None if none was given, and the recordings."""
     first, *rest = arguments.words
     if looks_like_log(first) and any(looks_like_robot(word) for word in rest):
         require_not_swapped(first, rest)
     if arguments.robot is not None or not looks_like_robot(first):
         return arguments.robot, arguments.words
     if not rest:
-        raise UsageError(f"{first} was given, a robot without a recording: name the recording behind it.")
+        raise UsageError(f"{first} was given, a robot without a recording: name a recording after it.")
     return first, rest
 
 

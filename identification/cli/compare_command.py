@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read the diagnoses, print what changed, and write the page if it is asked for."""
+    """Read the diagnoses, print what changed, and write the page if it was asked for."""
     one_blas_thread()
     if len(arguments.diagnoses) < 2:
         raise UsageError(

@@ -1,10 +1,10 @@
-"""``phantom-dyn datasets list | fetch NAME``."""
+"""``phantom-dyn datasets list | fetch NAME``: recordings of real robots."""
 
 from __future__ import annotations
 
 import argparse
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import DONE, Parser
 from identification.cli.terminal.printed import say
 from identification.data import datasets
 from phantom_dyn.errors import LogError, UsageError
@@ -29,11 +29,11 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.name is None:
             raise UsageError(f"fetch needs a name, one of {', '.join(datasets.NAMES)}")
         say(datasets.fetch(arguments.name))
-        return 0
+        return DONE
     if arguments.name is not None:
         raise UsageError(f"list takes no name, {arguments.name!r} was given; see phantom-dyn datasets --help")
     say("\n\n".join(_entry(dataset) for dataset in datasets.DATASETS))
-    return 0
+    return DONE
 
 
 def _entry(dataset: datasets.Dataset) -> str:
@@ -57,4 +57,4 @@ def _whereabouts(dataset: datasets.Dataset) -> str:
         return str(folder)
     if dataset.is_public:
         return f"no: phantom-dyn datasets fetch {dataset.name}"
-    return "no: from a mirror only (PHANTOM_DYN_DATA), for the public original has another form"
+    return "no: from a mirror only (PHANTOM_DYN_DATA), as the public original has another form"

@@ -17,6 +17,7 @@ from identification.cli.arguments import (
     add_robot,
     expand_one_episode,
     one_blas_thread,
+    robot_with_effects,
 )
 from identification.cli.terminal.printed import say
 from identification.files import require_ending, require_existing, require_not_swapped, require_writable
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class EffectOptions:
-    """One ``--effect`` with the ``--joint`` and the ``--set`` that follow it."""
+    """An ``--effect`` with the ``--joint`` and ``--set`` options that follow it."""
 
     effect: str
     joint: str | None = None
@@ -37,7 +38,7 @@ class EffectOptions:
 
 
 class _CollectEffects(argparse.Action):
-    """Collects ``--effect``, and the ``--joint`` and ``--set`` behind it, in a list of `EffectOptions`."""
+    """Collects each ``--effect``, with the ``--joint`` and ``--set`` after it, in a list of `EffectOptions`."""
 
     def __call__(self, _, namespace, values, option_string=None):
         effects = getattr(namespace, self.dest, None) or []
@@ -62,8 +63,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     out = Parser(
         prog="phantom-dyn degrade",
-        description="Write the log that a cheaper device would have given: the same motion, and what it then takes. "
-        "--effect, --joint and --set go together, and may be repeated for several effects.",
+        description="Write the log that a cheaper device would have given: the same motion with the torque that it "
+        "then takes. --effect, --joint and --set belong together, and may be repeated for several effects.",
         examples=(
             "degrade robot.urdf log.csv --effect backlash --joint j2 --set gap=0.002 --out cheap.csv",
             "degrade emps emps.csv --effect cogging --joint axis --set order=40 amplitude=2 phase=0 --out cheap.csv",
@@ -72,8 +73,8 @@ def parser() -> argparse.ArgumentParser:
     add_robot(out)
     out.add_argument("log", metavar="LOG", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     add_effect_option = partial(out.add_argument, action=_CollectEffects, dest="effects", default=None)
-    add_effect_option("--effect", metavar="NAME", help="what the device gets, such as coulomb_friction")
-    add_effect_option("--joint", metavar="J", help="where; J1+J2 for a coupling; none for the whole robot")
+    add_effect_option("--effect", metavar="NAME", help="effect to add, such as coulomb_friction")
+    add_effect_option("--joint", metavar="J", help="its joint; J1+J2 for a coupling; none for the whole robot")
     add_effect_option("--set", metavar="NAME=VALUE", nargs="+", help="its parameters; lists are separated by commas")
     add_effects(out)
     out.add_argument("--out", metavar="LOG2", type=Path, required=True, help="CSV, NPZ or Parquet to write, by ending")
@@ -102,10 +103,8 @@ def _degrade(arguments: argparse.Namespace) -> int:
     from identification.data.reading import recording
     from identification.degrade.degraded_log import degradation, degrade
     from identification.export.log_and_map_files import write_log
-    from phantom_dyn.effects.user.user_effects import with_user_effects
-    from phantom_dyn.model.loading import load_robot
 
-    robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
+    robot = robot_with_effects(arguments)
     faults = tuple(degradation(robot, given.effect, given.joint, given.values) for given in arguments.effects)
     table = read_table(
         arguments.log,
@@ -126,7 +125,7 @@ def _degrade(arguments: argparse.Namespace) -> int:
 
 
 def _changes(before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]) -> list[str]:
-    """Root mean square of what was changed, column by column."""
+    """Root mean square of the changes, by column."""
     import numpy as np
 
     changed = {name: values - before[name] for name, values in after.items() if np.any(values != before[name])}
@@ -136,7 +135,7 @@ def _changes(before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]) 
 
 
 def _named_values(word: str) -> tuple[str, tuple[float, ...]]:
-    """``name=value``, or ``name=value,value`` for a list."""
+    """Name and values of ``name=value`` or ``name=value,value``."""
     name, equals, text = word.partition("=")
     try:
         numbers = tuple(float(part) for part in text.split(","))

@@ -21,11 +21,12 @@ from identification.cli.arguments import (
     expand_episodes,
     given_files,
     one_blas_thread,
+    reading_as_asked,
     require_files,
+    robot_with_effects,
 )
-from identification.cli.terminal.percentage import AFTER_DIAGNOSIS, BATCH, DIAGNOSIS
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import AFTER_DIAGNOSIS, BATCH, DIAGNOSIS, Progress
 from identification.cli.terminal.stage_times import StageTimes
 from identification.data.change_kinds import KINDS
 from identification.stages import Announcement, Stage
@@ -57,17 +58,17 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         help="write diagnosis.json, report.html, corrected.yaml, .urdf and .xml, randomisation.yaml, feedforward.py "
-        "and .csv, isaac_lab.py and simulators.yaml there, and residual.py and .csv where a rest is foreseen",
+        "and .csv, isaac_lab.py and simulators.yaml there, and residual.py and .csv where a residual is predicted",
     )
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
-    add_list(out, "--hold-out", metavar="LOG", help="recordings that no fit may see; all figures are theirs")
+    add_list(out, "--hold-out", metavar="LOG", help="recordings that no fit may use; all figures are theirs")
     add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml of an earlier diagnosis")
     add_effects(out)
     out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
     out.add_argument(
         "--changed",
         metavar="NAME[,NAME]",
-        help="what differs between the first LOG and the others, by an amount that is to be found "
+        help="what differs between the first LOG and the others, by an unknown amount "
         f"({', '.join(KINDS)}); all else is in common. With payload links and friction are fitted to the first LOG",
     )
     out.add_argument(
@@ -78,19 +79,19 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--motion-only",
         action="store_true",
-        help="leave recorded torques aside, and take what the controllers ask for at the q_ref. columns; a LOG "
-        "without torque is diagnosed so by itself",
+        help="ignore recorded torques, and take what the controllers ask for at the q_ref. columns; the default "
+        "for a LOG without torque",
     )
     out.add_argument(
         "--profile",
         action="store_true",
-        help="print at the end how long each stage took, on the clock and of the processor, and the most memory",
+        help="print at the end the clock and processor time of each stage, and the peak memory",
     )
     out.add_argument(
         "--each",
         action="store_true",
         help="diagnose every LOG by itself; a LOG may be a folder of them. --out gets a folder for each and the table "
-        "of verdicts, diagnoses.csv and diagnoses.json; exit code 2 if one was refused, the others are diagnosed",
+        "of verdicts, diagnoses.csv and diagnoses.json; exit code 2 if a LOG was refused, the others are diagnosed",
     )
     out.add_argument(
         "--jobs",
@@ -102,22 +103,22 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Diagnose and print a summary; write files where they are asked for."""
+    """Diagnose and print a summary; write files if they were asked for."""
     one_blas_thread()
-    excluded = excluded_stretches(arguments)
+    excluded_stretches(arguments)  # refuses before anything slow
     _refuse_contradictions(arguments)
     expand_episodes(arguments)
     if arguments.each:
         arguments.logs = _logs_of_folders(arguments.logs)
     require_files(arguments)
-    return _diagnose_each(arguments, excluded) if arguments.each else _diagnose_together(arguments, excluded)
+    return _diagnose_each(arguments) if arguments.each else _diagnose_together(arguments)
 
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
-    """Refuse options that do not go together.
+    """Refuse options that exclude each other.
 
     Raises:
-        UsageError: Says which, and which to leave out.
+        UsageError: If there are such options. The message says which of them to leave out.
     """
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
@@ -147,26 +148,23 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
         )
 
 
-def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
-    """One diagnosis of all recordings."""
+def _diagnose_together(arguments: argparse.Namespace) -> int:
+    """One diagnosis of all recordings together."""
     from identification.export.all_files import not_written
     from identification.export.corrected.corrected_yaml import known_model
     from identification.pipeline import planned, with_proposal
     from identification.reporting.diagnosis_summary import next_experiment_lines, note_lines, summary, written_lines
     from identification.reporting.stored.diagnosis_files import check_targets, write_answer, write_outputs
     from identification.second_process import begun
-    from phantom_dyn.effects.user.user_effects import with_user_effects
-    from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
     times = StageTimes() if arguments.profile else None
     with Progress(Stage.READING, sys.stderr, stages=DIAGNOSIS, times=times) as progress:
-        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot)
+        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot_with_effects(arguments))
         if arguments.recordings is None and arguments.changed is None:
-            answer = _answer_of_logs(arguments, robot, known, excluded, progress)
+            answer = _answer_of_logs(arguments, robot, known, progress)
         else:
-            answer = _answer_of_changes(arguments, robot, known, excluded, progress)
+            answer = _answer_of_changes(arguments, robot, known, progress)
     diagnosis = answer.diagnosis
     say(summary(diagnosis))
     sys.stdout.flush()
@@ -179,7 +177,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
         say("\n".join(written_lines(written, arguments.out)))
         return DONE
     notes, not_held = len(diagnosis.notes), list[str]()
-    # The next experiment is planned while the models are made; times of stages are those of one process.
+    # The next experiment is planned while the models are written. With --profile one process does both, in turn.
     plan = partial(planned, answer)
     proposal = begun(plan) if times is None else cache(plan)
 
@@ -217,13 +215,9 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
 
 
 def _answer_of_changes(
-    arguments: argparse.Namespace,
-    robot: Robot,
-    known: tuple[KnownEffect, ...],
-    excluded: tuple[tuple[float, float], ...],
-    progress: Progress,
+    arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
 ) -> Answer:
-    """Answer of recordings, each read with what ``--recordings`` or ``--changed`` says of it."""
+    """Answer from recordings between which something changed, as ``--recordings`` or ``--changed`` states."""
     from identification.data.changes import Change
     from identification.pipeline import answered
     from identification.scenarios.recordings_file import changed_from_first, read_changed, read_changes
@@ -233,19 +227,11 @@ def _answer_of_changes(
         changes = read_changes(arguments.recordings, paths, robot.joint_names)
     else:
         changes = changed_from_first(arguments.changed, paths)
+    read_as_asked = reading_as_asked(read_changed, arguments)
 
     def read(path: str, change: Change) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-        return read_changed(
-            path,
-            robot,
-            change,
-            columns=arguments.columns,
-            topic=arguments.topic,
-            ref_topic=arguments.ref_topic,
-            excluded=excluded,
-            anyway=arguments.anyway,
-        )
+        return read_as_asked(path, robot, change)
 
     recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
     held_out = len(arguments.hold_out)
@@ -253,28 +239,17 @@ def _answer_of_changes(
 
 
 def _answer_of_logs(
-    arguments: argparse.Namespace,
-    robot: Robot,
-    known: tuple[KnownEffect, ...],
-    excluded: tuple[tuple[float, float], ...],
-    progress: Progress,
+    arguments: argparse.Namespace, robot: Robot, known: tuple[KnownEffect, ...], progress: Progress
 ) -> Answer:
-    """Answer of recordings by their torque; without one by that of the controllers, or in positions at rest."""
+    """Answer from the recorded torques; without them, from those of the controllers or from positions at rest."""
     from identification.data.reading import read_recording
     from identification.pipeline import answered
 
+    read_as_asked = reading_as_asked(read_recording, arguments)
+
     def read(path: str, torque_needed: bool) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-        return read_recording(
-            path,
-            robot,
-            columns=arguments.columns,
-            topic=arguments.topic,
-            ref_topic=arguments.ref_topic,
-            excluded=excluded,
-            torque_needed=torque_needed,
-            anyway=arguments.anyway,
-        )
+        return read_as_asked(path, robot, torque_needed=torque_needed)
 
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
@@ -290,10 +265,10 @@ def _answer_of_logs(
 
 
 def _logs_of_folders(logs: list[str]) -> list[str]:
-    """The recordings that are meant: those in a folder in place of the folder.
+    """The given recordings, with each folder replaced by the recordings in it.
 
     Raises:
-        LogError: If there is no recording in a folder.
+        LogError: If a folder holds no recording.
     """
     if not any(Path(log).is_dir() for log in logs):
         return logs
@@ -302,8 +277,8 @@ def _logs_of_folders(logs: list[str]) -> list[str]:
     return [path for log in logs for path in logs_in(log)]
 
 
-def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
-    """Diagnose every recording by itself, print the table of verdicts and write what is asked for.
+def _diagnose_each(arguments: argparse.Namespace) -> int:
+    """Diagnose every recording by itself, print the table of verdicts and write the files.
 
     Returns:
         0 if every recording was diagnosed, 2 if one was refused; the others are diagnosed and written all the same.
@@ -313,13 +288,11 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from identification.data.reading import ReadOptions
     from identification.export.corrected.corrected_yaml import known_model
     from identification.reporting.stored.diagnosis_files import check_targets
-    from phantom_dyn.effects.user.user_effects import with_user_effects
-    from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json, given_files(arguments))
     with Progress(Stage.LOADING, sys.stderr, stages=BATCH) as progress:
-        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot)
+        known, robot = known_model(tuple(Path(path) for path in arguments.known), robot_with_effects(arguments))
+        excluded = excluded_stretches(arguments)
         result = diagnose_each(
             robot,
             arguments.logs,

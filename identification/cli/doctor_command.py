@@ -1,4 +1,4 @@
-"""``phantom-dyn doctor``: versions, and what is missing."""
+"""``phantom-dyn doctor``: versions of libraries, and which are missing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the versions; 0 whatever is missing."""
+    """Print the versions; the exit code is 0 whatever is missing."""
     del arguments
     say(f"phantom-dyn {__version__}")
     say(f"Python {platform.python_version()} at {sys.executable}")
@@ -58,19 +58,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def required(requirements: Iterable[str]) -> tuple[str, ...]:
-    """Names of the packages that are required without an extra, as they are written."""
+    """Names of the packages that are required without an extra, as written in the requirements."""
     plain = [requirement for requirement in requirements if "extra ==" not in requirement]
     return tuple(found[0] for line in plain if (found := re.match(r"[\w.\-]+", line)))
 
 
 def plug_ins() -> tuple[str, ...]:
-    """Names of entry points that bring effects, with their packages; nothing of them is loaded."""
+    """Names of entry points that provide effects, with their packages; none is loaded."""
     found = metadata.entry_points(group="phantom_dyn.effects")
     return tuple(one.name + ("" if one.dist is None else f" ({one.dist.name})") for one in found)
 
 
 def version_of(name: str) -> str | None:
-    """Version of an installed package, None where it is missing."""
+    """Version of an installed package; None if it is missing."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
-from identification.cli.terminal.percentage import EXCITATION
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import EXCITATION, Progress
 from identification.files import require_ending, require_writable
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
@@ -31,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn excite",
         description="Design a motion from rest to rest that makes the inertial parameters of a robot visible and keeps "
-        "its limits of position, velocity and torque. Try it slowly first: the robot's surroundings are not known.",
+        "its limits of position, velocity and torque. Try it slowly first: obstacles around the robot are not known.",
         examples=(
             "excite robot.urdf --duration 10 --out ref.csv",
             "excite example:ur10 --share 0.5 --box tool0=,,0.1: --out ref.csv",
@@ -45,11 +44,11 @@ def parser() -> argparse.ArgumentParser:
         "--shapes",
         choices=("fourier", "splines", "triangles"),
         default="fourier",
-        help="what the motion is made of: Fourier series (default), B-splines, or triangles and sines, whose constant "
-        "speeds show friction",
+        help="basis of the motion: Fourier series (default), B-splines, or triangles and sines, whose constant speeds "
+        "show friction",
     )
     out.add_argument(
-        "--harmonics", metavar="N", type=int, default=5, help="of the series; pieces of splines are twice as many"
+        "--harmonics", metavar="N", type=int, default=5, help="of the series; splines have twice as many pieces"
     )
     out.add_argument(
         "--criterion",
@@ -63,29 +62,29 @@ def parser() -> argparse.ArgumentParser:
         metavar="V",
         nargs="+",
         type=float,
-        help="highest speed, where the robot file allows more [rad/s or m/s]; one number, or one a joint",
+        help="highest speed, if the robot file allows more [rad/s or m/s]; one number, or one per joint",
     )
     out.add_argument(
         "--acceleration",
         metavar="A",
         nargs="+",
         type=float,
-        help="highest acceleration [rad/s^2 or m/s^2], without it any; one number, or one a joint",
+        help="highest acceleration [rad/s^2 or m/s^2] (default: no limit); one number, or one per joint",
     )
     out.add_argument(
-        "--share", type=float, default=1.0, help="part of the velocity and torque limits to use, as 0.8 (default: 1)"
+        "--share", type=float, default=1.0, help="share of the velocity and torque limits to use, as 0.8 (default: 1)"
     )
     out.add_argument(
         "--box",
         metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1",
         action="append",
         default=[],
-        help="box [m] along the base's axes that a frame stays in; an empty number is no limit, as in tool0=,,0.1:",
+        help="box [m] along the base's axes that a frame must not leave; an empty number is no limit: tool0=,,0.1:",
     )
     out.add_argument(
-        "--clearance", metavar="M", type=float, help="distance of the robot's bodies to one another [m] (default: 0.01)"
+        "--clearance", metavar="M", type=float, help="least distance between bodies of the robot [m] (default: 0.01)"
     )
-    out.add_argument("--ignore-collisions", action="store_true", help="do not look at distances of bodies")
+    out.add_argument("--ignore-collisions", action="store_true", help="do not check distances between bodies")
     out.add_argument(
         "--clear",
         metavar="D",
@@ -94,14 +93,14 @@ def parser() -> argparse.ArgumentParser:
         "0.25, a four-bar at a transmission angle of 20 degrees; 0.5 is one at 41 degrees)",
     )
     out.add_argument(
-        "--earlier", metavar="LOG", nargs="+", default=[], help="recordings made before: show what they do not"
+        "--earlier", metavar="LOG", nargs="+", default=[], help="earlier recordings: show what they do not"
     )
-    out.add_argument("--seed", type=int, default=0, help="of the random motions that it starts from (default: 0)")
+    out.add_argument("--seed", type=int, default=0, help="seed of the random motions that it starts from (default: 0)")
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Design the motion, write it, and say what it reaches."""
+    """Design the motion, write it, and print its figures."""
     one_blas_thread()
     if arguments.seed < 0:
         raise UsageError(f"--seed {arguments.seed} was given, wanted 0 or more")
@@ -176,10 +175,10 @@ def _collisions(arguments: argparse.Namespace, robot: Robot) -> Collisions | Non
 
 
 def _clear(given: float | None, robot: Robot) -> float:
-    """Distance from a singularity that the loops keep.
+    """Least distance of the loops from a singularity.
 
     Raises:
-        UsageError: If one was given to a robot that has no such loops.
+        UsageError: If one was given for a robot without loops that are closed numerically.
     """
     from identification.excitation.closable import CLEAR, solved_numerically
 
@@ -193,7 +192,7 @@ def _clear(given: float | None, robot: Robot) -> float:
 
 
 def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
-    """Triangular factor of the recordings made before, thinned out to the rate of the new one."""
+    """Triangular factor of earlier recordings, thinned out to the rate of the new one."""
     if not arguments.earlier:
         return None
     from identification.data.reading import read_recording
@@ -210,7 +209,7 @@ def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
 
 
 def _box(text: str) -> FrameBox:
-    """``frame=x0:x1,y0:y1,z0:z1``, where an empty number or axis is no limit."""
+    """The box of ``frame=x0:x1,y0:y1,z0:z1``, in which an empty number or axis is no limit."""
     import numpy as np
 
     from identification.excitation.limits import FrameBox

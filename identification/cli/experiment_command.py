@@ -1,4 +1,4 @@
-"""``phantom-dyn experiment``: friction from constant speeds, and the stiffness of a transmission from a held arm."""
+"""``phantom-dyn experiment``: friction from constant speeds, and stiffness of a transmission from a held arm."""
 
 from __future__ import annotations
 
@@ -7,7 +7,16 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_logs, add_robot, expand_episodes, one_blas_thread
+from identification.cli.arguments import (
+    DONE,
+    Parser,
+    add_logs,
+    add_robot,
+    excluded_stretches,
+    expand_episodes,
+    one_blas_thread,
+    reading_as_asked,
+)
 from identification.cli.terminal.printed import say
 from identification.file_sets import renamed_together
 from identification.files import require_existing, require_writable_folder
@@ -21,7 +30,7 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
-# Share of the motion: in triangles the speed is constant most of the time, in sines less than half of it.
+# Share of the motion at constant speed: more than this in triangles, less in sines.
 _STEADY = 0.5
 _NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
@@ -31,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn experiment",
         description="friction: viscous and Coulomb friction of each joint that moves at constant speeds (triangles of "
-        "several speeds), without a model of the masses; of the CEA branch the passive joints too, from three tests. "
+        "several speeds), without a model of the masses; for the CEA branch also its passive joints, from three tests. "
         "stiffness: stiffness, damping and dry friction of a transmission, from the torque and position of its motor "
         "while the arm is held and the torque goes up and down; give recordings of several rates.",
         examples=(
@@ -43,17 +52,18 @@ def parser() -> argparse.ArgumentParser:
     add_robot(out)
     add_logs(out)
     out.add_argument(
-        "--joint", metavar="NAME", help="of a stiffness test: the motor that pushed (default: it is found)"
+        "--joint", metavar="NAME", help="for stiffness: the motor that pushed (default: the one that moves)"
     )
     out.add_argument("--out", metavar="DIR", type=Path, help="write experiment.json and a figure there")
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fit the test, print what it gives, and write the files."""
+    """Fit the test, print its parameters, and write the files."""
     one_blas_thread()
     if arguments.joint is not None and arguments.test == "friction":
         raise UsageError("--joint was given with friction, which takes every joint that moves: leave it out.")
+    excluded_stretches(arguments)  # refuses before anything slow
     find_robot(arguments.robot)
     expand_episodes(arguments)
     for log in arguments.logs:
@@ -61,25 +71,14 @@ def run(arguments: argparse.Namespace) -> int:
     picture = f"{arguments.test}.png"
     if arguments.out is not None:
         require_writable_folder(arguments.out, ("experiment.json", picture))
-    from identification.cli.arguments import excluded_stretches
     from identification.data.reading import read_recording
     from phantom_dyn.model.loading import load_robot
 
     robot = load_robot(arguments.robot, config=arguments.robot_config)
-    # Against a held arm a joint hardly moves, which no check of a recording of a moving robot would let pass.
+    # Against a held arm a joint hardly moves, which the checks of a moving robot would refuse.
     held = arguments.test == "stiffness"
-    recordings = tuple(
-        read_recording(
-            log,
-            robot,
-            columns=arguments.columns,
-            topic=arguments.topic,
-            ref_topic=arguments.ref_topic,
-            excluded=excluded_stretches(arguments),
-            anyway=arguments.anyway or held,
-        )
-        for log in arguments.logs
-    )
+    read = reading_as_asked(read_recording, arguments)
+    recordings = tuple(read(log, robot, anyway=arguments.anyway or held) for log in arguments.logs)
     if not held:
         from identification.data.refusal import require_right
 
@@ -108,13 +107,13 @@ def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) ->
         say(f"{test.file}, {test.joint}: {_words(test.fit)}")
     for test in tests:
         below = [name for name in test.fit.names if _below_zero(test.fit, name)]
-        doubts = [f"no {' or '.join(below)} friction is below zero"] if below else []
+        doubts = [f"its {' and '.join(below)} friction is below zero"] if below else []
         if test.steady < _STEADY:
             doubts.append(f"its speed was constant in {percent(test.steady)} of its motion")
         if doubts:
             say(
-                f"note: {test.file}, {test.joint}: {', and '.join(doubts)}; what is found is no friction unless one "
-                "joint at a time moves in triangles of several speeds."
+                f"note: {test.file}, {test.joint}: {', and '.join(doubts)}; the result is friction only if one joint "
+                "at a time moves in triangles of several speeds."
             )
     entries = [{"recording": test.file, "joint": test.joint, "parameters": _numbers(test.fit)} for test in tests]
     if robot.source == "cea_branch" and len(logs) > 1:
@@ -175,7 +174,7 @@ def _words(fit: LinearFit) -> str:
 
 
 def _below_zero(fit: LinearFit, name: str) -> bool:
-    """True for what cannot be below zero and is, by more than chance makes it."""
+    """True for a parameter below zero by more than chance explains."""
     k = fit.names.index(name)
     return bool(fit.theta[k] < -2 * fit.std()[k])
 

@@ -17,11 +17,11 @@ from identification.cli.arguments import (
     expand_episodes,
     given_files,
     one_blas_thread,
+    reading_as_asked,
     require_files,
 )
-from identification.cli.terminal.percentage import IDENTIFICATION
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import IDENTIFICATION, Progress
 from identification.stages import Announcement, Stage
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn identify",
         description="Estimate the base parameters, friction and drives of a robot, judge them on data that no fit has "
-        "seen, and write a report and models to simulate. Of a single LOG the last fifth is held out, of several the "
-        "last one.",
+        "used, and write a report and models to simulate. Of one LOG the last fifth is held out, of several the last "
+        "one.",
         examples=(
             "identify robot.urdf log.csv --out fitted/",
             "identify robot.urdf log.csv --hold-out other.csv --estimator consistent --out fitted/",
@@ -61,21 +61,21 @@ def parser() -> argparse.ArgumentParser:
         default="viscous,coulomb,offset",
         help="terms of every joint: viscous,coulomb,offset (default), direction_dependent, or none for the file's own",
     )
-    out.add_argument("--rotors", action="store_true", help="rotor inertias are unknowns, too")
-    add_list(out, "--hold-out", metavar="LOG", help="recordings to judge on, instead of those above")
+    out.add_argument("--rotors", action="store_true", help="estimate rotor inertias as well")
+    add_list(out, "--hold-out", metavar="LOG", help="recordings to judge on, in place of those above")
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write the files and print a summary."""
     one_blas_thread()
-    excluded = excluded_stretches(arguments)
+    excluded_stretches(arguments)  # refuses before anything slow
     expand_episodes(arguments)
     require_files(arguments)
-    return _identify(arguments, excluded)
+    return _identify(arguments)
 
 
-def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
+def _identify(arguments: argparse.Namespace) -> int:
     from identification.data.reading import read_recording
     from identification.estimators.estimator_list import estimator_named
     from identification.identify.identification_files import check_folder, write_outputs
@@ -90,18 +90,11 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
         terms = JointTerms(friction, arguments.rotors)
         check_folder(arguments.out, given_files(arguments))
         robot = load_robot(arguments.robot, config=arguments.robot_config)
+        read_as_asked = reading_as_asked(read_recording, arguments)
 
         def read(path: str) -> Recording:
             progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-            return read_recording(
-                Path(path),
-                robot,
-                columns=arguments.columns,
-                topic=arguments.topic,
-                ref_topic=arguments.ref_topic,
-                excluded=excluded,
-                anyway=arguments.anyway,
-            )
+            return read_as_asked(Path(path), robot)
 
         found = identify(
             robot,

@@ -1,4 +1,4 @@
-"""The command line: finds the command, hands it its arguments, turns refusals into one sentence.
+"""The command line: finds the command, passes it its arguments, and turns refusals into one sentence.
 
 Completion of commands, options and files in a shell: ``eval "$(register-python-argcomplete phantom-dyn)"``.
 """
@@ -11,7 +11,7 @@ import importlib
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
@@ -21,8 +21,8 @@ from identification.files import full_words, is_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
-# Name -> module and what it does. A module is imported only when its command is called, and imports what computes
-# only when it computes, so that help and refusals come at once.
+# Module and purpose of each command. A module is imported only when its command is called, and itself imports heavy
+# libraries only when it computes, so that help and refusals come at once.
 COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose_command", "find what the model of a robot lacks, from recordings"),
     "identify": (
@@ -49,7 +49,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 
 
 class Command(Protocol):
-    """What the module of a command provides."""
+    """Functions that the module of a command provides."""
 
     def parser(self) -> argparse.ArgumentParser:
         """The command's arguments: an `identification.cli.arguments.Parser`."""
@@ -70,7 +70,7 @@ def main(argv: list[str] | None = None) -> int:
         Exit code: 0 the job was done, 2 bad input, 130 interrupted, 143 ended by SIGTERM.
     """
     open_streams()
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         complete(COMMANDS)
     try:
         with interruptible():
@@ -86,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
         complain("interrupted")
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader (head, less) left early.
+        # The reader of the output (head, less) has ended.
         forget(sys.stdout)
         return DONE
     except OSError as error:
@@ -144,7 +144,7 @@ def _unknown(name: str) -> str:
 
 
 def complete(commands: Mapping[str, tuple[str, str]]) -> None:
-    """Answer the shell that asks what may come next, and leave the process; does nothing without argcomplete.
+    """Answer a shell that asks for completions, and leave the process; does nothing without argcomplete.
 
     Args:
         commands: Module and purpose of each command by name.
@@ -157,7 +157,7 @@ def complete(commands: Mapping[str, tuple[str, str]]) -> None:
 
 
 def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentParser:
-    """One parser with all commands, as the shell completes across them."""
+    """One parser with all commands, in which the shell completes."""
     out = argparse.ArgumentParser(prog="phantom-dyn", add_help=False)
     below = out.add_subparsers()
     for name, (module, purpose) in commands.items():
@@ -167,12 +167,9 @@ def every_command(commands: Mapping[str, tuple[str, str]]) -> argparse.ArgumentP
 
 
 def _without_help(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """The arguments of a parser without its ``--help``, which the parser below a command has of its own."""
+    """The arguments of a parser without its ``--help``, as each parser of a command has one of its own."""
     out = argparse.ArgumentParser(add_help=False)
-    for action in _given(parser):
-        out._add_action(action)
+    for action in parser._actions:
+        if not isinstance(action, argparse._HelpAction):
+            out._add_action(action)
     return out
-
-
-def _given(parser: argparse.ArgumentParser) -> Iterable[argparse.Action]:
-    return (action for action in parser._actions if not isinstance(action, argparse._HelpAction))

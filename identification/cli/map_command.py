@@ -1,4 +1,4 @@
-"""``phantom-dyn map``: what a hand feels of a robot, over its workspace."""
+"""``phantom-dyn map``: forces, masses and stiffness that a hand feels at the tip of a robot, over its workspace."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
-from identification.cli.terminal.percentage import MAP
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import MAP, Progress
 from identification.files import require_writable_folder
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError, known_names
@@ -45,21 +44,21 @@ def parser() -> argparse.ArgumentParser:
         "--grid",
         metavar="x=START:STOP:COUNT,...",
         required=True,
-        help="over the tip in the root frame [m] (x, y, z), or over joints [rad or m] (q.<joint>); both ends included; "
-        "what is left out stays as in --q0",
+        help="over the tip in the root frame [m] (x, y, z), or over joints [rad or m] (q.<joint>), with both ends; "
+        "coordinates that are left out stay as in --q0",
     )
     out.add_argument("--out", metavar="DIR", type=Path, required=True, help="write the files there")
-    out.add_argument("--frame", metavar="NAME", help="the tip (default: tip, or the last frame)")
+    out.add_argument("--frame", metavar="NAME", help="frame of the tip (default: tip, or the last frame)")
     out.add_argument(
         "--q0",
         metavar="Q",
         nargs="+",
-        help="joint positions, one per joint or joint=position: the branch nearest to it is taken (default: zero)",
+        help="joint positions, one per joint or joint=position; the map follows the nearest branch (default: zero)",
     )
     out.add_argument(
-        "--stiffness", metavar="K", nargs="+", help="stiffness of each joint [N m/rad] (default: where it is stated)"
+        "--stiffness", metavar="K", nargs="+", help="stiffness of each joint [N m/rad] (default: that of the file)"
     )
-    out.add_argument("--jobs", metavar="N", type=int, help="processes at most (default: one per core)")
+    out.add_argument("--jobs", metavar="N", type=int, help="largest number of processes (default: one per core)")
     return out
 
 
@@ -109,7 +108,7 @@ def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) 
     """Numbers of an option, one per joint in order, or by name with 0 for the others.
 
     Raises:
-        UsageError: In a sentence.
+        UsageError: If a joint is unknown, a word is no number, or their count is wrong.
     """
     if words is None:
         return None
@@ -139,7 +138,7 @@ def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) 
 
 
 def _summary(result: OperationalMap) -> list[str]:
-    """How many points, and the range of each quantity."""
+    """Lines with the number of points and the range of each quantity."""
     import numpy as np
 
     from phantom_dyn.maps.quantities import QUANTITIES
@@ -160,10 +159,10 @@ def _summary(result: OperationalMap) -> list[str]:
         )
     elif result.unreachable + result.singular == size:
         lines.append(
-            f"note: nowhere on the grid is there a value, as the frame {result.model.frame} cannot move in "
+            f"note: there is no value at any point of the grid, as the frame {result.model.frame} cannot move in "
             f"{min(result.model.nv, 3)} independent directions there. A frame on the axis of a joint does not move "
-            "with it: name one farther out with --frame, or add one to the robot file; of an arm of three joints that "
-            "moves in a plane hold one (lock in robot.yaml)."
+            "with it: name one farther out with --frame, or add one to the robot file. If an arm of three joints moves "
+            "in a plane, hold one of them (lock in robot.yaml)."
         )
     if "stiffness" in result.values:
         lines.append(f"  {result.model.stiffness_note}")

@@ -1,4 +1,4 @@
-"""``phantom-dyn view``: a recording replayed in the browser, beside the simulation of the given and corrected model."""
+"""``phantom-dyn view``: a recording replayed in the browser, beside simulations of the given and corrected models."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from identification.cli.arguments import (
     excluded_stretches,
     expand_one_episode,
     one_blas_thread,
+    reading_as_asked,
+    robot_with_effects,
 )
-from identification.cli.terminal.percentage import VIEW
 from identification.cli.terminal.printed import say
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import VIEW, Progress
 from identification.files import require_existing, require_not_swapped
 from identification.stages import Stage
 from phantom_dyn.errors import UsageError
@@ -41,8 +42,8 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn view",
         description="Replay a recording in the browser: the measured motion beside that of the given model and, with "
-        "--diagnosis, of the corrected one, joints coloured by their torque residual, and curves to scrub through. "
-        "Ctrl-C ends it.",
+        "--diagnosis, of the corrected one. Joints are coloured by their torque residual, and curves can be scrubbed "
+        "through. Ctrl-C ends it.",
         examples=(
             "view robot.urdf log.csv --diagnosis report/",
             "view example:ur10 log.csv --columns columns.yaml --port 9000 --no-open",
@@ -54,10 +55,10 @@ def parser() -> argparse.ArgumentParser:
         "--diagnosis",
         metavar="FILE",
         type=Path,
-        help="diagnosis.json, the folder of diagnose --out, or a corrected.yaml: what the corrected model has",
+        help="diagnosis.json, the folder of diagnose --out, or a corrected.yaml: it gives the corrected model",
     )
     add_effects(out)
-    add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml that belongs to the given model already")
+    add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml that is already part of the given model")
     out.add_argument(
         "--motion-only",
         action="store_true",
@@ -68,7 +69,7 @@ def parser() -> argparse.ArgumentParser:
         "--horizon",
         metavar="S",
         type=float,
-        help="seconds after which simulated motion starts again from the recorded one (default: as in the diagnosis, "
+        help="time after which the simulation restarts from the recorded motion [s] (default: as in the diagnosis, "
         "else 0.5)",
     )
     out.add_argument("--host", default="127.0.0.1", help="address to listen on (default: 127.0.0.1, this machine only)")
@@ -80,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Prepare the replay and serve it until Ctrl-C."""
     one_blas_thread()
-    excluded = excluded_stretches(arguments)
+    excluded_stretches(arguments)  # refuses before anything slow
     _require_numbers(arguments)
     require_not_swapped(arguments.robot, [arguments.log])
     find_robot(arguments.robot)
@@ -90,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(missing_library("viser"))
     from identification.viewing.browser import served
 
-    replay = _replay(arguments, excluded)
+    replay = _replay(arguments)
     for note in replay.notes:
         say(f"note: {note}")
     with served(replay, host=arguments.host, port=arguments.port) as page:
@@ -105,10 +106,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
-    """Refuse a port or horizon that cannot be.
+    """Refuse a port or horizon out of range.
 
     Raises:
-        UsageError: Says what was given and what is wanted.
+        UsageError: If one is. The message says what was given and what is wanted.
     """
     if arguments.port is not None and not 0 < arguments.port <= _PORTS:
         raise UsageError(f"--port {arguments.port} was given, wanted a number from 1 to {_PORTS}")
@@ -116,7 +117,7 @@ def _require_numbers(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--horizon {arguments.horizon:g} was given, wanted a time in seconds above 0")
 
 
-def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> Replay:
+def _replay(arguments: argparse.Namespace) -> Replay:
     """The replay that the arguments ask for."""
     with Progress(Stage.LOADING, sys.stderr, stages=VIEW) as progress:
         from identification.data.reading import read_recording
@@ -124,25 +125,14 @@ def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], 
         from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
         from identification.viewing.corrections import read_correction
         from identification.viewing.replay import replay_of
-        from phantom_dyn.effects.user.user_effects import with_user_effects
-        from phantom_dyn.model.loading import load_robot
 
-        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
+        robot = robot_with_effects(arguments)
         correction = None if arguments.diagnosis is None else read_correction(arguments.diagnosis, robot)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
+        read_as_asked = reading_as_asked(read_recording, arguments)
 
         def read(torque_needed: bool) -> tuple[Recording, ...]:
-            one = read_recording(
-                arguments.log,
-                robot,
-                columns=arguments.columns,
-                topic=arguments.topic,
-                ref_topic=arguments.ref_topic,
-                excluded=excluded,
-                torque_needed=torque_needed,
-                anyway=arguments.anyway,
-            )
-            return (one,)
+            return (read_as_asked(arguments.log, robot, torque_needed=torque_needed),)
 
         driven, recordings, motion = torque_or_motion(robot, read, motion_only=arguments.motion_only)
         if motion:
@@ -158,5 +148,5 @@ def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], 
 
 
 def _has_browser() -> bool:
-    """False where a browser would open in the terminal itself, as on a machine without a screen."""
+    """False on a machine without a screen, where a browser would open in the terminal itself."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -13,12 +13,12 @@ def parser() -> argparse.ArgumentParser:
     out = Parser(
         prog="phantom-dyn why",
         description="Say why an effect was named in a diagnosis, or was not: how much of the gap it would close, what "
-        "is named in its place, and the gates that it met, each with its figure and what was needed.",
+        "is named in its place, and the gates that it met, each with its figure and its threshold.",
         examples=("why report/ payload", "why diagnosis.json coulomb_friction --joint j2"),
     )
     out.add_argument("diagnosis", metavar="DIAGNOSIS", help="diagnosis.json, or the folder of diagnose --out")
     out.add_argument("effect", metavar="EFFECT", help="name of the effect in the catalogue, such as payload")
-    out.add_argument("--joint", metavar="J", help="where (default: everywhere that the diagnosis looked)")
+    out.add_argument("--joint", metavar="J", help="joint of the effect (default: every joint that the diagnosis tried)")
     return out
 
 

@@ -1,4 +1,4 @@
-"""Checks of the numbers that a caller gives: refused in a sentence where nothing can be computed from them."""
+"""Checks of numbers that a caller gives; each refusal is a sentence with the name of the argument."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import ParameterError
 
 _MOST_SAMPLES = 10**8
-"""Samples of one experiment at most: they fill a gigabyte for each column."""
+"""Largest number of samples of one experiment; they fill a gigabyte for each column."""
 
 
 def require_numbers(**values: float) -> None:
-    """Refuse what is not finite; names are those of the arguments, with blanks for underscores in the text.
+    """Refuse numbers that are not finite. The message has the names of the arguments, with blanks for underscores.
 
     Raises:
         ParameterError: If a value is NaN or infinite.
@@ -25,7 +25,7 @@ def require_numbers(**values: float) -> None:
 
 
 def require_positive(**values: float) -> None:
-    """Refuse what is not a number above 0.
+    """Refuse numbers that are not finite and above 0.
 
     Raises:
         ParameterError: If a value is 0 or less, or not finite.
@@ -36,7 +36,7 @@ def require_positive(**values: float) -> None:
 
 
 def require_not_negative(**values: float) -> None:
-    """Refuse what is not a number of 0 or more.
+    """Refuse numbers that are not finite or below 0.
 
     Raises:
         ParameterError: If a value is negative or not finite.
@@ -47,7 +47,7 @@ def require_not_negative(**values: float) -> None:
 
 
 def require_whole(least: int, **values: float) -> None:
-    """Refuse what is not a whole number of ``least`` or more.
+    """Refuse numbers that are not whole numbers of ``least`` or more.
 
     Raises:
         ParameterError: If a value has a fraction, is too small or not finite.
@@ -58,10 +58,10 @@ def require_whole(least: int, **values: float) -> None:
 
 
 def require_columns(count: int, **values: Array) -> None:
-    """Refuse columns that are not ``count`` finite numbers each.
+    """Refuse columns that are not arrays of ``count`` finite numbers.
 
     Raises:
-        ParameterError: If an array has another shape, or holds a NaN or an infinity.
+        ParameterError: If an array has another shape, or holds NaN or infinity.
     """
     for name, value in values.items():
         shape = np.shape(value)
@@ -77,10 +77,10 @@ def require_columns(count: int, **values: Array) -> None:
 
 
 def sample_count(duration: float, period: float) -> int:
-    """Samples of an experiment of this duration [s] at this sampling period [s], at least one.
+    """Number of samples of an experiment of this duration [s] at this sampling period [s], at least one.
 
     Raises:
-        ParameterError: If either is not above 0, or the duration holds no sample, or more than a computer does.
+        ParameterError: If either is not above 0, or the number of samples is below one or above a hundred million.
     """
     require_positive(period=period, duration=duration)
     count = round(min(duration / period, 2.0 * _MOST_SAMPLES))

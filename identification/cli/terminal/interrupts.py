@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a command once, cleanly, even where a library catches what is raised for them."""
+"""Ctrl-C and SIGTERM end a command once and cleanly, even if a library catches the exception."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from types import FrameType
 
 _ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-"""Signals that end a command, and what Python does with them where nobody has said otherwise."""
+"""Signals that end a command, and Python's own handling of each."""
 
 
 class Interrupted(KeyboardInterrupt):
     """The user asked the command to end.
 
-    A class of its own, because Python remembers a plain ``KeyboardInterrupt`` that passes through ``exec`` of a
+    It is a class of its own because Python remembers a plain ``KeyboardInterrupt`` that passes through ``exec`` of a
     string (every dataclass is made so) and kills the process at its end, although the exception was caught.
 
     Attributes:
-        number: Of the signal.
+        number: Number of the signal.
     """
 
     def __init__(self, number: int = signal.SIGINT):
@@ -28,7 +28,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class _Handler:
-    """Raises `Interrupted` and remembers it: an import that catches everything may swallow the exception."""
+    """Raises `Interrupted`, and remembers it because an import that catches every exception may swallow it."""
 
     def __init__(self) -> None:
         self.asked: int | None = None
@@ -40,11 +40,11 @@ class _Handler:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` for Ctrl-C, SIGTERM and a closed terminal, where the process has the usual handling of them.
+    """Raise `Interrupted` for Ctrl-C, SIGTERM and a closed terminal, unless the process handles them in its own way.
 
     Without this, SIGTERM would leave temporary files and processes behind.
     """
-    # Only the main thread may set a handler; a process that ignores a signal goes on ignoring it.
+    # Only the main thread may set a handler, and a signal that the process ignores stays ignored.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -60,7 +60,7 @@ def interruptible() -> Iterator[None]:
 
 
 def end_if_asked() -> None:
-    """Raise `Interrupted` if a signal came since `interruptible` began and the exception was swallowed."""
+    """Raise `Interrupted` if a signal came since `interruptible` began but its exception was swallowed."""
     for number in _ENDING:
         handler = signal.getsignal(number)
         if isinstance(handler, _Handler) and handler.asked is not None:

@@ -1,4 +1,4 @@
-"""What a command prints: names of files and joints may hold control characters, which must not reach a terminal."""
+"""Output of a command: names of files and joints may hold control characters, which must not reach a terminal."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
 
     Args:
         words: One line or several.
-        file: Where to; standard output by default.
-        flush: Whether it must be seen at once.
+        file: Stream; standard output by default.
+        flush: True if the text must be seen at once.
     """
     print("\n".join(map(printable, str(words).split("\n"))), file=file, flush=flush)
 
 
 def complain(words: str) -> None:
-    """Print a line on standard error; where that takes no more, the exit code has to do."""
+    """Print a line on standard error. If nobody can read it, the exit code has to be enough."""
     try:
         say(f"phantom-dyn: {words}", file=sys.stderr, flush=True)
     except OSError:
@@ -29,16 +29,16 @@ def complain(words: str) -> None:
 
 
 def forget(stream: TextIO) -> None:
-    """Let a stream that takes no more write to nowhere: Python flushes it once more at its end."""
+    """Redirect a broken stream to nowhere, as Python flushes it once more at its end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
 
 
 def open_streams() -> None:
-    """Let standard output and error write to nowhere where the caller has closed them (``>&-``).
+    """Open standard output and error to nowhere if the caller has closed them (``>&-``).
 
-    Python has no object for them then, and the next file that is opened would get what C++ code prints.
+    Python has no object for them then, and the next opened file would receive what C++ code prints.
     """
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:

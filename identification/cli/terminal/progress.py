@@ -1,4 +1,4 @@
-"""What is being done and how far it is: a line that is drawn again on a terminal, elsewhere one in ten seconds."""
+"""Progress of a run, in words and per cent: a line redrawn on a terminal, elsewhere one line every ten seconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from identification.cli.terminal.interrupts import end_if_asked
-from identification.cli.terminal.percentage import percent_done
 from identification.cli.terminal.stage_times import StageTimes
 from identification.stages import Announcement, Stage
 from identification.words.stage_words import stage_words
@@ -20,14 +19,71 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 EVERY_S = 10.0
-"""Least time between two lines where nobody watches a terminal [s]: a shorter run leaves none."""
+"""Least time between two lines if the stream is not a terminal [s]: a shorter run prints none."""
+
+# Stages of each command, with the usual share of its time that each takes [%].
+DIAGNOSIS = {
+    Stage.READING: 16.0,
+    Stage.FILTERING: 1.0,
+    Stage.REGRESSORS: 12.0,
+    Stage.NOISE: 20.0,
+    Stage.CHANCE: 24.0,
+    Stage.RIVALS_COMPARED: 20.0,
+    Stage.BOUNDS: 1.0,
+    Stage.LAW: 2.0,
+    Stage.SIMULATION: 4.0,
+}
+"""``phantom-dyn diagnose`` until its answer is known. Shares are rounded means over recordings of one to seven joints;
+in a single one rivals may take a small or a large part (`python benchmarks/stage_shares.py`)."""
+AFTER_DIAGNOSIS = {Stage.NEXT_EXPERIMENT: 17.0, Stage.WRITING: 83.0}
+"""``phantom-dyn diagnose`` after its answer."""
+IDENTIFICATION = {
+    Stage.READING: 25.0,
+    Stage.FILTERING: 5.0,
+    Stage.IDENTIFIABILITY: 8.0,
+    Stage.ESTIMATION: 10.0,
+    Stage.HELD_OUT: 4.0,
+    Stage.POSSIBLE_INERTIAS: 8.0,
+    Stage.MODEL_FILES: 10.0,
+    Stage.WRITING: 30.0,
+}
+"""``phantom-dyn identify``. Short runs mostly load libraries, long ones estimate, as with `CHECK` and `EXCITATION`."""
+CHECK = {Stage.READING: 40.0, Stage.CHECKING: 60.0}
+"""``phantom-dyn check``, for each recording."""
+EXCITATION = {
+    Stage.LOADING: 20.0,
+    Stage.POSTURES: 2.0,
+    Stage.RANDOM_MOTIONS: 18.0,
+    Stage.DESCENT: 58.0,
+    Stage.WRITING: 2.0,
+}
+"""``phantom-dyn excite``."""
+MAP = {Stage.LOADING: 15.0, Stage.MAP: 35.0, Stage.WRITING: 30.0, Stage.DRAWING: 20.0}
+"""``phantom-dyn map``."""
+VIEW = {Stage.LOADING: 30.0, Stage.FILTERING: 10.0, Stage.SIMULATION: 40.0, Stage.LINKS: 20.0}
+"""``phantom-dyn view``."""
+BATCH = {Stage.LOADING: 1.0, Stage.BATCH: 98.0, Stage.WRITING: 1.0}
+"""``phantom-dyn diagnose --each``."""
+
+
+def percent_done(stages: Mapping[Stage, float], now: Announcement) -> float:
+    """Share of a run that is done at an announcement [%]; 0 if its stage is not one of the run's.
+
+    Args:
+        stages: Stages of the run in their order, with the share of its time that each takes [%].
+        now: The announcement; its finished parts count if it has parts.
+    """
+    if now.stage not in stages:
+        return 0.0
+    before = sum(list(stages.values())[: list(stages).index(now.stage)])
+    return before + stages[now.stage] * (min(now.done / now.of, 1.0) if now.of else 0.0)
 
 
 class Progress:
-    """Context that says on ``stream`` what is being done while it is open.
+    """Context that reports on ``stream`` what is being done while it is open.
 
-    Where the stages of the run are known, the line begins with the per cent that are done. In a first run, which
-    compiles functions, it ends with how many.
+    If the stages of the run are given, the line begins with the per cent that are done. In a first run, which compiles
+    functions, it ends with their number.
     """
 
     def __init__(
@@ -45,7 +101,7 @@ class Progress:
         self._compilation, self._open = Compilation(), ExitStack()
 
     def __enter__(self) -> Progress:
-        # Closed again where an interrupt comes before all is open: it would leave the cursor hidden.
+        # Closed again if an interrupt comes before all is open, which would leave the cursor hidden.
         with ExitStack() as opened:
             self._compilation = opened.enter_context(watched_compilation())
             if self._watched:
@@ -70,22 +126,22 @@ class Progress:
         said = self.said
 
         class Said(ProgressColumn):
-            """The words of the moment: asked for when the line is drawn, so that announcing costs nothing."""
+            """The current words, asked for only when the line is drawn, so that announcing costs nothing."""
 
             def render(self, task: Task) -> Text:
                 del task
                 return Text(said())
 
         columns = (SpinnerColumn(), Said(), TimeElapsedColumn())
-        # Each drawing takes about a millisecond of the work.
+        # Each redrawing takes about a millisecond.
         bar = Bar(*columns, console=Console(file=self._stream), transient=True, refresh_per_second=4.0)
         bar.add_task("", total=None)
         return bar
 
     def said(self) -> str:
-        """How much is done, what is being done, and what is compiled for it.
+        """How much is done, what is being done, and how many functions were compiled.
 
-        A terminal is drawn while a function is compiled; other streams get a line between two stages, when none is.
+        A terminal is redrawn while a function is compiled; other streams get a line between two stages, when none is.
         """
         part, count = f"{int(self._percent):3d} % " if self._stages else "", self._compilation.functions
         behind = ""
@@ -96,13 +152,13 @@ class Progress:
         return printable(f"{part}{stage_words(self._now)}{behind}".strip())
 
     def show(self, announced: Announcement) -> None:
-        """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""
+        """Show what is being done now; a Ctrl-C whose exception was swallowed ends the command here."""
         end_if_asked()
         self._take(announced)
         now = time.monotonic()
         if not self._watched and now - self._last >= EVERY_S:
             self._last = now
-            with suppress(OSError, ValueError):  # whoever reads the stream is gone
+            with suppress(OSError, ValueError):  # nobody reads the stream any more
                 print(f"{now - self._started:.0f} s: {self.said()}", file=self._stream, flush=True)
 
     def _take(self, announced: Announcement) -> None:

@@ -1,4 +1,4 @@
-"""Where the time of a run goes: seconds on the clock and of the processor by stage, as ``--profile`` prints them."""
+"""Time of each stage of a run, on the clock and of the processor [s], as ``--profile`` prints it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from identification.stages import Announcement, Stage
 from identification.words.stage_words import NAMES
 
 _BEFORE = "starting and loading"
-"""What a process does before its command: the clock of that time is not known, that of the processor is."""
+"""Time of the process before its command; only the processor's is known."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """When a stage was announced.
+    """The moment at which a stage was announced.
 
     Attributes:
-        stage: That was announced; None at the end.
-        clock: Of a clock that runs on [s].
-        busy: Processor time of this process until then [s], of all its threads.
+        stage: The announced stage; None at the end.
+        clock: Reading of a monotonic clock [s].
+        busy: Processor time of this process so far [s], in all its threads.
     """
 
     stage: Stage | None
@@ -31,7 +31,7 @@ class Mark:
 
 
 class StageTimes:
-    """Takes down when the stages of a run are announced.
+    """Records when the stages of a run are announced.
 
     Args:
         now: Gives clock and processor time [s].
@@ -45,11 +45,11 @@ class StageTimes:
         self._marks: list[Mark] = []
 
     def enter(self, announced: Announcement) -> None:
-        """Take note of an announcement."""
+        """Record an announcement."""
         self._marks.append(Mark(announced.stage, *self._now()))
 
     def rows(self) -> dict[str, tuple[float, float]]:
-        """Seconds on the clock and of the processor by stage up to now, in the order of their first announcement."""
+        """Clock and processor time of each stage so far [s], in the order of first announcement."""
         out: dict[str, tuple[float, float]] = {}
         for mark, following in pairwise([*self._marks, Mark(None, *self._now())]):
             assert mark.stage is not None
@@ -59,7 +59,7 @@ class StageTimes:
         return out
 
     def table(self) -> str:
-        """The rows with their sums, the start of the process, and the most memory that it had."""
+        """The rows with their sums, the time before the command, and the peak memory."""
         rows, before = self.rows(), self._marks[0].busy if self._marks else 0.0
         width = max(len(_BEFORE), *map(len, rows)) if rows else len(_BEFORE)
         lines = [f"{'stage':<{width}}  seconds  of processor time", f"{_BEFORE:<{width}}           {before:17.2f}"]
@@ -71,7 +71,7 @@ class StageTimes:
 
 
 def peak_megabytes() -> float | None:
-    """The most memory that this process has had [MB]; None where the system does not say."""
+    """Peak memory of this process [MB]; None if the system does not say."""
     try:
         import resource
     except ImportError:  # Windows

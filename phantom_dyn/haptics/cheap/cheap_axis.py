@@ -1,14 +1,14 @@
-"""A cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and the good device it is tried on.
+"""A cheap axis of a haptic device (virtual mass, play, friction, cogging, limit), and the good device that renders it.
 
-The figures are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, the values that ran stably together.
-Its columns for friction are swapped as printed (millirad for a translation, micrometres for a rotation): here they
-stand where their units belong. It does not give the friction in slip, the cogging's period, the level of the clipping
-or the unit of the damping: the first three are to be given, and the damping is critical, which the text calls ideal
-(7.75 N s/m at 0.1 kg and 150 N/m; the printed 0.05 would be a damping ratio of 0.006 in N s/m, and 6.5 in N s/mm).
-The rotary inertia is printed "1 mkgmm" and read 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as on the translation.
+The numbers are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, which ran stably together. As printed,
+its columns for friction are swapped (millirad for a translation, micrometres for a rotation); here they stand where
+their units belong. The table does not give the friction in slip, the period of the cogging, the level of clipping or
+the unit of the damping. The first three are arguments here. The damping is critical, which the text calls ideal
+(7.75 N s/m at 0.1 kg and 150 N/m; the printed 0.05 would be a damping ratio of 0.006 in N s/m, and 6.5 in N s/mm). The
+rotary inertia, printed as "1 mkgmm", is taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
 
-The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper): travel, encoder and
-motor of each axis. The tip's twist has an encoder and no motor.
+The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper), with travel, encoder
+and motor of each axis. The tip's twist has an encoder and no motor.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ import numpy as np
 from phantom_dyn.errors import ParameterError
 
 CUTOFF_HZ = 70.0
+"""Cut-off of the filter of the probe's velocity, as published [Hz]."""
 
 
 @dataclass(frozen=True)
 class VirtualMass:
-    """Inertia that the hand feels through a coupling.
+    """Virtual inertia that the hand feels through a spring and a damper, the coupling.
 
     Attributes:
-        inertia: [kg or kg m^2].
-        stiffness: Of the coupling [N/m or N m/rad].
-        damping: Of the coupling [N s/m or N m s/rad]; None is critical.
+        inertia: Mass or moment of inertia [kg or kg m^2].
+        stiffness: Stiffness of the coupling [N/m or N m/rad].
+        damping: Damping of the coupling [N s/m or N m s/rad]; critical by default.
     """
 
     inertia: float
@@ -47,19 +48,19 @@ class VirtualMass:
 
     @property
     def period(self) -> float:
-        """Of the mass on its coupling, undamped [s]."""
+        """Period of the undamped mass on its coupling [s]."""
         return 2.0 * float(np.pi) * float(np.sqrt(self.inertia / self.stiffness))
 
 
 @dataclass(frozen=True)
 class StickingFriction:
-    """The catalogue's ``presliding_friction`` with stick.
+    """Friction that sticks, by the law of the catalogue's ``presliding_friction`` with stick.
 
     Attributes:
-        torque: In slip [N or N m].
-        displacement: At which it breaks loose [m or rad].
-        stick_velocity: It sticks below that speed [m/s or rad/s].
-        static_ratio: Torque at which it breaks loose over that in slip.
+        torque: Friction in slip [N or N m].
+        displacement: Displacement at which it breaks loose [m or rad].
+        stick_velocity: Speed below which it sticks [m/s or rad/s].
+        static_ratio: Friction at which it breaks loose over friction in slip.
     """
 
     torque: float
@@ -82,9 +83,9 @@ class CoggingTorque:
     """The catalogue's ``cogging``: the sum of ``amplitude sin(order x + phase)``, in tuples of equal length.
 
     Attributes:
-        order: [1, or rad/m on a translation].
-        amplitude: [N or N m].
-        phase: [rad].
+        order: Waves per revolution, or wave numbers [rad/m] on a translation.
+        amplitude: Amplitudes [N or N m].
+        phase: Phases [rad].
     """
 
     order: tuple[float, ...]
@@ -106,15 +107,15 @@ class CoggingTorque:
 
 @dataclass(frozen=True)
 class CheapAxis:
-    """One axis; by default nothing is wrong with it.
+    """One axis of a cheap device; by default it has no defect.
 
     Attributes:
         mass: Inertia that the hand feels besides the device's own.
         gap: Full width of the play between probe and mass [m or rad].
         friction: Friction that sticks.
-        cogging: Torque that follows the position.
-        limit: Force beyond which the motor is clipped [N or N m].
-        cutoff_hz: Of the filter of the probe's velocity; infinite: the bare difference of positions.
+        cogging: Torque that depends on the position.
+        limit: Force at which the motor is clipped [N or N m].
+        cutoff_hz: Cut-off of the filter of the probe's velocity [Hz]; if infinite, positions are only differenced.
     """
 
     mass: VirtualMass | None = None
@@ -137,12 +138,12 @@ class CheapAxis:
 
 
 def cheap_translation(*, slip: float, order: float, limit: float) -> CheapAxis:
-    """The published translation with everything on: 0.1 kg at 150 N/m, 1 mm, 0.6 N, 100 um, 5 mm/s, ratio 1.05.
+    """The published translation with all defects: 0.1 kg at 150 N/m, 1 mm, 0.6 N, 100 um, 5 mm/s, ratio 1.05.
 
     Args:
         slip: Friction in slip [N].
-        order: Of the cogging [rad/m].
-        limit: Of the motor [N].
+        order: Wave number of the cogging [rad/m].
+        limit: Largest force of the motor [N].
     """
     return CheapAxis(
         mass=VirtualMass(0.1, 150.0),
@@ -154,14 +155,14 @@ def cheap_translation(*, slip: float, order: float, limit: float) -> CheapAxis:
 
 
 def cheap_rotation(*, slip: float, order: float, limit: float) -> CheapAxis:
-    """The published rotation with everything on: 1e-3 kg m^2 at 1 N m/rad, 2 deg, 0.04 N m, 5 mrad, 6 deg/s, 1.05.
+    """The published rotation with all defects: 1e-3 kg m^2 at 1 N m/rad, 2 deg, 0.04 N m, 5 mrad, 6 deg/s, ratio 1.05.
 
-    The text has 0.2 deg (3.5 mrad) for the 5 mrad of the table.
+    The text of the paper has 0.2 deg (3.5 mrad) in place of the table's 5 mrad.
 
     Args:
         slip: Friction in slip [N m].
-        order: Of the cogging, cycles per revolution.
-        limit: Of the motor [N m].
+        order: Order of the cogging, cycles per revolution.
+        limit: Largest torque of the motor [N m].
     """
     return CheapAxis(
         mass=VirtualMass(1e-3, 1.0),
@@ -184,12 +185,12 @@ def _require(part: object, *names: str, above_zero: bool = False) -> None:
 
 @dataclass(frozen=True)
 class WorkstationAxis:
-    """One axis: SI units, radians and newton metres where it turns.
+    """One axis of the good device, in SI units; radians and newton metres if it turns.
 
     Attributes:
-        travel: Range [m or rad]; infinite where it turns without a stop.
+        travel: Range [m or rad]; infinite for an axis that turns without a stop.
         continuous: Force or torque that the motor holds for any time [N or N m]; 0 without a motor.
-        peak: That it holds for a moment.
+        peak: Force or torque that the motor holds for a moment [N or N m].
         resolution: Step of its encoder [m or rad].
         turns: True if it is rotary.
     """
@@ -202,12 +203,12 @@ class WorkstationAxis:
 
     @property
     def motor(self) -> CheapAxis:
-        """What clips a force that is asked for, for any time."""
+        """An axis without defects whose force is clipped at what the motor holds for any time."""
         return CheapAxis(limit=self.continuous)
 
 
 def _turning(travel: float, continuous: float, peak: float, resolution: float) -> WorkstationAxis:
-    """A rotary axis from degrees."""
+    """A rotary axis with travel and resolution given in degrees."""
     return WorkstationAxis(math.radians(travel), continuous, peak, math.radians(resolution))
 
 
@@ -221,4 +222,4 @@ WORKSTATION: Mapping[str, WorkstationAxis] = MappingProxyType(
         "handle grip": _turning(20.0, 0.15, 0.32, 0.04),
     }
 )
-"""Table 1."""
+"""Axes of the Laparoscopic Surgical Workstation, Table 1."""

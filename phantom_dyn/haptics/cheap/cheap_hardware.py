@@ -1,30 +1,32 @@
-r"""The force that a hand feels on a cheaper device, from what it does with a good one and what is rendered to it.
+r"""Force that a hand feels on a simulated cheap device, from the motion of a good device and the force asked of it.
 
 One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
 
-- what the virtual environment asks for is clipped at the motor's limit (`phantom_dyn.effects.drive.torque_saturation`);
-- cogging at the probe's position (`phantom_dyn.effects.drive.cogging`) and friction that sticks, of the probe's
-  position and velocity (`phantom_dyn.effects.friction.presliding_friction`), are added without the coupling in between;
-- the gap's switch lets all of this through while the probe presses a wall, and blocks it in between;
-- the force of the virtual mass, averaged, is added in the end.
+- the force that the virtual environment asks for is clipped at the motor's limit
+  (`phantom_dyn.effects.drive.torque_saturation`);
+- cogging at the probe's position (`phantom_dyn.effects.drive.cogging`), and friction that sticks, from the probe's
+  position and velocity (`phantom_dyn.effects.friction.presliding_friction`), are added directly, not through the
+  coupling;
+- these forces are passed on while the probe presses a wall of the gap, and blocked while it is between the walls;
+- the averaged force of the virtual mass is added last.
 
-The sampling rate may change from sample to sample: the published one went from 500 to 2000 Hz. An average over 25
-samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. An encoder of 8 um gives speeds in steps of 4, 8
-and 16 mm/s there, against a stick velocity of 5 mm/s: without the velocity's filter friction would not stick.
+The sampling rate may change from sample to sample: the published one varied between 500 and 2000 Hz. An average over 25
+samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. At these rates an encoder of 8 um gives speeds in
+steps of 4, 8 and 16 mm/s, against a stick velocity of 5 mm/s: without the velocity's filter friction would not stick.
 
-**Inertia** that the device lacks is a mass in the computer, tied to the probe. Multiplying an acceleration estimate by
-a mass is unstable, so the mass is integrated and coupled to the probe by a spring and a damper; the probe's velocity is
+**Inertia** that the device lacks is a mass in the computer, tied to the probe. To multiply an estimated acceleration by
+a mass is unstable. So the mass is integrated and coupled to the probe by a spring and a damper, the probe's velocity is
 low-passed, and the force that the hand feels is a mean over the last samples (Brouwer and MacLean, Simulating Cheap
 Hardware, section II A). With a stiff coupling it is the rotor inertia of the catalogue: :math:`-M\ddot x`. All laws
 take the time step, which may change from sample to sample.
 
 **Play** of full width ``gap`` lies between the probe and the virtual mass. Beyond half the gap the coupling is attached
-to the wall of the gap, (1) of the same paper; inside there is a little viscous friction between probe and mass, a fifth
-of the coupling's. (2) prints the spring's force as ``K (x_vm - x_hi)``, which is not (1) and would jump by half the gap
-times the stiffness at contact (0.3 N for 600 N/m and 1 mm): here it is ``K (p_vc - x_hi)``. (2) prints the damping in
-the gap as that of the probe alone; the text has it between probe and mass, as here. The switch lets all other forces
-through in contact only. The play of the catalogue's `phantom_dyn.effects.transmission.backlash` is another machine: its
-link is free, and not held back.
+to the wall of the gap, (1) of the same paper. Inside there is a little viscous friction between probe and mass, a fifth
+of the coupling's. (2) prints the spring's force as ``K (x_vm - x_hi)``, which contradicts (1) and would jump by half
+the gap times the stiffness at contact (0.3 N for 600 N/m and 1 mm): here it is ``K (p_vc - x_hi)``. (2) prints the
+damping in the gap as that of the probe alone; the text has it between probe and mass, as here. Other forces are passed
+on in contact only. The play of the catalogue's `phantom_dyn.effects.transmission.backlash` is a different machine: its
+link moves freely in the gap and is not held back.
 """
 
 from __future__ import annotations
@@ -44,36 +46,36 @@ from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 
 WINDOW = 25
-"""Samples that the force is averaged over, as published."""
+"""Number of samples over which the force is averaged, as published."""
 GAP_DAMPING = 0.2
 """Damping inside the gap over that of the coupling, as published."""
 LAST, RAW, SPEED, MASS_X, MASS_V, STUCK, ANCHOR, COUNT = range(8)
-"""Places in the state of an axis."""
+"""Indices into the state of an axis."""
 FORCES = 8
-"""Place in the state from which on the last forces of the coupling are."""
+"""Index in the state at which the last `WINDOW` forces of the coupling begin."""
 FORCE, COUPLING, SIDE, X, V, PROBE_SPEED, STICKS = range(7)
-"""Columns of what is rendered."""
+"""Columns of the output of `along`."""
 COLUMNS = 7
 _clipped, _cogging = jit(held_within), jit(sum_of_waves)
 
 
 class AxisNumbers(NamedTuple):
-    """A `CheapAxis` as numbers for the compiled loop; zeros where nothing is cheap.
+    """A `CheapAxis` as numbers for the compiled loop, in SI units; zero for each defect that is absent.
 
     Attributes:
-        mass: Of the virtual mass, 0 for none.
-        stiffness: Of its coupling.
-        damping: Of its coupling.
+        mass: Virtual mass, 0 for none.
+        stiffness: Stiffness of its coupling.
+        damping: Damping of its coupling.
         gap: Full width of the play.
-        limit: Force beyond which the motor is clipped.
+        limit: Force at which the motor is clipped.
         slip: Friction in slip, 0 for none.
-        displacement: At which it breaks loose.
-        ratio: Force at which it breaks loose over that in slip.
-        stick_velocity: It sticks below that speed.
-        cutoff_hz: Of the filter of the probe's velocity.
-        orders: Of the waves of cogging, ``(w,)``.
-        amplitudes: Of the same.
-        phases: Of the same.
+        displacement: Displacement at which friction breaks loose.
+        ratio: Friction at which it breaks loose over friction in slip.
+        stick_velocity: Speed below which friction sticks.
+        cutoff_hz: Cut-off of the filter of the probe's velocity [Hz].
+        orders: Orders of the waves of cogging, shape ``(w,)``.
+        amplitudes: Amplitudes of the waves, shape ``(w,)``.
+        phases: Phases of the waves, shape ``(w,)``.
     """
 
     mass: float
@@ -92,7 +94,7 @@ class AxisNumbers(NamedTuple):
 
 
 def axis_numbers(axis: CheapAxis) -> AxisNumbers:
-    """An axis as numbers for the compiled loop."""
+    """The numbers of an axis for the compiled loop."""
     mass, friction, waves = axis.mass, axis.friction, axis.cogging
     inertia, stiffness, damping = (0.0, 0.0, 0.0) if mass is None else (mass.inertia, mass.stiffness, mass.damping)
     slip, displacement, ratio, stick_velocity = (0.0, 0.0, 0.0, 0.0)
@@ -119,7 +121,7 @@ def axis_numbers(axis: CheapAxis) -> AxisNumbers:
 
 
 def at_rest() -> Float[Array, " s"]:
-    """State of an axis before its first sample, which it takes to be at rest there."""
+    """State of an axis before its first sample, shape ``(FORCES + WINDOW,)``. The probe rests at its first position."""
     state = np.zeros(FORCES + WINDOW)
     state[LAST] = np.nan
     return state
@@ -127,7 +129,7 @@ def at_rest() -> Float[Array, " s"]:
 
 @jit
 def along(axis: AxisNumbers, state: Array, steps: Array, positions: Array, asked: Array, out: Array) -> None:
-    """Run one cycle a sample; ``state`` moves on, ``out``, ``(N, COLUMNS)``, is filled."""
+    """Run one cycle per sample: update ``state`` and fill ``out``, shape ``(N, COLUMNS)``."""
     mass, stiffness, damping, gap, limit, slip, displacement, ratio = axis[:8]
     stick_velocity, cutoff = axis.stick_velocity, axis.cutoff_hz
     orders, amplitudes, phases = axis.orders, axis.amplitudes, axis.phases
@@ -181,16 +183,16 @@ def along(axis: AxisNumbers, state: Array, steps: Array, positions: Array, asked
 def mass_step(
     x: float, v: float, dt: float, mass: float, attachment: float, stiffness: float, damping: float, speed: float
 ) -> tuple[float, float]:
-    """Position and velocity of the mass after ``dt`` seconds, by the midpoint rule, which no stiffness makes unstable.
+    """Position and velocity of the mass after ``dt``, by the midpoint rule, which is stable for any stiffness.
 
     Args:
         x: Position of the mass before.
-        v: Its velocity before.
+        v: Velocity of the mass before.
         dt: Time step [s].
-        mass: [kg or kg m^2].
-        attachment: Where the coupling holds the mass half a step later, with the spring at rest.
-        stiffness: Of the coupling.
-        damping: Of the coupling.
+        mass: Virtual mass [kg or kg m^2].
+        attachment: Position of the mass half a step later at which the spring is relaxed.
+        stiffness: Stiffness of the coupling.
+        damping: Damping of the coupling.
         speed: Velocity of the probe.
     """
     bend, drag = 0.25 * dt * dt * stiffness, 0.5 * dt * damping
@@ -201,7 +203,7 @@ def mass_step(
 
 @jit
 def side_of(apart: float, gap: float) -> float:
-    """Wall that the probe, ``apart`` from the mass, presses: 1, -1, or 0 inside the gap; without a gap always one."""
+    """Wall of the gap that the probe presses: 1 or -1, or 0 inside the gap; ``apart`` is its distance from the mass."""
     if apart >= 0.5 * gap:
         return 1.0
     return -1.0 if apart <= -0.5 * gap else 0.0
@@ -209,7 +211,7 @@ def side_of(apart: float, gap: float) -> float:
 
 @jit
 def coupling_force(apart: float, rate: float, side: float, gap: float, stiffness: float, damping: float) -> float:
-    """Force on the probe that is ``apart`` from the mass and moves away from it at ``rate``, (1) and (2)."""
+    """Force of the coupling on the probe, which is ``apart`` from the mass and moves away at ``rate``, (1) and (2)."""
     if side == 0.0:
         return -GAP_DAMPING * damping * rate
     return -stiffness * (apart - 0.5 * side * gap) - damping * rate
@@ -217,7 +219,7 @@ def coupling_force(apart: float, rate: float, side: float, gap: float, stiffness
 
 @jit
 def low_passed(last_out: float, last_in: float, new_in: float, dt: float, cutoff_hz: float) -> float:
-    """The filter's next output; its weights are those of this time step [s]."""
+    """Next output of the filter, with the weights of this time step [s]."""
     b, a = butterworth_weights(dt, cutoff_hz)
     return b * (new_in + last_in) - a * last_out
 
@@ -231,16 +233,16 @@ def butterworth_weights(dt: float, cutoff_hz: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Rendered:
-    """What a hand feels over ``N`` samples, and the states behind it; each of shape ``(N,)``.
+    """Force that a hand feels over ``N`` samples, and the states behind it, each of shape ``(N,)``.
 
     Attributes:
-        force: On the hand [N or N m].
-        coupling: Of the virtual mass on the probe, before it is averaged.
-        mass_position: Of the virtual mass; that of the probe where there is none.
-        mass_velocity: Of the virtual mass.
-        velocity: Of the probe, as filtered.
-        contact: True where the probe presses a wall of the gap.
-        stuck: True where the friction sticks.
+        force: Force on the hand [N or N m].
+        coupling: Force of the virtual mass on the probe, before it is averaged [N or N m].
+        mass_position: Position of the virtual mass; without one, that of the probe [m or rad].
+        mass_velocity: Velocity of the virtual mass [m/s or rad/s].
+        velocity: Filtered velocity of the probe [m/s or rad/s].
+        contact: True while the probe presses a wall of the gap.
+        stuck: True while the friction sticks.
     """
 
     force: Float[Array, " N"]
@@ -255,14 +257,14 @@ class Rendered:
 def felt(
     axis: CheapAxis, state: Float[Array, " s"], dt: float, x: float, force: float
 ) -> tuple[Float[Array, " s"], float]:
-    """The next state, and the force on the hand: one cycle of a controller.
+    """Next state, and the force on the hand: one cycle of a controller.
 
     Args:
-        axis: What is cheap.
-        state: Of the cycle before, or `at_rest`; it is left as it is.
+        axis: The cheap axis.
+        state: State after the cycle before, or `at_rest`; it is not changed.
         dt: Time since the cycle before [s].
         x: Position of the probe [m or rad].
-        force: That the virtual environment asks for [N or N m].
+        force: Force that the virtual environment asks for [N or N m].
 
     Raises:
         ParameterError: If a number is not finite, time goes back, or the step is too long for the velocity's filter.
@@ -276,17 +278,17 @@ def felt(
 
 
 def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], force: Float[Array, " N"]) -> Rendered:
-    """What a hand feels that moves the probe along ``x``.
+    """Force that a hand feels when it moves the probe along ``x``.
 
     Args:
-        axis: What is cheap.
-        t: Sample times [s], of any spacing that has the velocity's cut-off below half the rate (7 ms at 70 Hz).
-        x: Positions of the probe [m or rad].
-        force: That the virtual environment asks for [N or N m].
+        axis: The cheap axis.
+        t: Sample times [s], shape ``(N,)``. The cut-off must be below half the rate (7 ms at 70 Hz).
+        x: Positions of the probe [m or rad], shape ``(N,)``.
+        force: Force that the virtual environment asks for [N or N m], shape ``(N,)``.
 
     Raises:
-        ParameterError: If there is no sample, a column has another length or holds no number, or times do not increase
-            or lie too far apart for the velocity's filter.
+        ParameterError: If there is no sample, a column has another length or holds no number, or if times do not
+            increase or are too far apart for the velocity's filter.
     """
     if np.ndim(t) != 1 or len(t) == 0:
         raise ParameterError(
@@ -314,7 +316,7 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
 def rendered_axes(
     axes: tuple[CheapAxis, ...], t: Float[Array, " N"], q: Float[Array, "N n"], force: Float[Array, "N n"]
 ) -> Float[Array, "N n"]:
-    """Forces [N or N m] on the hand of a device with several motors, each with a model of its own; see `rendered`.
+    """Forces on the hand of a device with several motors [N or N m], shape ``(N, n)``, one model each; see `rendered`.
 
     Raises:
         ParameterError: If the axes are not as many as the columns, or the times are refused.

@@ -1,17 +1,14 @@
 r"""One axis of a haptic device, a rigid mass or motor and body tied by a cable, and the hand that holds it.
 
 The two-mass model is that of the chapter, (18): motor :math:`m_r` and body :math:`m_d` with dampers to ground, tied by
-spring :math:`k_c` and damper :math:`b_c`. The encoder sits on the motor, so what counts for stability is
+a spring :math:`k_c` and a damper :math:`b_c`. The encoder sits on the motor, so that stability depends on
 
-.. math:: G_r = p_d / p, \quad p = p_r p_d - (k_c + b_c s)^2, \quad
-   p_r = m_r s^2 + (b_r + b_c) s + k_c, \quad p_d = m_d s^2 + (b_d + b_c) s + k_c + (b_g s + k_g).
-
-All equations hold for a rotating axis with inertias, N m s/rad and N m/rad. The hand is a mass on a spring and a
-damper.
+All equations hold for a rotating axis as well, with inertias, N m s/rad and N m/rad. The hand is a mass on a spring and
+a damper.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (18) to
-       (24); those that the copy at hand lost, (19), (23) and (24), are derived, and held by tests.
+       (24). Those missing in the copy at hand, (19), (23) and (24), are derived and checked by tests.
 """
 
 from __future__ import annotations
@@ -29,12 +26,12 @@ from phantom_dyn.haptics.number_checks import require_positive
 
 @dataclass(frozen=True)
 class RigidAxis:
-    """A mass with a damper, and perhaps a spring, to ground.
+    """A mass with a damper to ground, and a spring to ground if a hand holds it.
 
     Attributes:
-        mass: [kg or kg m2].
-        damping: [N s/m or N m s/rad].
-        stiffness: Of a spring to ground [N/m or N m/rad]: none unless a hand holds the device.
+        mass: Mass or inertia [kg or kg m2].
+        damping: Damping to ground [N s/m or N m s/rad].
+        stiffness: Stiffness of a spring to ground [N/m or N m/rad]; 0 unless a hand holds the device.
 
     Raises:
         ParameterError: If the mass is not positive, or another is negative.
@@ -59,30 +56,35 @@ class RigidAxis:
         return StateSpace(A, np.array([0.0, 1.0 / self.mass]), np.array([1.0, 0.0]))
 
     def rest(self, position: float) -> np.ndarray:
-        """State of a device that stands still at ``position`` [m or rad]."""
+        """State of a device at rest at ``position`` [m or rad], shape ``(2,)``."""
         return np.array([position, 0.0])
 
     def damped(self, damping: float) -> RigidAxis:
-        """With this much more damping to ground."""
+        """The axis with more damping to ground."""
         return replace(self, damping=self.damping + damping)
 
     def held_by(self, hand: Operator) -> RigidAxis:
-        """With the operator's mass, damper and spring on it."""
+        """The axis with the operator's mass, damper and spring added."""
         return RigidAxis(self.mass + hand.mass, self.damping + hand.damping, self.stiffness + hand.stiffness)
+
+    @property
+    def rigid(self) -> RigidAxis:
+        """The device itself."""
+        return self
 
 
 @dataclass(frozen=True)
 class TwoMassAxis:
-    """Motor and body, tied by a cable; `ground_damping` and `ground_stiffness` are those of a hand on the body.
+    """Motor and body, tied by a cable.
 
     Attributes:
-        motor_mass: :math:`m_r` [kg or kg m2], with what is rigidly tied to the motor.
+        motor_mass: :math:`m_r` [kg or kg m2], with everything rigidly tied to the motor.
         body_mass: :math:`m_d` [kg or kg m2].
         motor_damping: :math:`b_r` to ground [N s/m or N m s/rad].
-        body_damping: :math:`b_d` to ground.
+        body_damping: :math:`b_d` to ground [N s/m or N m s/rad].
         cable_stiffness: :math:`k_c` [N/m or N m/rad].
-        cable_damping: :math:`b_c`.
-        ground_stiffness: Of a spring from the body to ground: none unless a hand holds the device.
+        cable_damping: :math:`b_c` [N s/m or N m s/rad].
+        ground_stiffness: Stiffness of a spring from the body to ground [N/m or N m/rad]; 0 unless a hand holds it.
 
     Raises:
         ParameterError: If a mass or the cable's stiffness is not positive, or another is negative.
@@ -105,7 +107,7 @@ class TwoMassAxis:
         """:math:`G_r = p_d / p`, motor position over motor force."""
         mr, md, br, bd = self.motor_mass, self.body_mass, self.motor_damping, self.body_damping
         k, b, kg = self.cable_stiffness, self.cable_damping, self.ground_stiffness
-        # p written out: the constant and linear terms of p_r p_d and of the coupling cancel, and must do so exactly.
+        # The constant and linear terms of p_r p_d cancel with those of the coupling. Written out, they cancel exactly.
         denominator = np.array(
             [
                 mr * md,
@@ -119,7 +121,7 @@ class TwoMassAxis:
 
     @property
     def state_space(self) -> StateSpace:
-        """States: positions of motor and body, their velocities over the resonance (so that all are of one size)."""
+        """States: positions of motor and body, and their velocities divided by the resonance, for similar sizes."""
         mr, md, k, b = self.motor_mass, self.body_mass, self.cable_stiffness, self.cable_damping
         w = self.free_frequency
         A = np.zeros((4, 4))
@@ -129,15 +131,15 @@ class TwoMassAxis:
         return StateSpace(A, np.array([0.0, 0.0, 1.0 / (mr * w), 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
     def rest(self, position: float) -> np.ndarray:
-        """State of a device that stands still at ``position`` [m or rad], its cable slack."""
+        """State of a device at rest at ``position`` [m or rad] with a slack cable, shape ``(4,)``."""
         return np.array([position, position, 0.0, 0.0])
 
     def damped(self, damping: float) -> TwoMassAxis:
-        """With this much more damping to ground at the motor."""
+        """The axis with more damping to ground at the motor."""
         return replace(self, motor_damping=self.motor_damping + damping)
 
     def held_by(self, hand: Operator) -> TwoMassAxis:
-        """With the operator's mass, damper and spring on the body."""
+        """The axis with the operator's mass, damper and spring added to the body."""
         return replace(
             self,
             body_mass=self.body_mass + hand.mass,
@@ -147,7 +149,7 @@ class TwoMassAxis:
 
     @property
     def rigid(self) -> RigidAxis:
-        """The device with a cable that does not give: both masses, both dampers."""
+        """The device with a rigid cable: sums of masses and dampings."""
         return RigidAxis(
             self.motor_mass + self.body_mass, self.motor_damping + self.body_damping, self.ground_stiffness
         )
@@ -159,7 +161,7 @@ class TwoMassAxis:
 
     @property
     def blocked_frequency(self) -> float:
-        """Anti-resonance: the body swings on the cable while the motor stands still [rad/s]."""
+        """Anti-resonance [rad/s]: the body swings on the cable while the motor stands still."""
         return math.sqrt((self.cable_stiffness + self.ground_stiffness) / self.body_mass)
 
     @property
@@ -167,8 +169,8 @@ class TwoMassAxis:
         r"""Distance Q [dB] of the resonant peak from 0 dB, (23), for a lightly damped cable.
 
         :math:`20 \log_{10}\{\omega_n [b_c ((m_r + m_d)/m_d)^2 + b_r + b_d (m_r/m_d)^2]\}`. The chapter says that the
-        vibration counts where Q is "similar or larger" than the gain margin of the linear condition; a distance to
-        0 dB must be similar or *smaller*.
+        vibration matters if Q is "similar or larger" than the gain margin of the linear condition; as a distance to
+        0 dB it must be similar or *smaller*.
         """
         ratio = self.motor_mass / self.body_mass
         damping = self.cable_damping * (1 + ratio) ** 2 + self.motor_damping + self.body_damping * ratio**2
@@ -209,12 +211,12 @@ class Operator:
 
 
 def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
-    """The lighter and the heavier of two masses with this sum that swing on this spring at this frequency, (22).
+    """The lighter and the heavier of two masses with a given sum and resonance on a given spring, (22).
 
     Args:
         total: Sum of both [kg or kg m2].
-        stiffness: Of the spring [N/m or N m/rad].
-        resonance: [rad/s].
+        stiffness: Stiffness of the spring between them [N/m or N m/rad].
+        resonance: Frequency of their resonance [rad/s].
 
     Raises:
         ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.

@@ -1,16 +1,15 @@
 r"""Exact sampled form of a device behind a zero-order hold and any delay.
 
-The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`, and with
-:math:`t_d = dT + \tau`, :math:`0 \le \tau < T` the state at the samples follows
+The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`. With
+:math:`t_d = dT + \tau`, :math:`0 \le \tau < T`, the state at the samples follows
 
 .. math:: x_{k+1} = \Phi(T) x_k + \Gamma(T - \tau)\, u_{k-d} + \Phi(T - \tau) \Gamma(\tau)\, u_{k-d-1}
 
-without approximation; :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come out of one
+without approximation. :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come from one
 exponential of the matrix :math:`[A, B; 0, 0]`. The delay need not be a multiple of the period.
 
-Simulations of robots have delays of their own: there the torque is not held over a whole period and the dynamics are
-not linear, so that a line of past commands takes the place of these matrices
-(`phantom_dyn.effects.drive.input_delay`).
+Simulations of robots treat delays differently: there the torque is not held over a whole period and the dynamics are
+not linear, so that a queue of past commands replaces these matrices (`phantom_dyn.effects.drive.input_delay`).
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ Controller = tuple[Array, Array, Array, float]
 """State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""
 
 _SAME = 1e-9
-"""Distance of a delay from a multiple of the period, relative to the period, below which it is that multiple."""
+"""A delay this close to a multiple of the period, relative to the period, is taken to be that multiple."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,12 @@ class SampledAxis(ReadOnlyArrays):
 
     Attributes:
         period: Sampling period T [s].
-        delay: Delay of the loop beside the hold [s].
-        steps: Whole periods in the delay.
-        transition: Shape ``(n, n)``.
-        newer: Shape ``(n,)``.
-        older: Shape ``(n,)``, zero if the delay is a multiple of the period.
-        output: Shape ``(n,)``.
+        delay: Delay of the loop in addition to the hold [s].
+        steps: Number of whole periods in the delay.
+        transition: Transition matrix of the state over a period, shape ``(n, n)``.
+        newer: Weight of the newer input, shape ``(n,)``.
+        older: Weight of the older input, shape ``(n,)``; zero if the delay is a multiple of the period.
+        output: Row from state to position, shape ``(n,)``.
         direct_now: Feed-through of the newer input; zero unless the delay is a multiple of the period.
         direct_before: Feed-through of the older input.
     """
@@ -63,7 +62,7 @@ class SampledAxis(ReadOnlyArrays):
     direct_now: float
     direct_before: float
 
-    # Cached: a function of the fields alone, asked for at every frequency.
+    # Cached: it depends on the fields alone and is needed at every frequency.
     @cached_property
     def loop(self) -> tuple[int, float, float, Array, Array, Array]:
         """Steps, feed-through, and the polynomials of `loop_polynomials`."""
@@ -83,15 +82,15 @@ class SampledAxis(ReadOnlyArrays):
     def closed_loop(self, stiffness: float, virtual_damping: float = 0.0) -> Float[Array, "m m"]:
         r"""Transition matrix of device and virtual wall :math:`u = -(K + B (z - 1) / (T z))\, y`.
 
-        State: that of the device, the last ``steps + 1`` forces, the last position.
+        The state consists of that of the device, the last ``steps + 1`` forces, and the last position.
         """
         rate = virtual_damping / self.period
         return self.closed_by((np.zeros((1, 1)), np.ones(1), np.array([-rate]), stiffness + rate))
 
     def closed_by(self, controller: Controller) -> Float[Array, "m m"]:
-        """Transition matrix of device and controller, the force minus what the controller makes of the position.
+        """Transition matrix of the closed loop of device and controller.
 
-        State: that of the device, the last ``steps + 1`` forces, that of the controller.
+        The state consists of that of the device, the last ``steps + 1`` forces, and that of the controller.
 
         Args:
             controller: ``A``, ``B``, ``C``, ``D`` of ``x[k+1] = A x[k] + B y[k]``, ``-u[k] = C x[k] + D y[k]``.
@@ -114,7 +113,7 @@ class SampledAxis(ReadOnlyArrays):
         force = -D * position
         force[own:] -= C
         if self.steps == 0:
-            # Force and position of one instant depend on each other: solved for the force.
+            # Force and position at the same instant depend on each other: solved for the force.
             force = force / (1.0 + D * self.direct_now)
             position = position + self.direct_now * force
         out = np.zeros((size, size))
@@ -163,6 +162,6 @@ def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
     steps, rest = split_delay(period, delay)
     system = axis.state_space
     transition, newer, older = with_delay(system.A, system.B, period, rest)
-    # A position is read just before its force arrives, so under a fraction of a period the older force is felt.
+    # A position is read just before its force arrives, so that with a fraction of a period the older force still acts.
     now, before = (0.0, system.D) if rest > 0 else (system.D, 0.0)
     return SampledAxis(period, delay, steps, transition, newer, older, system.C, now, before)

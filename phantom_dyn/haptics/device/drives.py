@@ -1,25 +1,25 @@
 r"""Drives of a haptic device: heat of a motor at a held torque, and cogging of a brush motor.
 
-**Heat.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): with the current switched between 0 and its maximum for a
-duty cycle D, the heat is :math:`I_{max}^2 D R`, that of a linear amplifier at the same mean current :math:`(I_{max}
-D)^2 R`, their ratio :math:`1 / D`. That takes the current to follow the switch at once. The winding's inductance
-smooths it: `switched_current` has the current with it, and the ratio falls from 1/D to 1 as the winding's time constant
-grows beyond the period of the pulses.
+**Heat.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): if the current is switched between 0 and its maximum with
+a duty cycle D, the heat is :math:`I_{max}^2 D R`. A linear amplifier at the same mean current gives :math:`(I_{max}
+D)^2 R`, so that the ratio is :math:`1 / D`. This assumes that the current follows the switch at once. In fact the
+winding's inductance smooths it: `switched_current` includes it, and the ratio falls from 1/D to 1 as the winding's time
+constant grows beyond the period of the pulses.
 
 **Cogging.** Cavusoglu, Feygin and Tendick (2002, section 4.1.1): "when these brushes switch, the resistance of the
 windings changes. If the amplifier regulates voltage, the change in resistance causes a change in the current, and thus
-a change in the motor torque. This is called cogging"; under a current amplifier there is none. The paper has no
-equations; these are those of a lap winding.
+a change in the motor torque. This is called cogging"; with a current amplifier there is none. The paper has no
+equations; those here are of a lap winding.
 
-A commutator of n bars, n odd, closes n equal coils into a ring. With both brushes on one bar each the ring is parted
-into :math:`(n-1)/2` and :math:`(n+1)/2` coils; while a brush joins two bars one coil is shorted and the rest parts
-evenly. The resistances are as :math:`1` to
+A commutator of n bars, n odd, closes n equal coils into a ring. With each brush on one bar the ring is divided into
+:math:`(n-1)/2` and :math:`(n+1)/2` coils. While a brush joins two bars one coil is shorted and the rest is divided
+evenly. The resistance then falls from :math:`1` to
 
 .. math:: \frac{n}{n + 1},
 
-:math:`2n` times a revolution. A held voltage so gives a torque that is higher by :math:`1/n` while a brush joins two
-bars; it is proportional to the command, unlike cogging by magnets (`phantom_dyn.effects.drive.cogging`). The winding's
-inductance smooths it where the motor turns fast: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
+:math:`2n` times per revolution. A held voltage thus gives a torque that is higher by :math:`1/n` while a brush joins
+two bars. The change is proportional to the command, unlike cogging by magnets (`phantom_dyn.effects.drive.cogging`).
+The winding's inductance smooths it if the motor turns fast: :math:`L\,di/dt = U - k\,\omega - R(\theta)\,i`.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Winding:
     """Winding of a motor.
 
     Attributes:
-        resistance: [ohm].
-        inductance: [H]; 0 is the paper's case.
+        resistance: Resistance [ohm].
+        inductance: Inductance [H]; the paper assumes 0.
     """
 
     resistance: float
@@ -98,8 +98,8 @@ class Warming:
 def duty_of_heat_ratio(ratio: float) -> float:
     """Duty cycle at which pulses heat `ratio` times as much as a linear drive.
 
-    The published rises 34.5 K and 14.5 K give 0.42: the paper states no duty cycle for that experiment, so this is
-    what it implies, if the rise of the casing is proportional to the heat.
+    The published rises 34.5 K and 14.5 K give 0.42. The paper states no duty cycle for that experiment; this one
+    follows if the rise of the casing is proportional to the heat.
 
     Raises:
         ParameterError: If the ratio is below 1, which no duty cycle gives.
@@ -110,13 +110,13 @@ def duty_of_heat_ratio(ratio: float) -> float:
 
 
 def switched_current(winding: Winding, *, voltage: float, duty: float, frequency: float) -> SwitchedCurrent:
-    """Steady current of a motor held still, the supply switched on for the duty cycle and short-circuited for the rest.
+    """Steady current of a motor at rest whose supply is on for the duty cycle and short-circuited for the rest.
 
     Args:
         winding: Resistance and inductance.
-        voltage: Supply [V].
+        voltage: Voltage of the supply [V].
         duty: Duty cycle in (0, 1].
-        frequency: Of the pulses [Hz].
+        frequency: Frequency of the pulses [Hz].
 
     Raises:
         ParameterError: If the duty cycle is not in (0, 1], or voltage or frequency are not above 0.
@@ -134,13 +134,13 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
         current, mean_square = np.where(on, highest, 0.0), highest**2 * duty
     else:
         x, y = duty * period * winding.resistance / winding.inductance, period * winding.resistance / winding.inductance
-        peak = -math.expm1(-x) / -math.expm1(-y)  # share of the highest current at the switch-off
+        peak = -math.expm1(-x) / -math.expm1(-y)  # current at the switch-off, as a share of the highest
         low = peak * math.exp(x - y)
         rate = winding.resistance / winding.inductance
         rising = 1 - (1 - low) * np.exp(-rate * t)
         falling = peak * np.exp(-rate * np.maximum(t - duty * period, 0.0))
         current = highest * np.where(on, rising, falling)
-        # Integral over a period, R times the square: what the supply gives is all heat, highest * R * (mean while on).
+        # R times the mean square: all the supply gives becomes heat, so it is highest * R * (mean while on).
         charge = x - (1 - low) * -math.expm1(-x)
         mean_square = highest**2 * charge / y
     return SwitchedCurrent(
@@ -155,13 +155,13 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
 def warming(
     *, heat_pulses: float, heat_linear: float, resistance: float, time_constant: float, t: Float[Array, " n"]
 ) -> Warming:
-    """Rise of one thermal mass under the heat of either drive; neither constant is published.
+    """Temperature rise of one thermal mass under the heat of two drives. The paper gives neither of its constants.
 
     Args:
         heat_pulses: Heat under pulses [W].
         heat_linear: Heat under the linear amplifier [W].
         resistance: Thermal resistance to the room [K/W].
-        time_constant: [s].
+        time_constant: Thermal time constant [s].
         t: Times [s], shape ``(n,)``.
 
     Raises:
@@ -184,7 +184,7 @@ def _checked_duty(duty: float) -> float:
 
 
 _POINTS = 400
-"""Points of one switching period that a steady torque is given at."""
+"""Number of intervals of a switching period at whose ends a steady torque is given."""
 
 
 @dataclass(frozen=True)
@@ -192,10 +192,10 @@ class BrushMotor:
     """A motor with brushes.
 
     Attributes:
-        winding: Resistance with both brushes on one bar each, and inductance.
-        torque_constant: [N m/A], which is its back-EMF constant, too [V s/rad].
-        bars: Of the commutator, an odd number from 3 on.
-        joined: Share of the angle in which a brush joins two bars, between 0 and 1.
+        winding: Inductance, and resistance with each brush on one bar.
+        torque_constant: Torque constant [N m/A], equal to the back-EMF constant [V s/rad].
+        bars: Number of bars of the commutator, an odd number of 3 or more.
+        joined: Share of the angle over which a brush joins two bars, between 0 and 1.
 
     Raises:
         ParameterError: If the torque constant is not above 0, the bars are even or too few, or the share is not
@@ -219,16 +219,16 @@ class BrushMotor:
 
     @property
     def period(self) -> float:
-        """Angle from one switching to the next, at either brush [rad]."""
+        """Angle from one switching of either brush to the next [rad]."""
         return math.pi / self.bars
 
     @property
     def joined_resistance(self) -> float:
-        """Of the winding while a brush joins two bars [ohm]."""
+        """Resistance of the winding while a brush joins two bars [ohm]."""
         return self.winding.resistance * self.bars / (self.bars + 1)
 
     def resistance(self, angle: Float[Array, " N"]) -> Float[Array, " N"]:
-        """Of the winding at the angles of the rotor [rad], shape ``(N,)``; at 0 a brush is in the middle of joining."""
+        """Resistance of the winding [ohm] at rotor angles [rad], shape ``(N,)``; at 0 a brush is midway in joining."""
         place = np.mod(np.asarray(angle) / self.period + 0.5 * self.joined, 1.0)
         return np.where(place < self.joined, self.joined_resistance, self.winding.resistance)
 
@@ -238,9 +238,9 @@ class SteadyTorque:
     """Torque of a motor that turns at a constant speed, over one switching period.
 
     Attributes:
-        angle: Of the rotor from where a brush begins to join [rad], shape ``(n,)``.
-        torque: Under a held voltage [N m], shape ``(n,)``.
-        mean: Mean of it over the angle, which a current amplifier would give without any change [N m].
+        angle: Angle of the rotor from the point at which a brush begins to join two bars [rad], shape ``(n,)``.
+        torque: Torque under a held voltage [N m], shape ``(n,)``.
+        mean: Mean torque over the angle [N m]; a current amplifier would give it without ripple.
     """
 
     angle: Float[Array, " n"]
@@ -249,27 +249,27 @@ class SteadyTorque:
 
     @property
     def ripple(self) -> float:
-        """Largest less smallest torque over the mean."""
+        """Largest minus smallest torque, divided by the mean."""
         return float(np.ptp(self.torque)) / abs(self.mean)
 
 
 def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyTorque:
-    """Torque under a held voltage at a constant speed, the winding's inductance included.
+    """Torque under a held voltage at a constant speed, with the winding's inductance.
 
     Args:
-        motor: With brushes.
-        speed: Of the rotor, above 0 [rad/s].
-        voltage: [V].
+        motor: The motor.
+        speed: Speed of the rotor, above 0 [rad/s].
+        voltage: Voltage at the motor [V].
 
     Raises:
-        ParameterError: If the speed is not above 0, or the voltage is that of the motor's own back-EMF.
+        ParameterError: If the speed is not above 0, or if the voltage equals the back-EMF.
     """
     require_positive(speed_of_the_rotor=speed)
     require_numbers(voltage=voltage)
     left = voltage - motor.torque_constant * speed
     if left == 0:
         raise ParameterError(
-            f"At {speed:g} rad/s the motor gives {voltage:g} V itself, so no current flows: give another voltage."
+            f"At {speed:g} rad/s the back-EMF is {voltage:g} V, so that no current flows: give another voltage."
         )
     turn, L = np.linspace(0.0, 1.0, _POINTS + 1), motor.winding.inductance
     resistances = (motor.joined_resistance, motor.winding.resistance)
@@ -281,7 +281,7 @@ def steady_torque(motor: BrushMotor, *, speed: float, voltage: float) -> SteadyT
         spans = [share * motor.period / speed for share in (motor.joined, 1 - motor.joined)]
         rates = [R / L for R in resistances]
         kept = [math.exp(-rate * span) for rate, span in zip(rates, spans, strict=True)]
-        # Periodic: what the current is where a brush begins to join, and where it ends.
+        # Periodic solution: current where a brush begins to join two bars, and where it ends.
         begin = (ends[1] * (1 - kept[1]) + kept[1] * ends[0] * (1 - kept[0])) / (1 - kept[0] * kept[1])
         middle = ends[0] + (begin - ends[0]) * kept[0]
         t = turn * motor.period / speed

@@ -1,7 +1,7 @@
 """Compiled loops over frequencies: held input, loop polynomials, frequency grid, crossings of the real axis.
 
-Unannotated on purpose: numba compiles for whatever arrives. See `phantom_dyn.haptics.device.discretisation` for what
-they compute; a system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``, a loop the tuple that `loop_polynomials` returns.
+They are not annotated, as numba compiles for the types that arrive. `phantom_dyn.haptics.device.discretisation` has
+the equations. A system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``; a loop is what `SampledAxis.loop` returns.
 """
 
 from typing import NamedTuple
@@ -11,20 +11,20 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit
 
 _TERMS = 14
-"""Terms of the Taylor series at norm 0.5: the first one left out is under 1e-17."""
+"""Terms of the Taylor series at norm 0.5: the first one left out is less than 1e-17."""
 _A_DECADE = 150
-"""Points of the frequency grid a decade."""
+"""Points of the frequency grid per decade."""
 _AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
 """Points of the grid around each lightly damped mode, in units of its half width."""
 _TURN = 0.2
-"""Phase [rad] that delay and hold may turn between two points."""
+"""Largest change of phase by delay and hold between two points of the grid [rad]."""
 _HALVINGS = 60
-"""Of the interval that holds a crossing: to the last bits of its frequency."""
+"""Halvings of an interval that holds a crossing: they fix its frequency to the last bits."""
 
 
 @jit
 def _times(a, b):
-    """Product of two square matrices; compiles in a fraction of what ``@`` does, and is faster for four rows."""
+    """Product of two square matrices; it compiles much faster than ``@``, and runs faster with four rows."""
     n = a.shape[0]
     out = np.zeros((n, n))
     for i in range(n):
@@ -36,7 +36,7 @@ def _times(a, b):
 
 @jit
 def held_input(A, B, duration):
-    """Exact transition matrix over ``duration``, and what an input held over it adds: Taylor series, then squaring."""
+    """Exact transition matrix over ``duration``, and the effect of a held input: Taylor series, then squaring."""
     n = A.shape[0]
     norm = 0.0
     for i in range(n):
@@ -44,7 +44,7 @@ def held_input(A, B, duration):
         for j in range(n):
             row += abs(A[i, j]) * duration
         norm = max(norm, row)
-    # The input column scales as it likes: the halvings are those of the dynamics alone.
+    # The norm is that of the dynamics alone: the input column may have any size.
     scale = 1.0
     halvings = 0
     while norm * scale > 0.5:
@@ -72,9 +72,9 @@ def held_input(A, B, duration):
 
 @jit
 def with_delay(A, B, period, fraction):
-    """Transition over a period, and the parts of the newer and the older input, which rules for the first ``fraction``.
+    """Transition over a period, and weights of the newer and the older input; the older one acts for ``fraction``.
 
-    Where the fraction is zero, the newer input rules for the whole period.
+    If the fraction is zero, the newer input acts for the whole period.
     """
     late, newer = held_input(A, B, period - fraction)
     older = np.zeros(len(B))
@@ -91,8 +91,8 @@ def with_delay(A, B, period, fraction):
 def loop_polynomials(transition, newer, older, C):
     """Denominator and the numerators of newer and older input, in falling powers of ``z - 1``.
 
-    By Faddeev and LeVerrier on the transition matrix less one: near z = 1, where the crossings of low frequency lie,
-    powers of z would cancel.
+    By Faddeev and LeVerrier's method on the transition matrix minus one: near z = 1, where the crossings of low
+    frequency are, powers of z would cancel.
     """
     n = transition.shape[0]
     step = transition.copy()
@@ -140,9 +140,9 @@ def inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, 
 
 @jit
 def gain_on_axis(w, period, loop, scaled, fixed):
-    """The gain g with ``1 + (g scaled + fixed) L = 0``, complex; real where the loop crosses.
+    """The gain g for which ``1 + (g scaled + fixed) L = 0``: complex, and real where the loop crosses.
 
-    ``scaled`` and ``fixed`` are controllers, two coefficients each of ``1`` and of ``1/z``.
+    ``scaled`` and ``fixed`` are controllers, each given by its coefficients of ``1`` and of ``1/z``.
     """
     back = complex(np.cos(w * period), -np.sin(w * period))
     steps, direct_now, direct_before, denominator, now, before = loop
@@ -152,10 +152,10 @@ def gain_on_axis(w, period, loop, scaled, fixed):
 
 @jit
 def frequency_grid(low, period, delay, modes):
-    """Increasing frequencies [rad/s] from ``low`` to just under the Nyquist frequency.
+    """Increasing frequencies [rad/s] from ``low`` to just below the Nyquist frequency.
 
-    Evenly spaced in logarithm, so dense that the delay turns little between two, and close about each mode (frequency
-    and half width, shape ``(m, 2)``).
+    They are evenly spaced in logarithm, so dense that the delay turns the phase little between two of them, and denser
+    around each mode (frequency and half width, shape ``(m, 2)``).
     """
     high = np.pi / period * (1.0 - 1e-9)
     low = min(low, 0.1 * high)
@@ -176,7 +176,7 @@ def frequency_grid(low, period, delay, modes):
 
 @jit
 def crossings(grid, period, loop, scaled, fixed):
-    """Frequencies [rad/s] at which the gain of `gain_on_axis` is real, and that gain; the Nyquist frequency too."""
+    """Frequencies [rad/s] at which `gain_on_axis` is real, and its values, with the Nyquist frequency as the last."""
     found = np.empty((len(grid) + 1, 2))
     count = 0
     value = gain_on_axis(grid[0], period, loop, scaled, fixed)
@@ -191,7 +191,7 @@ def crossings(grid, period, loop, scaled, fixed):
                 else:
                     b = middle
             gain = gain_on_axis(0.5 * (a + b), period, loop, scaled, fixed)
-            # At an undamped anti-resonance the gain changes sign through infinity: no crossing.
+            # At an undamped anti-resonance the gain changes sign through infinity, which is no crossing.
             if abs(gain) < 1e3 * (abs(value) + abs(following)):
                 found[count] = 0.5 * (a + b), gain.real
                 count += 1
@@ -203,10 +203,10 @@ def crossings(grid, period, loop, scaled, fixed):
 
 @jit
 def lowest_gain(low, modes, period, delay, loop, virtual_damping):
-    """Critical stiffness and its frequency, as of `phantom_dyn.haptics.stability.critical_stiffness`.
+    """Critical stiffness and its frequency, as in `phantom_dyn.haptics.stability.critical_stiffness`.
 
-    Whether soft walls are stable is decided without eigenvalues: the damping at the lowest frequency must be positive,
-    and the virtual damping between the two edges nearest to none. Holds for a device that is stable by itself.
+    No eigenvalues are needed to see whether soft walls are stable: damping at the lowest frequency must be positive,
+    and no limit of stability may lie between 0 and the virtual damping. The device must be stable by itself.
     """
     grid = frequency_grid(low, period, delay, modes)
     rate = virtual_damping / period
@@ -229,10 +229,10 @@ class MapDevices(NamedTuple):
     """Systems of a map with their modes, one for each damping of the device.
 
     Attributes:
-        A: Shape ``(i, n, n)``.
-        B: Shape ``(n,)``.
-        C: Shape ``(n,)``.
-        modes: Frequency and half width, ``(i, m, 2)``.
+        A: State matrices, shape ``(i, n, n)``.
+        B: Input column, shape ``(n,)``.
+        C: Output row, shape ``(n,)``.
+        modes: Frequency and half width of each mode [rad/s], shape ``(i, m, 2)``.
     """
 
     A: np.ndarray
@@ -242,14 +242,14 @@ class MapDevices(NamedTuple):
 
 
 class MapSettings(NamedTuple):
-    """Loops of a map.
+    """Settings of the loops of a map.
 
     Attributes:
-        period: Shape ``(m,)``.
-        virtual_damping: Shape ``(j,)``.
-        steps: Whole periods in the delay, for each delay and period, ``(k, m)``.
-        rest: Rest of the delay, ``(k, m)``.
-        low: Lowest frequency, for each damping, virtual damping, delay and period, ``(i, j, k, m)``.
+        period: Sampling periods [s], shape ``(m,)``.
+        virtual_damping: Virtual dampings, shape ``(j,)``.
+        steps: Whole periods in the delay, for each delay and period, shape ``(k, m)``.
+        rest: Rest of the delay [s], shape ``(k, m)``.
+        low: Lowest frequency [rad/s], for each damping, virtual damping, delay and period, ``(i, j, k, m)``.
     """
 
     period: np.ndarray
@@ -261,7 +261,7 @@ class MapSettings(NamedTuple):
 
 @jit
 def map_lowest_gain(devices, settings, stiffness, frequency):
-    """Fill the two maps, ``(damping, virtual damping, delay, period)``, see `lowest_gain`."""
+    """Fill the maps of stiffness and frequency, ``(damping, virtual damping, delay, period)``, see `lowest_gain`."""
     A, B, C, modes = devices
     period, virtual_damping, steps, rest, low = settings
     for i in range(A.shape[0]):

@@ -1,17 +1,17 @@
-r"""A device in a hand as its force sensor sees it: from motor force to the hand's force, rigid or with a vibration.
+r"""A held device as its force sensor sees it: from motor force to the hand's force, rigid or with a vibration.
 
-The sensor sits between hand and body. With the hand's impedance :math:`Z_h` and nobody pushing, it reads
+The sensor sits between hand and body. If the hand has the impedance :math:`Z_h` and does not push, the sensor reads
 :math:`F_u = -Z_h X_d`, and a motor force :math:`u` moves the body by
 
 .. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
 
-for the two masses of `phantom_dyn.haptics.device.axis`, by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device. The
-motor acts on one mass and the sensor on the other: beyond the resonance the phase of the loop is lower by another 180
-degrees, which a rigid model does not have. A first-order low pass follows, as in the sensor of the chapter, (31).
+for the two masses of `phantom_dyn.haptics.device.axis`, and by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device.
+The motor acts on one mass and the sensor on the other. Beyond the resonance the phase of the loop is therefore lower by
+another 180 degrees than that of a rigid model. A first-order low pass follows, as in the sensor of the chapter, (31).
 
 References:
-    Equation (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`); the chapter models the vibration for
-    walls (section 4) and names it for force feedforward (section 5.1) without equations, so these are derived.
+    Equations (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`). The chapter models the vibration for
+    walls (section 4) and mentions it for force feedforward (section 5.1) without equations, so these are derived.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Device = RigidAxis | TwoMassAxis
 
 @dataclass(frozen=True)
 class HeldDevice:
-    """Device, hand and force sensor as one system: from motor force to minus the reading.
+    """Device, hand and force sensor as one system, from motor force to minus the reading.
 
     Attributes:
         device: Rigid device, or one of two masses.
-        hand: Hand that holds it.
-        cutoff: Cut-off of the first-order low pass of the sensor [rad/s].
+        hand: The hand that holds it.
+        cutoff: Cut-off of the sensor's first-order low pass [rad/s].
 
     Raises:
         ParameterError: If nobody holds the device, or the cutoff is not above 0.
@@ -63,7 +63,7 @@ class HeldDevice:
 
     @property
     def state_space(self) -> StateSpace:
-        """States: those of the held device, then the reading over a force of its own size, `force_unit`."""
+        """States: those of the held device, and the reading divided by `force_unit`."""
         mechanics = self.device.held_by(self.hand).state_space
         n = len(mechanics.B)
         force = self._hand_force(mechanics)
@@ -76,14 +76,14 @@ class HeldDevice:
 
     @property
     def force_unit(self) -> float:
-        """Force of one unit of the last state [N or N m], for entries of the state matrix of similar size."""
+        """Scale of the last state [N or N m], so that entries of the state matrix have similar sizes."""
         if isinstance(self.device, TwoMassAxis):
             return self.device.cable_stiffness
         return self.cutoff**2 * self.device.held_by(self.hand).mass
 
     @property
     def push(self) -> Float[Array, " n"]:
-        """Derivative of the states by a force of the hand, shape ``(n,)``; the sensor reads part of it directly."""
+        """Derivative of the states under a unit force of the hand, shape ``(n,)``; the sensor reads part at once."""
         mechanics = self.device.held_by(self.hand).state_space
         pushed = np.zeros(len(mechanics.B) + 1)
         if isinstance(self.device, TwoMassAxis):
@@ -105,7 +105,7 @@ class HeldDevice:
         return row
 
     def _hand_force(self, mechanics: StateSpace) -> tuple[Array, float]:
-        """Reading before the low pass, minus Z_h x_d: a row for the states and a factor of the motor force."""
+        """Reading before the low pass, minus Z_h x_d: row for the states, and factor of the motor force."""
         n = len(mechanics.B)
         place = np.zeros(n)
         place[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
@@ -121,12 +121,12 @@ def felt_impedance(
 ) -> Complex[Array, " k"]:
     r"""Impedance of the device at the hand, force over position [N/m], shape ``(k,)``.
 
-    With :math:`G = K_f C(s)` the motor force per force of the hand: :math:`(m s^2 + b s + k) / (1 + G)` for a rigid
-    device, :math:`p / (p_r + (k_c + b_c s) G)` for one of two masses, which tends to it for a stiff cable.
+    With :math:`G = K_f C(s)`, the motor force per force of the hand, it is :math:`(m s^2 + b s + k) / (1 + G)` for a
+    rigid device, and :math:`p / (p_r + (k_c + b_c s) G)` for two masses, which tends to the former for a stiff cable.
 
     Args:
         device: Rigid device, or one of two masses, without a hand.
-        helped: G at the frequencies, or one number for all.
+        helped: G at the frequencies, shape ``(k,)``, or one number for all.
         frequency: Frequencies [rad/s], shape ``(k,)``.
     """
     s = 1j * frequency

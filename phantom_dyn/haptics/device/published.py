@@ -1,9 +1,9 @@
 r"""Devices of the sources: LHIfAM with two cables, PHANToM 1.0, PHANToM 1.5.
 
-**LHIfAM and PHANToM 1.0** [Gil]_. Of Table 2 the copy at hand kept motor damping and cable stiffness; motor and body
-mass follow from total mass and resonance, (22), the cable's damping from the distance Q = 78.16 dB of the peak, (23).
-The body's damping is not there: 3.4 N s/m leaves the new cable one crossing and the original one its low one, as
-printed, and anything from 3.14 to 7.71 N s/m does. What then cannot be had as printed:
+**LHIfAM and PHANToM 1.0** [Gil]_. Of Table 2 the copy at hand has only motor damping and cable stiffness. Motor and
+body mass follow from total mass and resonance, (22), and the cable's damping from the distance Q = 78.16 dB of the
+peak, (23). The body's damping is missing. With 3.4 N s/m the new cable has one crossing and the original one its low
+one, as printed; so it is for anything from 3.14 to 7.71 N s/m. These figures then differ from the printed ones:
 
 ======================================  ================  =============================================================
 figure                                  printed           computed
@@ -18,9 +18,9 @@ PHANToM, "60 Hz in Cavusoglu et al."    its first axis    60 Hz is the y axis of
 
 **PHANToM 1.5** [Cavusoglu]_, fits of section 4.3, position over force. Their units are not stated, and no unit of force
 and position makes them agree with the dynamic model of the same source: 16.69, 15.96, 8.78 g (N and mm) against 77.31,
-52.49, 32.25 g at the origin. Printed in the text and not in the fits: a resonance of x at 90 Hz (the fit peaks at
-104.5 Hz), of y at 30, 125 and 250 Hz. They are kept as fractions: masses, spring and damper that `two_mass_of_fit`
-reads out of them contradict each other.
+52.49, 32.25 g at the origin. The text mentions resonances that the fits do not have: x at 90 Hz (the fit peaks at
+104.5 Hz), and y at 30, 125 and 250 Hz. The fits are kept as fractions, because the masses, spring and damper that
+`two_mass_of_fit` derives from them contradict each other.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, section 4.
@@ -42,21 +42,21 @@ from phantom_dyn.haptics.device.transfer_function import TransferFunction
 PERIOD = 1e-3
 """Sampling period of the experiments [s]."""
 PRINTED_CROSSING = 411.23
-"""Printed for the LHIfAM with the new cable [rad/s]."""
+"""Printed single crossing of the LHIfAM with the new cable [rad/s]."""
 PRINTED_PEAK_DISTANCE = 78.16
-"""Printed for the LHIfAM with the original cable [dB]."""
+"""Printed distance Q of the peak of the LHIfAM with the original cable [dB]."""
 
 PHANTOM_RADIUS = 0.12
-"""From the first axis of the PHANToM 1.0 to its handle [m]."""
+"""Distance from the first axis of the PHANToM 1.0 to its handle [m]."""
 PHANTOM_INERTIA = 0.07292 * PHANTOM_RADIUS**2
-"""Of the first axis of the PHANToM 1.0 [kg m2]: 72.92 g at the handle."""
+"""Inertia of the first axis of the PHANToM 1.0 [kg m2]: 72.92 g at the handle."""
 PHANTOM_RESONANCE = 2 * math.pi * 62.5
-"""[rad/s]."""
+"""Resonance of the first axis of the PHANToM 1.0 [rad/s]."""
 
 LHIFAM_MASS = 5.4
-"""Of the LHIfAM along its guide [kg]."""
+"""Moving mass of the LHIfAM along its guide [kg]."""
 LHIFAM_RESONANCE = 2 * math.pi * 82.0
-"""With the original cable [rad/s]."""
+"""Resonance of the LHIfAM with the original cable [rad/s]."""
 
 
 def _lhifam() -> TwoMassAxis:
@@ -68,19 +68,19 @@ def _lhifam() -> TwoMassAxis:
 
 
 LHIFAM = _lhifam()
-"""With its original cable, 79.5 kN/m."""
+"""LHIfAM with its original cable, 79.5 kN/m."""
 LHIFAM_NEW_CABLE = replace(LHIFAM, cable_stiffness=38e3, cable_damping=11.0)
-"""With a cable of 38 kN/m and 11 N s/m, as printed."""
+"""LHIfAM with a cable of 38 kN/m and 11 N s/m, as printed."""
 LHIFAM_HEAVIER_MOTOR = replace(LHIFAM_NEW_CABLE, motor_mass=0.3769, body_mass=LHIFAM_MASS - 0.3769)
-"""The new cable with the motor mass that the printed crossing needs."""
+"""LHIfAM with the new cable and the motor mass that the printed crossing needs."""
 
 
 def phantom_1_0(cable_damping: float, body_damping: float = 0.0) -> TwoMassAxis:
     """First axis of the PHANToM 1.0, about its joint.
 
     Args:
-        cable_damping: Lost in the copy at hand [N m s/rad]; 0.001 to 0.008 are looked at in the tests.
-        body_damping: Lost, too [N m s/rad].
+        cable_damping: Missing in the copy at hand [N m s/rad]; tests try 0.001 to 0.008.
+        body_damping: Also missing [N m s/rad].
     """
     motor, body = masses_from_resonance(PHANTOM_INERTIA, 18.13, PHANTOM_RESONANCE)
     return TwoMassAxis(motor, body, 0.0085, body_damping, 18.13, cable_damping)
@@ -100,14 +100,14 @@ PHANTOM_1_5_Z = _fit([1.0, 1248.0, 1.275e6, 3.243e8, 1.097e11], [5.953, 875.3, 9
 
 @dataclass(frozen=True)
 class FitReading:
-    """Masses, springs and dampers in a fit of the PHANToM 1.5, in its own unstated units.
+    """Masses, springs and dampers of a fit of the PHANToM 1.5, in its own unstated units.
 
     Attributes:
         motor_mass: m1.
         body_mass: m2.
         stiffness: k between them.
-        mount_stiffness: Of the spring in series, k_t; infinite in model (a).
-        dampings: b as each coefficient that holds it says; a true two-mass model gives one value.
+        mount_stiffness: k_t, stiffness of the spring in series; infinite in model (a).
+        dampings: b by each coefficient that contains it; a true two-mass model gives one value.
     """
 
     motor_mass: float
@@ -118,10 +118,10 @@ class FitReading:
 
 
 def low_frequency_inertia(axis: TransferFunction) -> float:
-    """Mass that is felt at low frequency: the limit of force over acceleration.
+    """Mass felt at low frequency: the limit of force over acceleration.
 
     Raises:
-        ParameterError: If the axis does not float freely, or its dampers to ground rule at low frequency.
+        ParameterError: If springs or dampers to ground hold the axis, so that there is no limit.
     """
     if np.any(axis.denominator[-2:] != 0) or len(axis.denominator) < 3:
         raise ParameterError(
@@ -132,10 +132,10 @@ def low_frequency_inertia(axis: TransferFunction) -> float:
 
 
 def two_mass_of_fit(axis: TransferFunction) -> FitReading:
-    r"""Read the parameters of model (a) or (b) out of a fit: more coefficients than unknowns, so they may disagree.
+    r"""Parameters of model (a) or (b) from a fit. Its coefficients outnumber the unknowns and may disagree.
 
-    Model (a): :math:`(m_2 s^2 + b s + k) / (s^2 [m_1 m_2 s^2 + (m_1 + m_2)(b s + k)])`; model (b): that plus
-    :math:`1/k_t`, a mount that gives.
+    Model (a): :math:`(m_2 s^2 + b s + k) / (s^2 [m_1 m_2 s^2 + (m_1 + m_2)(b s + k)])`. Model (b) adds :math:`1/k_t`, a
+    compliant mount.
 
     Raises:
         ParameterError: If the transfer function has neither shape.

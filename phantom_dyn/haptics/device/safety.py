@@ -1,15 +1,15 @@
-r"""Safety logic of a haptic driver: force off when updates come too slowly, current off when the motor is too warm.
+r"""Safety logic of a haptic driver: force off if updates come too slowly, current off if the motor is too warm.
 
 Cavusoglu, Feygin and Tendick (2002, section 4.2.1): without the stock amplifier box "the update rate and temperature
 control safety logic are bypassed as well. It is therefore important to implement these in the drivers for the new
 amplifiers." The paper gives neither rates nor temperatures, so both are inputs.
 
-**Update rate.** A driver that has waited longer than :math:`1/f` for a command gives no force, and gives none until it
-is armed again: a computer that comes back late must not push at once.
+**Update rate.** A driver that has waited longer than :math:`1/f` for a command gives no force until it is armed again:
+a computer that comes back late must not push at once.
 
 **Temperature.** One thermal mass, as in `phantom_dyn.haptics.device.drives`:
-:math:`\tau\,\dot\Theta = R_{th} R\,i^2 - \Theta`, stepped exactly for a current that is held. At the warmest allowed
-rise the current goes off; it comes back when the motor has cooled to the lower one.
+:math:`\tau\,\dot\Theta = R_{th} R\,i^2 - \Theta`, integrated exactly for a held current. The current is switched off at
+the warmest allowed rise, and on again when the motor has cooled to a lower one.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_numbers, require_positive
 
 _ROUNDING = 1e-9
-"""Of the time waited, relative: a driver's clock that adds up to the limit has not passed it."""
+"""Relative tolerance of the time waited: a clock whose steps add up to the limit has not passed it."""
 
 
 @dataclass(frozen=True)
 class ThermalMotor:
-    """A motor as its winding warms it.
+    """A motor that its winding warms.
 
     Attributes:
-        resistance: Of the winding [ohm].
-        thermal_resistance: From winding to room [K/W].
-        time_constant: Of the warming [s].
+        resistance: Resistance of the winding [ohm].
+        thermal_resistance: Thermal resistance from winding to room [K/W].
+        time_constant: Thermal time constant [s].
 
     Raises:
         ParameterError: If one is not above 0.
@@ -52,11 +52,11 @@ class ThermalMotor:
         )
 
     def steady_rise(self, current: float) -> float:
-        """Rise [K] that a current [A] ends at: R_th R i^2."""
+        """Temperature rise at which a current [A] ends [K]: R_th R i^2."""
         return self.thermal_resistance * self.resistance * current**2
 
     def rise_after(self, rise: float, current: float, dt: float) -> float:
-        """Rise [K] after ``dt`` [s] of a held current [A], from a rise before."""
+        """Temperature rise [K] after a current [A] was held for ``dt`` [s], starting from ``rise`` [K]."""
         kept = math.exp(-dt / self.time_constant)
         return rise * kept + self.steady_rise(current) * -math.expm1(-dt / self.time_constant)
 
@@ -66,11 +66,11 @@ class Guard:
     """Limits of a driver.
 
     Attributes:
-        motor: Whose temperature is followed.
-        current_per_force: Current of a force [A/N or A/(N m)].
-        slowest: Update rate below which the force goes off [Hz].
-        warmest: Rise at which the current goes off [K].
-        cool: Rise to which the motor has to cool before it comes back [K].
+        motor: The motor whose temperature is estimated.
+        current_per_force: Current per force [A/N or A/(N m)].
+        slowest: Update rate below which the force is switched off [Hz].
+        warmest: Temperature rise at which the current is switched off [K].
+        cool: Temperature rise at which the current is switched on again [K].
 
     Raises:
         ParameterError: If a limit is not above 0, or the cool rise not below the warmest.
@@ -98,14 +98,14 @@ class Guard:
 
 @dataclass(frozen=True)
 class GuardState:
-    """What a driver knows; made by `armed`.
+    """Memory of a driver between cycles, made by `armed`.
 
     Attributes:
-        command: The last one [N or N m].
-        waited: Since then [s].
-        rise: Of the motor [K], as estimated.
-        late: Whether updates came too slowly since it was armed.
-        hot: Whether the motor was too warm and has not cooled yet.
+        command: The last command [N or N m].
+        waited: Time since then [s].
+        rise: Estimated temperature rise of the motor [K].
+        late: True if updates came too slowly since the driver was armed.
+        hot: True if the motor was too warm and has not cooled yet.
     """
 
     command: float
@@ -117,13 +117,13 @@ class GuardState:
 
 @dataclass(frozen=True)
 class GuardTrace:
-    """A driver over time, ``N`` cycles.
+    """A driver over ``N`` cycles.
 
     Attributes:
-        force: That it lets through [N or N m], shape ``(N,)``.
-        rise: Of the motor at the end of each cycle [K], shape ``(N,)``.
-        late: Off for slow updates, shape ``(N,)``.
-        hot: Off for temperature, shape ``(N,)``.
+        force: Force that the driver lets through [N or N m], shape ``(N,)``.
+        rise: Temperature rise of the motor at the end of each cycle [K], shape ``(N,)``.
+        late: True if off because of slow updates, shape ``(N,)``.
+        hot: True if off because of temperature, shape ``(N,)``.
     """
 
     force: Float[Array, " N"]
@@ -133,19 +133,19 @@ class GuardTrace:
 
 
 def armed(state: GuardState | None = None) -> GuardState:
-    """A driver that is switched on, without a command yet; a motor that is warm stays warm."""
+    """A driver just switched on, without a command yet. The motor keeps its temperature."""
     fresh = GuardState(0.0, 0.0, 0.0, late=False, hot=False)
     return fresh if state is None else replace(fresh, rise=state.rise, hot=state.hot)
 
 
 def guarded(guard: Guard, state: GuardState, dt: float, command: float | None) -> tuple[GuardState, float]:
-    """One cycle of a driver: the state after it, and the force that it lets through [N or N m].
+    """One cycle of a driver: its next state, and the force that it lets through [N or N m].
 
     Args:
-        guard: Its limits.
-        state: Of the cycle before, or `armed`.
+        guard: Limits of the driver.
+        state: State after the cycle before, or `armed`.
         dt: Length of the cycle [s].
-        command: Force that the computer has asked for since, or None if it has not.
+        command: Force that the computer asked for during the cycle, or None if it did not.
 
     Raises:
         ParameterError: If the cycle is not above 0, or the command no number.
@@ -167,7 +167,7 @@ def run_guard(guard: Guard, dt: float, commands: Float[Array, " N"]) -> GuardTra
     """A driver over cycles of ``dt`` [s], armed and cold at first.
 
     Args:
-        guard: Its limits.
+        guard: Limits of the driver.
         dt: Length of a cycle [s].
         commands: Force asked for in each cycle [N or N m], NaN where no update came, shape ``(N,)``.
     """

@@ -17,10 +17,10 @@ class StateSpace(ReadOnlyArrays):
     """Linear system with one input and one output: ``dx/dt = A x + B u``, ``y = C x + D u``.
 
     Attributes:
-        A: Shape ``(n, n)``.
-        B: Shape ``(n,)``.
-        C: Shape ``(n,)``.
-        D: Feed-through; a device with mass at its motor has none.
+        A: State matrix, shape ``(n, n)``.
+        B: Input column, shape ``(n,)``.
+        C: Output row, shape ``(n,)``.
+        D: Feed-through; zero for a device with mass at its motor.
     """
 
     A: Float[Array, "n n"]
@@ -40,7 +40,7 @@ class Axis(Protocol):
 
     @property
     def state_space(self) -> StateSpace:
-        """The same with states."""
+        """State space of the same system."""
         ...
 
 
@@ -49,8 +49,8 @@ class TransferFunction(ReadOnlyArrays):
     """Position over force as a fraction of two polynomials of s, highest power first.
 
     Attributes:
-        numerator: Shape ``(m,)``.
-        denominator: Shape ``(n,)``, ``n >= m``.
+        numerator: Coefficients, shape ``(m,)``.
+        denominator: Coefficients, shape ``(n,)``, ``n >= m``.
 
     Raises:
         ParameterError: If the numerator has the higher degree, or a leading coefficient is zero or not finite.
@@ -71,12 +71,12 @@ class TransferFunction(ReadOnlyArrays):
         if len(self.numerator) > len(self.denominator):
             raise ParameterError(
                 f"A transfer function of degree {len(self.numerator) - 1} over {len(self.denominator) - 1} was given: "
-                "no device answers force with position faster than at once, give a numerator of lower degree."
+                "no device moves before the force acts, give a numerator of lower degree."
             )
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """Itself, so that it serves wherever an axis does."""
+        """The function itself, so that it can be used as an axis."""
         return self
 
     @property
@@ -96,10 +96,10 @@ class TransferFunction(ReadOnlyArrays):
 
     @property
     def state_space(self) -> StateSpace:
-        """Observer form, in the time scale of the fastest root so that no state dwarfs another.
+        """Observer form, scaled by the fastest root so that all states are of similar size.
 
         Raises:
-            ParameterError: If it is a bare spring, which has no state.
+            ParameterError: If it has no power of s, as a bare spring.
         """
         order = len(self.denominator) - 1
         if order == 0:
@@ -121,7 +121,7 @@ class TransferFunction(ReadOnlyArrays):
         return StateSpace(scale * A, scale * (above[1:] - above[0] * below[1:]), C, float(above[0]))
 
     def plus(self, compliance: float) -> TransferFunction:
-        """The same device behind a spring of this compliance [m/N], as seen by who pushes the spring."""
+        """The device behind a spring of this compliance [m/N], as felt by a force on the spring."""
         wide = np.zeros(len(self.denominator))
         wide[len(self.denominator) - len(self.numerator) :] = self.numerator
         return TransferFunction(np.trim_zeros(wide + compliance * self.denominator, "f"), self.denominator)

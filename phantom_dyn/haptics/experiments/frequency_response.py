@@ -1,12 +1,12 @@
 r"""Empirical transfer function of a device with its coherence, and the two-mass model that fits it.
 
-The position of a device that floats freely wanders, and a spectrum of what wanders is a spectrum of its ends. So
-spectra are those of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not; it is
-:math:`-4 \sin^2(\omega T/2)` times the position at every frequency, without lag, and that is divided out.
+The position of a device that floats freely drifts, and the spectrum of a drift is dominated by the difference of its
+ends. Spectra are therefore taken of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not drift. At
+every frequency it is :math:`-4 \sin^2(\omega T/2)` times the position, without lag; this factor is divided out.
 
-The six parameters of the model are found with their covariance. The measured response is compared with that of the
-*sampled* model, hold and delay included, so that neither biases the fit; each frequency counts by its coherence.
-Resonance and anti-resonance follow with their deviations.
+The six parameters of the model are estimated with their covariance. The measured response is compared with that of the
+*sampled* model, hold and delay included, so that neither biases the fit. Each frequency is weighted by its coherence.
+Resonance and anti-resonance follow with their standard deviations.
 
 References:
     Section 4.2 of [Gil]_ (`phantom_dyn.haptics.device.axis`): white noise, empirical transfer function, least squares
@@ -30,27 +30,27 @@ from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _OVERLAP = 1.0 + 2.0 / 36.0
-"""Loss of independence of Hann windows at half overlap: correlation of neighbouring segments, 1/6, enters squared."""
+"""Variance of a mean over half-overlapping Hann windows, relative to independent ones: neighbours correlate by 1/6."""
 _SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
-"""Data that neighbouring frequencies share through the Hann window: correlation 2/3 and 1/6, squared."""
-_MOST_COHERENT = 1.0 - 1e-9
-"""Coherence is kept off one, where the deviations would vanish."""
+"""How often neighbouring frequencies count the same data under a Hann window: correlations 2/3 and 1/6, squared."""
+MOST_COHERENT = 1.0 - 1e-9
+"""Upper limit of the coherence: at one, the deviations would vanish."""
 _QUANTILE_95 = 1.959963984540054
 """Standard normal quantile of a two-sided interval of 95 %."""
 
 
 @dataclass(frozen=True)
 class FrequencyResponse(ReadOnlyArrays):
-    """Position over force, as measured.
+    """Measured position over force.
 
     Attributes:
         period: Sampling period of the recording [s].
-        frequency: [rad/s], shape ``(k,)``.
+        frequency: Frequencies [rad/s], shape ``(k,)``.
         response: Position over force [m/N or rad/(N m)], shape ``(k,)``.
-        coherence: Between force and position, 0 to 1, shape ``(k,)``.
-        deviation: One standard deviation of the response relative to its size, which is also that of its phase [rad],
-            shape ``(k,)``.
-        averages: Independent segments that the estimate rests on.
+        coherence: Coherence of force and position, 0 to 1, shape ``(k,)``.
+        deviation: Standard deviation of the response relative to its size, which is also that of its phase [rad], shape
+            ``(k,)``.
+        averages: Effective number of independent segments that were averaged.
         shared: How often neighbouring frequencies count the same data: 1.94 with the Hann windows of
             `estimate_frequency_response`, 1 for whole periods of a sweep.
     """
@@ -70,14 +70,14 @@ class FrequencyResponse(ReadOnlyArrays):
 
     @property
     def interval(self) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-        """Limits of the magnitude [dB] at 95 %; the lower one is minus infinity where it reaches zero."""
+        """Limits of the magnitude [dB] at 95 %; the lower limit is minus infinity if it includes zero."""
         reach = _QUANTILE_95 * self.deviation
         with np.errstate(divide="ignore"):
             low, high = (20.0 * np.log10(np.maximum(1.0 + sign * reach, 0.0)) for sign in (-1, 1))
         return self.decibels + low, self.decibels + high
 
     def between(self, low: float, high: float) -> FrequencyResponse:
-        """Only the frequencies from ``low`` to ``high`` [rad/s]."""
+        """The response at frequencies from ``low`` to ``high`` [rad/s]."""
         kept = (self.frequency >= low) & (self.frequency <= high)
         w, response, coherence, deviation = (
             part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation)
@@ -91,18 +91,19 @@ def estimate_frequency_response(
     """Cross spectrum of force and position over the spectrum of the force, averaged over half-overlapping segments.
 
     Args:
-        force: [N or N m], at the instants of the positions, or held from them on: whichever, the model must say so.
-        position: [m or rad].
+        force: Force [N or N m], shape ``(N,)``, either as it acted when positions were read or as it was held from then
+            on; the model that is fitted must match.
+        position: Position [m or rad], shape ``(N,)``.
         period: Sampling period [s].
-        segment: Length of a segment [s]: the frequencies are one over it apart, so it must be several times the decay
-            of the slowest vibration; more and shorter segments give less scatter.
+        segment: Length of a segment [s]. Its inverse is the distance between frequencies, so that it must be several
+            times as long as the slowest vibration lasts. More and shorter segments give less scatter.
 
     Returns:
-        Frequencies from the third line on (force and leakage share the first two) to under the Nyquist frequency.
+        Frequencies from the third line on (force and leakage share the first two) to below the Nyquist frequency.
 
     Raises:
-        ParameterError: If the recording is shorter than two segments, a segment is under 16 samples, force or position
-            are constant, or hold what is no number.
+        ParameterError: If the recording is shorter than two segments, a segment has fewer than 16 samples, or force or
+            position is constant or not finite.
     """
     require_positive(period=period, segment=segment)
     length = round(min(segment / period, 1e9))
@@ -117,7 +118,7 @@ def estimate_frequency_response(
     bent = position[2:] - 2.0 * position[1:-1] + position[:-2]
     if not bent.any():
         raise ParameterError("The position never answers the force: record the device while it is free to move.")
-    # Both over their largest value: squares of very small numbers would be zero.
+    # Both are scaled by their largest value, as squares of very small numbers would be zero.
     largest, strongest = float(np.abs(bent).max()), float(np.abs(force).max())
     bent, driven = bent / largest, force[1:-1] / strongest
     rate = 1.0 / period
@@ -127,7 +128,7 @@ def estimate_frequency_response(
     inside = slice(3, (length + 1) // 2)
     w = 2 * np.pi * f[inside]
     response = (largest / strongest) * cross[inside] / drive[inside] / (-4.0 * np.sin(0.5 * w * period) ** 2)
-    coherence = np.clip(np.abs(cross[inside]) ** 2 / (drive[inside] * answer[inside]), 0.0, _MOST_COHERENT)
+    coherence = np.clip(np.abs(cross[inside]) ** 2 / (drive[inside] * answer[inside]), 0.0, MOST_COHERENT)
     segments = (len(driven) - length // 2) // (length - length // 2)
     averages = segments / _OVERLAP if segments > 1 else 1.0
     deviation = np.sqrt((1.0 - coherence) / (2.0 * averages * np.maximum(coherence, math.ulp(1.0))))
@@ -135,33 +136,33 @@ def estimate_frequency_response(
 
 
 NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stiffness", "cable_damping")
-"""The six parameters, in the order of the arrays, named as the fields of `TwoMassAxis`."""
+"""The six parameters in the order of the arrays, named as the fields of `TwoMassAxis`."""
 
 _IN_LOG = np.array([True, True, False, False, True, False])
-"""Masses and stiffness are fitted in logarithm, dampings as they are: one of them may well be zero."""
+"""Masses and stiffness are fitted as logarithms, dampings directly, as one of them may well be zero."""
 _LEAST_COHERENCE = 0.3
-"""Share of the motion that the force must explain at a frequency to count until the fit is near."""
+"""Least coherence of a frequency that is used in the first stage of the fit."""
 _NEIGHBOURS = 7
-"""Frequencies on either side over which the deviations are averaged."""
+"""Number of frequencies on either side over which deviations are averaged."""
 _STARTS = (0.01, 0.05, 0.2)
-"""Damping ratios of the cable that the search starts from."""
+"""Damping ratios of the cable from which the search starts."""
 _MISFIT = 4.0
-"""Mean square of the residuals, in deviations, above which the model is not that of the data."""
+"""Mean square of the residuals, in standard deviations, above which the model does not fit the data."""
 _SURE = 3.0
-"""Deviations by which both masses and the stiffness must differ from zero: else there is no second mass."""
+"""Least distance of both masses and the stiffness from zero, in deviations: else there is no second mass."""
 
 
 @dataclass(frozen=True)
 class TwoMassFit(ReadOnlyArrays):
-    """Two-mass model that fits a measured response.
+    """Two-mass model fitted to a measured response.
 
     Attributes:
         values: The six parameters in the order of `NAMES`, SI units, shape ``(6,)``.
-        covariance: Of them, shape ``(6, 6)``.
-        response: What was fitted.
-        model: Response of the fitted model at these frequencies.
+        covariance: Covariance of the parameters, shape ``(6, 6)``.
+        response: The measured response.
+        model: Response of the fitted model at the same frequencies, shape ``(k,)``.
         misfit: Mean square of the residuals in standard deviations; about one if the model is right.
-        at_zero: Dampings that came out as zero, the least that they may be.
+        at_zero: Names of dampings at zero, their lower bound.
     """
 
     values: Float[Array, "6"]
@@ -198,7 +199,7 @@ class TwoMassFit(ReadOnlyArrays):
 
     @property
     def anti_resonance(self) -> tuple[float, float]:
-        """Frequency of the body on the cable behind a motor that stands still, and its deviation [rad/s]."""
+        """Frequency of the body on the cable while the motor stands still, and its standard deviation [rad/s]."""
         w = self.axis.blocked_frequency
         slope = np.zeros(6)
         slope[[1, 4]] = 0.5 * w * np.array([-1 / self.values[1], 1 / self.values[4]])
@@ -206,14 +207,14 @@ class TwoMassFit(ReadOnlyArrays):
 
 
 def fit_two_mass(response: FrequencyResponse, *, delay: float = 0.0) -> TwoMassFit:
-    """Two-mass model behind a zero-order hold and a known delay that fits a response.
+    """Two-mass model behind a zero-order hold and a known delay, fitted to a response.
 
     Args:
-        response: Of the force as the computer gives it; it must hold anti-resonance and resonance.
-        delay: Of the loop beside the hold [s].
+        response: Response to the force as the computer gives it. It must show anti-resonance and resonance.
+        delay: Delay of the loop in addition to the hold [s].
 
     Raises:
-        EstimationError: If no two-mass model fits: no vibration in the band, or another device.
+        EstimationError: If no two-mass model fits, because the band shows no vibration or the device is another one.
     """
 
     def model(axis: TwoMassAxis, w: Float[Array, " k"]) -> Complex[Array, " k"]:
@@ -223,7 +224,7 @@ def fit_two_mass(response: FrequencyResponse, *, delay: float = 0.0) -> TwoMassF
 
 
 def fit_two_mass_of_instants(response: FrequencyResponse) -> TwoMassFit:
-    """The same for a force that was recorded as it acted at the instants of the positions: without hold and delay."""
+    """Two-mass model fitted to a response to the force that acted when positions were read: no hold and no delay."""
     return _fit(response, lambda axis, w: axis.transfer_function.response(w))
 
 
@@ -239,7 +240,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
         )
     w, measured = response.frequency, response.response
     weight = 1.0 / response.deviation[good]
-    # A deviation that is read where noise happens to be small would favour that noise: neighbours share theirs.
+    # Deviations estimated from few data are too small where noise happens to be: neighbours are averaged.
     error = np.sqrt(_running_mean((response.deviation * np.abs(measured)) ** 2))
     lower = np.where(_IN_LOG, -np.inf, 0.0)
     best: _Found | None = None
@@ -258,7 +259,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
             difference = (measured - model(axis_of(x), w)) / error
             return np.concatenate([np.real(difference), np.imag(difference)])
 
-        # Ratios get there from afar, differences end without bias: their errors do not depend on what is measured.
+        # Ratios converge from afar; differences end without bias, as their errors do not depend on the measured value.
         x = np.where(_IN_LOG, np.log(start), 1.0)
         near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
         found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
@@ -305,11 +306,11 @@ def _running_mean(values: Array) -> Array:
 
 
 def _start(response: FrequencyResponse, good: Array, damping: float) -> Float[Array, "6"]:
-    """Parameters read off the response: mass at low frequency, the dip and the peak of acceleration over force."""
+    """First guess of the parameters: mass at low frequency, and dip and peak of acceleration over force."""
     w = response.frequency[good]
     size = np.abs(response.response[good]) * w**2
     smooth = np.exp(np.convolve(np.pad(np.log(size), 2, mode="edge"), np.ones(5) / 5, mode="valid"))
-    # The peak that stands highest above the dip before it.
+    # The peak that rises highest above the lowest point before it.
     drop = np.log(smooth) - np.minimum.accumulate(np.log(smooth))
     top = int(np.argmax(drop))
     dip = int(np.argmin(smooth[: top + 1]))

@@ -1,15 +1,15 @@
 r"""White-noise and swept-sine experiments on a device, for its frequency response and coherence.
 
-**White noise**: a device is driven by noise, and its position is read.
+**White noise**: the device is driven by noise, and its position is read.
 
 **Swept sine**: the response is taken from whole periods of a repeated sweep. The force is a sine whose frequency rises,
-:math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of its power lies between f1 and f2, at a
-crest of :math:`\sqrt 2`; white noise of the same greatest force has a third of the deviation and spreads it to the
-Nyquist frequency. As the period repeats itself, its spectrum has no leakage: no window is needed, and each line has its
-own data. The share of the repeated motion that is not the same in all periods is noise, and gives the coherence.
+:math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of its power lies between f1 and f2, with a
+crest factor of :math:`\sqrt 2`. White noise with the same greatest force has a third of the standard deviation and
+spreads it up to the Nyquist frequency. As the sweep is periodic, its spectrum has no leakage: no window is needed, and
+each line has its own data. What differs between periods is noise, and gives the coherence.
 
-The second difference of the position is taken as in `phantom_dyn.haptics.experiments.frequency_response`, since a
-device that floats freely drifts off. The first period, in which the vibration builds up, is left out.
+As in `phantom_dyn.haptics.experiments.frequency_response`, the second difference of the position is taken, since a
+device that floats freely drifts. The first period, in which the vibration builds up, is left out.
 
 References:
     A. Farina, Simultaneous measurement of impulse response and distortion with a swept-sine technique, 108th AES
@@ -28,7 +28,11 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
-from phantom_dyn.haptics.experiments.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.haptics.experiments.frequency_response import (
+    MOST_COHERENT,
+    FrequencyResponse,
+    estimate_frequency_response,
+)
 from phantom_dyn.haptics.experiments.relay import held_forces
 from phantom_dyn.haptics.number_checks import (
     require_columns,
@@ -46,8 +50,8 @@ class WhiteNoiseExperiment(ReadOnlyArrays):
 
     Attributes:
         period: Sampling period [s].
-        force: Commanded by the computer [N or N m], shape ``(N,)``.
-        position: Read by the encoder [m or rad], shape ``(N,)``.
+        force: Force commanded by the computer [N or N m], shape ``(N,)``.
+        position: Position read by the encoder [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -69,15 +73,15 @@ def simulate_white_noise(
     duration: float,
     rng: np.random.Generator,
 ) -> WhiteNoiseExperiment:
-    """Device driven by white noise behind hold and delay, from rest, its position read with white noise.
+    """Simulation of a device at rest that is driven by white noise behind hold and delay, and read with noise.
 
     Args:
         axis: Model of the device.
         period: Sampling period [s].
-        delay: Of the loop beside the hold [s].
+        delay: Delay of the loop in addition to the hold [s].
         force: Standard deviation of the force [N or N m].
         position_noise: Standard deviation of the reading [m or rad].
-        duration: [s].
+        duration: Duration of the experiment [s].
         rng: Draws force and noise.
 
     Raises:
@@ -90,23 +94,19 @@ def simulate_white_noise(
     return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
 
 
-_MOST_COHERENT = 1.0 - 1e-9
-"""Coherence is kept off one, where the deviations would vanish."""
-
-
 @dataclass(frozen=True)
 class Sweep:
     """A sine of rising frequency, repeated.
 
     Attributes:
         lowest: Frequency at the start of a period [rad/s].
-        highest: At its end [rad/s].
-        duration: Of one period [s].
-        periods: That are evaluated, two or more; one more runs before them.
+        highest: Frequency at the end of a period [rad/s].
+        duration: Duration of one period [s].
+        periods: Number of periods that are evaluated, two or more; one more runs before them.
 
     Raises:
-        ParameterError: If the frequencies do not rise from above 0, a period is shorter than four of its slowest
-            swings, or there are fewer than two periods.
+        ParameterError: If the frequencies do not rise from above 0, a period is shorter than four cycles of the lowest
+            frequency, or there are fewer than two periods.
     """
 
     lowest: float
@@ -123,7 +123,7 @@ class Sweep:
             )
         if self.duration * self.lowest < 8 * math.pi:
             raise ParameterError(
-                f"A sweep of {self.duration:g} s starts at {self.lowest:g} rad/s: give one of at least four swings of "
+                f"A sweep of {self.duration:g} s starts at {self.lowest:g} rad/s: give one of at least four cycles of "
                 f"that frequency, {8 * math.pi / self.lowest:.3g} s."
             )
 
@@ -155,9 +155,9 @@ class SweptSineExperiment(ReadOnlyArrays):
 
     Attributes:
         period: Sampling period [s].
-        sweep: What was driven.
-        force: Commanded by the computer [N or N m], shape ``(N,)``.
-        position: Read by the encoder [m or rad], shape ``(N,)``.
+        sweep: The sweep that drove the device.
+        force: Force commanded by the computer [N or N m], shape ``(N,)``.
+        position: Position read by the encoder [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -166,7 +166,7 @@ class SweptSineExperiment(ReadOnlyArrays):
     position: Float[Array, " N"]
 
     def frequency_response(self) -> FrequencyResponse:
-        """Position over force at the lines of the period within the sweep."""
+        """Position over force at the spectral lines within the sweep."""
         response = response_of_periods(self.force, self.position, period=self.period, periods=self.sweep.periods)
         return response.between(self.sweep.lowest, self.sweep.highest)
 
@@ -181,13 +181,13 @@ def simulate_swept_sine(
     position_noise: float,
     rng: np.random.Generator,
 ) -> SweptSineExperiment:
-    """Device driven by a repeated sweep behind hold and delay, from rest, its position read with white noise.
+    """Simulation of a device at rest that is driven by a repeated sweep behind hold and delay, and read with noise.
 
     Args:
         axis: Model of the device.
-        sweep: Frequencies, duration and periods.
+        sweep: Frequencies, duration and number of periods.
         period: Sampling period [s].
-        delay: Of the loop beside the hold [s].
+        delay: Delay of the loop in addition to the hold [s].
         force: Greatest force [N or N m].
         position_noise: Standard deviation of the reading [m or rad].
         rng: Draws the noise.
@@ -207,17 +207,18 @@ def response_of_periods(
 ) -> FrequencyResponse:
     r"""Frequency response from the last ``periods`` of ``periods + 1`` equal periods of force and position.
 
-    With :math:`U_i, Y_i` the spectra of period i: :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2`, coherence
-    :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
+    With :math:`U_i, Y_i` the spectra of period i, the response is :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2` and the
+    coherence :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
 
     Args:
-        force: [N or N m], shape ``(N,)``.
-        position: [m or rad], shape ``(N,)``.
+        force: Force [N or N m], shape ``(N,)``.
+        position: Position [m or rad], shape ``(N,)``.
         period: Sampling period [s].
-        periods: That are evaluated, two or more.
+        periods: Number of periods that are evaluated, two or more.
 
     Returns:
-        All lines between 0 and the Nyquist frequency that the force drives with more than a millionth of its greatest.
+        All lines between 0 and the Nyquist frequency at which the force has more than a millionth of its largest
+        amplitude.
 
     Raises:
         ParameterError: If the columns are not ``periods + 1`` equal lengths of 16 samples or more, or force or position
@@ -232,7 +233,7 @@ def response_of_periods(
             f"{len(force)} samples were given for {periods} periods and one before them: give {periods + 1} periods of "
             "equal length, at least 16 samples each."
         )
-    # Periods from one sample early on, so that each second difference in them has both neighbours.
+    # The periods begin one sample early, so that each second difference in them has both neighbours.
     now = slice(length - 1, len(force) - 1)
     bent = position[length:] - 2.0 * position[now] + position[length - 2 : -2]
     drive, answer = (np.fft.rfft(part.reshape(periods, length), axis=1) for part in (force[now], bent))
@@ -247,7 +248,7 @@ def response_of_periods(
     driven = given > 1e-12 * given.max()
     w, given, got, cross = w[driven], given[driven], got[driven], cross[driven]
     response = cross / given / (-4.0 * np.sin(0.5 * w * period) ** 2)
-    coherence = np.clip(np.abs(cross) ** 2 / (given * got), 0.0, _MOST_COHERENT)
-    # Of n periods one is used up by the mean that they are compared with.
+    coherence = np.clip(np.abs(cross) ** 2 / (given * got), 0.0, MOST_COHERENT)
+    # The mean over n periods, with which each is compared, leaves n - 1 degrees of freedom.
     scatter = (1.0 - coherence) / coherence / (2.0 * (periods - 1))
     return FrequencyResponse(period, w, response, coherence, np.sqrt(scatter), float(periods), 1.0)

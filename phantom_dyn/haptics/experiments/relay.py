@@ -1,13 +1,13 @@
 r"""Relay experiment: critical stiffness from the oscillation of a device under an on-off force.
 
-A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the loop's phase is
--180 degrees; the quotient of the first harmonics of force and position is the critical stiffness there (Astrom and
+A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the phase of the loop is
+-180 degrees. There the quotient of the first harmonics of force and position is the critical stiffness (Astrom and
 Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**: a small start
-ends in the vibration's, a large one in that of the rigid device. Which one an experiment shows depends on its start.
+ends in that of the vibration, a large one in that of the rigid device. Which one is seen depends on the start.
 
-The relay is sampled: it sees a zero crossing up to one period late, which counts as half a period of delay on average;
-at the vibration's frequency and little delay that is visible, at a few hertz it is not. The steps of a device behind
-hold and delay are compiled, and unannotated, as numba takes what arrives.
+The relay is sampled: it notices a zero crossing up to one period late, on average half a period. With little delay this
+shows at the vibration's frequency, but not at a few hertz. The steps of a device behind hold and delay are compiled,
+and not annotated, as numba compiles for the types that arrive.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _SETTLING = 0.4
-"""Share of the recording that is left out while the oscillation settles."""
+"""Share of the recording that is left out because the oscillation has not settled."""
 _SEGMENT = 8192
 """Samples of the longest segment of a spectrum."""
 _REACH = 2
-"""Bins on either side of a peak of the Hann window that belong to it."""
+"""Bins on either side of a peak that belong to it under a Hann window."""
 _LEAST_SAMPLES, _LEAST_LEFT = 100, 64
-"""Samples of an experiment, and of what is left of it after settling: fewer hold no spectrum."""
+"""Least number of samples of an experiment, and of what is left after settling."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class RelayExperiment(ReadOnlyArrays):
 
     Attributes:
         period: Sampling period [s].
-        delay: Of the loop beside the hold [s].
+        delay: Delay of the loop in addition to the hold [s].
         t: Time [s], shape ``(N,)``.
-        force: Of the relay, as given by the computer [N or N m], shape ``(N,)``.
-        position: [m or rad], shape ``(N,)``.
+        force: Force of the relay as commanded by the computer [N or N m], shape ``(N,)``.
+        position: Position [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -60,12 +60,12 @@ class LimitCycle(ReadOnlyArrays):
     """The steady oscillation of a relay experiment.
 
     Attributes:
-        frequency: Of the greatest peak of the position's spectrum [rad/s].
+        frequency: Frequency of the greatest peak of the position's spectrum [rad/s].
         stiffness: First harmonic of force over that of position: the critical stiffness [N/m or N m/rad].
         amplitude: First harmonic of the position [m or rad].
-        frequencies: Of the spectra [rad/s], shape ``(k,)``.
+        frequencies: Frequencies of the spectra [rad/s], shape ``(k,)``.
         force_density: Power spectral density of the force, in its unit squared per hertz, shape ``(k,)``.
-        position_density: That of the position, shape ``(k,)``.
+        position_density: Power spectral density of the position, shape ``(k,)``.
     """
 
     frequency: float
@@ -84,19 +84,19 @@ class LimitCycle(ReadOnlyArrays):
 def simulate_relay(
     axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, force: float, start: float, duration: float
 ) -> RelayExperiment:
-    """Device under an ideal sampled relay behind hold and delay, released at rest.
+    """Simulation of a device under an ideal sampled relay behind hold and delay, released at rest.
 
     Args:
         axis: Model of the device.
         period: Sampling period [s].
-        delay: Of the loop beside the hold [s].
-        force: Of the relay [N or N m]; at position zero it is negative.
-        start: Position from which the device is released [m or rad]: it decides which limit cycle is reached.
-        duration: [s].
+        delay: Delay of the loop in addition to the hold [s].
+        force: Force of the relay [N or N m]; it is negative at position zero.
+        start: Position at which the device is released [m or rad]. It decides which limit cycle is reached.
+        duration: Duration of the experiment [s].
 
     Raises:
-        ParameterError: If the force or period is not positive, the delay is negative, the start no number, or the
-            duration under a hundred periods.
+        ParameterError: If force or period is not positive, the delay is negative, the start is not finite, or the
+            duration is less than a hundred periods.
     """
     require_positive(force_of_the_relay=force)
     require_numbers(start=start)
@@ -113,8 +113,8 @@ def simulate_relay(
 def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     """Frequency and critical stiffness of a relay experiment, from the averaged spectra of its later part.
 
-    As in the chapter the frequency is that of the greatest peak, here between the bins by the centre of the peak, and
-    the stiffness is the inverse of the empirical transfer function there.
+    As in the chapter the frequency is that of the greatest peak, here interpolated between bins by the centre of the
+    peak. The stiffness is the inverse of the empirical transfer function there.
 
     Raises:
         ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
@@ -138,7 +138,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     at = 1 + int(np.argmax(density[1:]))
     peak = slice(max(at - _REACH, 1), at + _REACH + 1)
     frequency = float(np.sum(f[peak] * density[peak]) / np.sum(density[peak]))
-    # Force over position with the noise of neither: power of the force over the cross power of both.
+    # The noise of force and position is not correlated: power of the force over the cross power of both.
     stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
     amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
     return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, force_density, density)
@@ -146,7 +146,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
 
 @jit
 def relay_loop(transition, newer, older, C, steps, state, force, count):
-    """Forces of a relay that are given, and positions that are read, from a state at rest."""
+    """Forces that a relay gives and positions that are read, starting at rest in ``state``."""
     given = np.zeros(count)
     position = np.zeros(count)
     x = state.copy()
@@ -161,7 +161,7 @@ def relay_loop(transition, newer, older, C, steps, state, force, count):
 
 @jit
 def held_forces(transition, newer, older, C, steps, state, forces):
-    """Positions that are read while the forces are given one after the other, held and delayed."""
+    """Positions that are read while forces, held and delayed, act one after the other."""
     position = np.zeros(len(forces))
     x = state.copy()
     following = np.zeros(len(state))
@@ -174,7 +174,7 @@ def held_forces(transition, newer, older, C, steps, state, forces):
 
 @jit
 def _advance(transition, newer, older, steps, given, k, x, following):
-    """Write the state after sample ``k`` into ``following``; before the first sample no force was given."""
+    """Write the state after sample ``k`` into ``following``; there is no force before the first sample."""
     new = given[k - steps] if k >= steps else 0.0
     old = given[k - steps - 1] if k > steps else 0.0
     for i in range(len(x)):
@@ -185,7 +185,7 @@ def _advance(transition, newer, older, steps, given, k, x, following):
 
 @jit
 def _read(C, x):
-    """Position in a state."""
+    """Position in state ``x``."""
     y = 0.0
     for i in range(len(x)):
         y += C[i] * x[i]

@@ -1,4 +1,4 @@
-"""What all figures of haptics share: colours for colour-blind readers, panels, axes of frequency, legends, units."""
+"""Parts shared by all figures of haptics: colours for colour-blind readers, panels, frequency axes, legends, units."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from phantom_dyn.array_types import Array
 
 Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
-# Colours of Okabe and Ito, and a wine red of Tol; markers distinguish the same curves without any colour.
+# Colours of Okabe and Ito, and a wine red of Tol. Markers distinguish the curves without colour as well.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-# One meaning for one line style, in every figure: a result is solid.
+# Line styles have one meaning in all figures; a result is solid.
 IDEAL = "--"
-"""What an approximation, an ideal or a plan gives, or what a result tends to."""
+"""An approximation, an ideal, a plan or an asymptote."""
 MARK = ":"
-"""A level or an instant that is pointed at, such as a limit that was set or a published value."""
+"""A level or an instant that is marked, such as a limit or a published value."""
 GREY = "#666666"
 PALE = "#56B4E940"
 _TITLE, _WIDTH = 11, 8.5
@@ -40,13 +40,13 @@ def panels(
     """An empty figure with a title and a grid of panels.
 
     Args:
-        rows: Of panels.
-        columns: Of panels.
-        title: What is seen.
-        width: Of the figure [inch].
-        height: Of a row [inch].
-        ratios: Heights of the rows in relation to each other.
-        together: Whether all panels of a column have one abscissa.
+        rows: Number of rows of panels.
+        columns: Number of columns of panels.
+        title: Title of the figure.
+        width: Width of the figure [inch].
+        height: Height of a row [inch].
+        ratios: Relative heights of the rows.
+        together: True if all panels of a column share one abscissa.
     """
     out = Figure(figsize=(width, 0.8 + height * rows), dpi=110, layout="constrained")
     share = "col" if together else False
@@ -58,7 +58,7 @@ def panels(
 
 
 def frequency_axis(top: Axes, bottom: Axes) -> None:
-    """Logarithmic frequency for panels over each other: rad/s below the last, Hz above the first."""
+    """Logarithmic frequency axis for panels above each other: rad/s below the last, Hz above the first."""
     for ax in (top, bottom):
         ax.set_xscale("log")
     bottom.set_xlabel("frequency [rad/s]")
@@ -70,20 +70,20 @@ def frequency_axis(top: Axes, bottom: Axes) -> None:
 
 
 def shade(ax: Axes, x: Array, where: Array, label: str) -> None:
-    """A pale ground over the abscissas where something holds."""
+    """Pale background over the abscissas at which a condition holds."""
     ax.fill_between(x, 0, 1, where=where.tolist(), transform=ax.get_xaxis_transform(), color=PALE, lw=0, label=label)
 
 
 def key(ax: Axes, place: Place = "best", columns: int = 1) -> None:
-    """A small legend."""
+    """Add a small legend to a panel."""
     ax.legend(loc=place, fontsize=8, ncols=columns, framealpha=0.85)
 
 
 def beside(ax: Axes) -> None:
-    """A small legend right of the panel, where it hides nothing."""
+    """Add a small legend to the right of a panel, where it hides nothing."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
 
 
 def hertz(frequency: float) -> float:
-    """A frequency in rad/s in hertz."""
+    """A frequency in rad/s converted to Hz."""
     return frequency / (2 * math.pi)

@@ -50,9 +50,9 @@ def lossy_link_figure(
 
     Args:
         loss: Share of samples that are lost, shape ``(k,)``.
-        limits: Of `critical_feedforward_of_link`, as many, by what the device is.
-        felt: Of `noise_felt`, as many, by what the gain is.
-        name: Of the device and its noise, for the title.
+        limits: Results of `critical_feedforward_of_link`, one for each loss, by the name of the device.
+        felt: Results of `noise_felt`, one for each loss, by the name of the gain.
+        name: Device and noise, for the title.
     """
     title = f"{name}: force feedforward over a link that loses samples"
     out, ((gain,), (motor,), (hand,)) = panels(3, title=title, together=True, height=2.3)
@@ -74,11 +74,11 @@ def lossy_link_figure(
 
 
 def sinusoidal_encoder_figure(encoders: Mapping[str, SinusoidalEncoder], *, speed: float) -> Figure:
-    """Errors of position within a line of sinusoidal encoders, and the ripple on the velocity that they leave.
+    """Errors of position within a line of sinusoidal encoders, and the ripple of velocity that they cause.
 
     Args:
-        encoders: By what is wrong with the signals; of one pitch.
-        speed: At which the ripple is drawn [m/s].
+        encoders: Encoders of one pitch, by the name of their signal error.
+        speed: Speed at which the ripple is drawn [m/s].
     """
     pitch = next(iter(encoders.values())).pitch
     x = pitch * np.linspace(0.0, 2.0, 2001)
@@ -102,12 +102,12 @@ def sinusoidal_encoder_figure(encoders: Mapping[str, SinusoidalEncoder], *, spee
 
 
 def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[float]) -> Figure:
-    """Torque of a brush motor under a held voltage over the turning of its rotor, beside that of a held current.
+    """Torque of a brush motor under a held voltage over the angle of its rotor, beside that of a held current.
 
     Args:
-        motor: With brushes.
-        voltage: [V].
-        speeds: Of the rotor, above 0 [rad/s].
+        motor: The motor.
+        voltage: Voltage at the motor [V].
+        speeds: Speeds of the rotor, above 0 [rad/s].
     """
     title = f"Brushes of a motor with {motor.bars} bars: a voltage amplifier lets the torque follow their switching"
     out, ((torque,),) = panels(1, title=title, height=3.4)
@@ -126,13 +126,13 @@ def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[fl
 
 
 def safety_figure(guard: Guard, dt: float, asked: Float[Array, " N"], trace: GuardTrace) -> Figure:
-    """What a driver lets through of the commands, and the warming of its motor.
+    """Commands that a driver lets through, and the temperature of its motor.
 
     Args:
-        guard: Its limits.
+        guard: Limits of the driver.
         dt: Length of a cycle [s].
-        asked: Commands, NaN where none came [N], shape ``(N,)``.
-        trace: Of `run_guard`.
+        asked: Commands [N], NaN if none came, shape ``(N,)``.
+        trace: Result of `run_guard`.
     """
     t = dt * np.arange(len(asked))
     title = f"Safety logic: off above {guard.warmest:g} K until {guard.cool:g} K, and below {guard.slowest:g} updates/s"
@@ -158,11 +158,11 @@ _PUBLISHED_AFTER = 600.0
 
 
 def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure:
-    """Positions and commanded forces of loops in time, one row each; a wall, a damper or two devices tied together.
+    """Positions and commanded forces of loops in time, one row each: a wall, a damper or two devices tied together.
 
     Args:
-        traces: Loops by what was set, such as the gain.
-        title: What is seen.
+        traces: Loops by the name of their setting, such as the gain.
+        title: Title of the figure.
     """
     out, rows = panels(len(traces), 2, title=title, width=11, height=2.2)
     for (name, trace), (position, force) in zip(traces.items(), rows, strict=True):
@@ -183,7 +183,7 @@ def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure
 
 
 def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Figure:
-    """Lag and granularity of velocity estimators, and what they make of an accelerated and of a steady motion.
+    """Lag and granularity of velocity estimators, and their estimates of an accelerated and of a steady motion.
 
     Args:
         estimators: Results of `estimator_figures` for one motion, by the estimator's name; at most seven.
@@ -209,7 +209,7 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
     steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
     for k, (name, one) in enumerate(estimators.items()):
-        # The coarsest would cross the panels as upright lines: its bar says what it does.
+        # The coarsest would fill the panels with vertical lines; its bar shows its granularity.
         if one.granularity == max(other.granularity for other in found) and len(found) > 1:
             continue
         look = {"color": COLORS[k], "lw": 1.3, "label": name, "drawstyle": "steps-post", "zorder": 2}
@@ -235,8 +235,8 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     """Current of a motor under pulses, its heat beside that of a linear drive, and how the motor warms up.
 
     Args:
-        switched: Steady currents at one duty cycle, by what the winding is.
-        warm: Temperature rise under both drives; beside it the published rises after ten minutes.
+        switched: Steady currents at one duty cycle, by the name of the winding.
+        warm: Temperature rise under both drives, drawn beside the published rises after ten minutes.
     """
     title = "Pulses heat a motor more than a linear drive of the same mean current, unless its winding is slow"
     out, ((current, heat, rise),) = panels(1, 3, title=title, width=13, height=3.6)
@@ -274,15 +274,15 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
 
 
 _CYCLES = 5
-"""Cycles of the oscillation that a time trace and a phase plane show."""
+"""Number of cycles of the oscillation in a time trace and a phase plane."""
 
 
 def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], *, name: str) -> Figure:
-    """Relay experiments under each other: the end in time, its closed path, and the spectrum with its peak.
+    """Relay experiments below each other: the last cycles in time and in the phase plane, and the spectrum.
 
     Args:
-        runs: Experiment and its limit cycle by what the start was.
-        name: Of the device, for the title.
+        runs: Experiment and its limit cycle, by the name of the start.
+        name: Name of the device, for the title.
     """
     title = f"{name} under a relay: the start decides which oscillation lasts"
     out, rows = panels(len(runs), 3, title=title, width=13, height=2.9)
@@ -317,10 +317,10 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
     """Empirical transfer function with its 95 % band, the two-mass model that fits it, and the coherence.
 
     Args:
-        fit: From `fit_two_mass`.
-        name: Of the device, for the title.
-        experiment: What drove it, for the title.
-        rotary: Whether the axis turns, for the units.
+        fit: Result of `fit_two_mass`.
+        name: Name of the device, for the title.
+        experiment: Name of the experiment, for the title.
+        rotary: True if the axis turns, for the units.
     """
     mass, stiffness = ("kg m²", "N m/rad") if rotary else ("kg", "N/m")
     (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
@@ -336,7 +336,7 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white 
     gain.fill_between(w, *measured.interval, color=PALE, lw=0, label="95 % of the measured")
     gain.plot(w, measured.decibels, ".", color=COLORS[0], ms=2.5, label="measured", gid="measured")
     gain.plot(w, 20 * np.log10(np.abs(fit.model)), color=COLORS[1], lw=1.4, label="two-mass model", gid="model")
-    # Twice between -pi and pi would jump: the measured phase is that of the model and a small rest.
+    # The measured phase is drawn as that of the model plus their difference, as it would jump between -pi and pi.
     smooth = np.unwrap(np.angle(fit.model))
     smooth -= 2 * np.pi * np.round((smooth[0] + 0.75 * np.pi) / (2 * np.pi))
     apart = np.angle(measured.response / fit.model)

@@ -1,4 +1,4 @@
-"""Signals that a hand feels over time: friction that sticks, play, a cheap axis, and the margin of a walking biped."""
+"""Figures of forces that a hand feels over time: friction that sticks, play, a cheap axis, a biped's margin."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
         out: Rendered signals.
-        axis: The cheap axis; its gap is drawn.
+        axis: The cheap axis, whose gap is drawn.
     """
     mass = "" if axis.mass is None else f", mass {axis.mass.inertia:g} kg on {axis.mass.stiffness:g} N/m"
     title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
@@ -79,12 +79,12 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
 def cheap_axis_figure(
     t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], out: Rendered, axis: CheapAxis
 ) -> Figure:
-    """All errors of a cheap axis together: commanded force of the virtual environment, and force on the hand.
+    """All errors of a cheap axis together: force that the virtual environment asks for, and force on the hand.
 
     Args:
         t: Times [s], shape ``(N,)``.
         x: Positions of the probe [m], shape ``(N,)``.
-        asked: Commanded force [N], shape ``(N,)``.
+        asked: Force that was asked for [N], shape ``(N,)``.
         out: Rendered signals.
         axis: The cheap axis.
     """

@@ -35,9 +35,9 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
     """Bode diagram of the sampled loop of a device and a virtual wall, with its margins.
 
     Args:
-        bode: From `loop_bode`.
-        name: Of the device, for the title.
-        stiffness: Of the wall [N/m]; at 1 the gain margin in decibels is the critical stiffness.
+        bode: Result of `loop_bode`.
+        name: Name of the device, for the title.
+        stiffness: Stiffness of the wall [N/m]; with 1 the gain margin in decibels is the critical stiffness.
     """
     title = f"{name}, with a virtual wall of {stiffness:g} N/m\n{_verdict(bode.margin)}"
     out, ((gain,), (phase,)) = panels(2, title=title, together=True, height=3.0)
@@ -78,13 +78,13 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0) -> Fi
 
 
 def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
-    """Where the loop of a wall has gain one: frequencies [rad/s] and phase margins [rad], in (-pi, pi].
+    """Phase margins of the loop with a wall: frequencies of gain one [rad/s] and margins [rad] in (-pi, pi].
 
-    Between two frequencies of the diagram both run straight over the logarithm of the frequency.
+    Between two frequencies of the diagram, gain and phase are interpolated linearly over log frequency.
 
     Args:
         bode: The loop of the device.
-        stiffness: Of the wall [N/m or N m/rad].
+        stiffness: Stiffness of the wall [N/m or N m/rad].
 
     Raises:
         ParameterError: If the stiffness is not above 0.
@@ -101,27 +101,27 @@ def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
 
 
 def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
-    """Critical stiffness and the frequency of the oscillation at the edge, over two quantities; white: none is stable.
+    """Critical stiffness and frequency of the oscillation beyond it, over two quantities; white means none is stable.
 
     Args:
-        found: A map with two axes of more than one value.
-        name: Of the device, for the title.
+        found: A map in which exactly two axes have more than one value.
+        name: Name of the device, for the title.
 
     Raises:
-        ParameterError: If other than two axes vary.
+        ParameterError: If the number of axes that vary is not two.
     """
     up, across = _varying(found, 2)
     fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in (up, across))
     title = f"{name}: stiffest stable virtual wall, and how it swings beyond it\n{fixed}"
     out, ((left, right),) = panels(1, 2, title=title, width=11, height=4.2)
-    # Columns of an axis that varies are left; the first of the fields is the first axis of the array.
+    # Only the axes that vary are left, in the order of the fields.
     stiffness, frequency = (values.squeeze() for values in (found.stiffness, found.frequency))
     for ax, values, colors, label in (
         (left, stiffness, "viridis", "critical stiffness [N/m]"),
         (right, frequency / (2 * np.pi), "cividis", "frequency of the oscillation [Hz]"),
     ):
         place = (_shown(found, across), _shown(found, up))
-        # Where another oscillation takes over the frequency jumps: lines of equal value would pile up there.
+        # The frequency jumps where another oscillation takes over: contour lines would pile up there.
         _coloured(out, ax, place, values, colors, label, lines=ax is left)
         ax.set_xlabel(_label(across))
         ax.set_ylabel(_label(up))
@@ -132,11 +132,11 @@ def linear_condition_figure(found: StabilityMap, *, name: str) -> Figure:
     """Exact critical stiffness beside that of the linear condition, and the ratio of both.
 
     Args:
-        found: A map along one axis, or along two, of which the shorter one makes a curve for each of its values.
-        name: Of the device, for the title.
+        found: A map along one axis, or along two. Of two, each value of the shorter one makes a curve.
+        name: Name of the device, for the title.
 
     Raises:
-        ParameterError: If no axis varies, more than two do, or there would be more than six curves.
+        ParameterError: If no axis varies or more than two do, or if there are more than seven curves.
     """
     varying = sorted(_varying(found, 1, 2), key=lambda axis: len(getattr(found, axis)))
     across, others = varying[-1], varying[:-1]
@@ -176,9 +176,9 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
     """Bode diagram of a device in a hand with force feedforward, and the inertia that the hand feels.
 
     Args:
-        results: Of `transparency`, by their force gain.
-        name: Of the device, for the title.
-        filtered: What is in the loop, for the title.
+        results: Results of `transparency`, by force gain.
+        name: Name of the device, for the title.
+        filtered: Filters in the loop, for the title.
     """
     title = f"{name} with force feedforward: lighter at low frequency, as heavy as ever beyond the filter\n{filtered}"
     out, ((gain,), (phase,), (inertia,)) = panels(3, title=title, together=True, height=2.5)
@@ -190,7 +190,7 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
         felt = f"{label}: {result.apparent_inertia[0]:.2g} kg at low frequency"
         inertia.plot(w, result.apparent_inertia, color=color, label=felt, gid=f"{label}, inertia")
     inertia.axhline(0, color="black", lw=0.8)
-    # A resonance would take all the room: it leaves the panel.
+    # The panel is limited, as a resonance would fill it.
     heaviest = max(float(result.apparent_inertia[0]) for result in results.values())
     inertia.set_ylim(-0.5 * heaviest, 2.0 * heaviest)
     gain.set_ylabel("position over the\nhand's force [dB]")
@@ -212,15 +212,15 @@ def worst_delay_figure(
     """Largest stable force gain over the delay, and the value that it tends to.
 
     Args:
-        delay: Of the loop beside the hold [s], shape ``(k,)``.
-        limits: Of `critical_feedforward`, as many as there are delays, by what they hold for.
-        worst: Of `worst_critical_feedforward`, by the same words.
-        name: Of the device, for the title.
+        delay: Delay of the loop in addition to the hold [s], shape ``(k,)``.
+        limits: Results of `critical_feedforward`, one for each delay, by the name of their curve.
+        worst: Results of `worst_critical_feedforward`, by the same names.
+        name: Name of the device, for the title.
     """
     title = f"{name}: a short delay raises the stable force gain, longer ones lower it towards 1 + m/m_h"
     out, ((gain,), (frequency,)) = panels(2, title=title, together=True, ratios=(3, 2))
     for k, (label, found) in enumerate(limits.items()):
-        # The frequencies of several hands may lie on each other: later marks are larger and hollow.
+        # The frequencies of several hands may coincide: later markers are larger and hollow.
         look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3 + 3 * k, "mfc": "none"}
         gain.semilogy(1e3 * delay, [one.gain for one in found], **look, label=label, gid=label)
         words = f"{label}, worst case {worst[label]:.2f}"

@@ -1,12 +1,12 @@
-r"""Velocity from position and acceleration: an observer that integrates an accelerometer and lets the encoder correct.
+r"""Velocity from position and acceleration: an observer that integrates an accelerometer, corrected by the encoder.
 
-With the mean :math:`u` of two readings of the accelerometer over a sample of T and its bias c,
+With :math:`u` the mean of two readings of the accelerometer over a sample of T, and c its bias, the prediction is
 
-.. math:: x^+ = x + T v + \tfrac{T^2}{2} (u - c), \qquad v^+ = v + T (u - c), \qquad c^+ = c,
+.. math:: x^+ = x + T v + \tfrac{T^2}{2} (u - c), \qquad v^+ = v + T (u - c), \qquad c^+ = c.
 
-corrected by stationary Kalman gains on what the encoder reads: the accelerometer's noise drives x and v, a slow walk
-drives the bias, and the reading has the noise of rounding, :math:`step^2 / 12`. The velocity needs no average, so it is
-not late; a constant bias is found, so it is not off.
+Stationary Kalman gains on the encoder's reading correct it. The accelerometer's noise drives x and v, a random walk
+drives the bias, and the reading has the noise of rounding, :math:`step^2 / 12`. The velocity needs no average and is
+therefore not late; a constant bias is estimated, so that the velocity has none.
 
 References:
     Cavusoglu, Feygin and Tendick (2002, section 7) planned an accelerometer that "can easily be integrated and used to
@@ -18,11 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers, require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
+from phantom_dyn.haptics.sensing.velocity_estimators import stationary_gains
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Accelerometer:
     """An acceleration sensor on the moving part.
 
     Attributes:
-        noise: Standard deviation of a reading, white [m/s2 or rad/s2].
-        bias: That it reads at rest [m/s2 or rad/s2].
+        noise: Standard deviation of the white noise of a reading [m/s2 or rad/s2].
+        bias: Reading at rest [m/s2 or rad/s2].
 
     Raises:
         ParameterError: If the noise is negative, or a number is not finite.
@@ -45,17 +45,17 @@ class Accelerometer:
         require_numbers(bias_of_the_accelerometer=self.bias)
 
     def reading(self, acceleration: Float[Array, " N"], rng: np.random.Generator) -> Float[Array, " N"]:
-        """What it gives at the samples [m/s2 or rad/s2], shape ``(N,)``."""
+        """Readings at the samples [m/s2 or rad/s2], shape ``(N,)``."""
         return acceleration + self.bias + self.noise * rng.standard_normal(len(acceleration))
 
 
 @dataclass(frozen=True)
 class AccelerationObserver:
-    """Observer of position and acceleration.
+    """Settings of an observer of position and acceleration.
 
     Attributes:
-        noise: Standard deviation of the acceleration as read, white [m/s2 or rad/s2].
-        drift: How far its bias may walk in a second [m/s2 or rad/s2].
+        noise: Assumed standard deviation of the white noise of the accelerometer [m/s2 or rad/s2].
+        drift: Assumed random walk of its bias within a second [m/s2 or rad/s2].
 
     Raises:
         ParameterError: If either is not above 0.
@@ -69,7 +69,7 @@ class AccelerationObserver:
 
 
 def observer_gains(observer: AccelerationObserver, *, step: float, period: float) -> tuple[float, float, float]:
-    """Stationary gains of position [-], velocity [1/s] and bias [1/s2] on what is read beyond what was foreseen.
+    """Stationary gains of position [-], velocity [1/s] and bias [1/s2] on the error of the predicted reading.
 
     Raises:
         ParameterError: If encoder step or period are not above 0.
@@ -78,20 +78,18 @@ def observer_gains(observer: AccelerationObserver, *, step: float, period: float
     transition = np.array([[1.0, period, -(period**2) / 2], [0.0, 1.0, -period], [0.0, 0.0, 1.0]])
     push = observer.noise * np.array([[period**2 / 2], [period], [0.0]])
     walk = np.diag([0.0, 0.0, observer.drift**2 * period])
-    reading, noise = np.array([[1.0, 0.0, 0.0]]), np.array([[step**2 / 12]])
-    covariance = solve_discrete_are(transition.T, reading.T, push @ push.T + walk, noise)
-    gain = covariance @ reading.T / (reading @ covariance @ reading.T + noise)
-    return float(gain[0, 0]), float(gain[1, 0]), float(gain[2, 0])
+    x, v, c = stationary_gains(transition, push @ push.T + walk, step)
+    return float(x), float(v), float(c)
 
 
 def observe_velocity(
     observer: AccelerationObserver, record: EncoderRecord, acceleration: Float[Array, " N"]
 ) -> Float[Array, " N"]:
-    """Velocity [m/s or rad/s] at each sample, from what was read until then, shape ``(N,)``.
+    """Velocity [m/s or rad/s] at each sample from the readings until then, shape ``(N,)``.
 
     Args:
-        observer: Noise and drift that it counts with.
-        record: Of the encoder.
+        observer: Assumed noise and drift.
+        record: Record of the encoder.
         acceleration: Readings at the samples of the encoder [m/s2 or rad/s2], shape ``(N,)``.
 
     Raises:

@@ -1,9 +1,9 @@
-r"""Encoders read by a sampled controller: incremental ones (counts, and the instants of their edges), sinusoidal ones.
+r"""Encoders that a sampled controller reads: incremental ones (counts, and times of their edges), and sinusoidal ones.
 
 **Incremental.** The continuous motion is given as a polyline finer than the sampling period. Edges lie half-way between
-two counts; `spacing` moves them, with the period of four edges that the quadrature of two tracks has.
+two counts. `spacing` moves them, with the period of four edges that the quadrature of two tracks has.
 
-**Sinusoidal.** Two tracks give a sine and a cosine of :math:`\varphi = 2\pi x / p` with pitch p; the arc tangent of
+**Sinusoidal.** Two tracks give a sine and a cosine of :math:`\varphi = 2\pi x / p` with pitch p, and the arc tangent of
 both interpolates within the pitch. Offsets :math:`o`, unequal amplitudes (ratio :math:`1 + m`), a phase error between
 the tracks (:math:`\delta`) and saturation of the signals (third harmonic :math:`h`) cause an error that repeats with
 the pitch,
@@ -12,8 +12,8 @@ the pitch,
    + \frac{\delta}{2} (1 + \cos 2\varphi) + h \sin 4\varphi
 
 to first order. At a speed v the velocity has a ripple of :math:`o\,v`, :math:`m\,v`, :math:`\delta\,v` and
-:math:`4 h\,v`, which finer steps do not remove. Every estimator takes the interpolated counts, edges included, as those
-of a finer incremental encoder.
+:math:`4 h\,v`, which finer steps do not remove. Estimators treat the interpolated counts and edges as those of a finer
+incremental encoder.
 
 References:
     Cavusoglu, Feygin and Tendick (2002, section 7) planned sinusoidal encoders, finer by 16 to 64, and state no errors.
@@ -35,7 +35,7 @@ from phantom_dyn.haptics.number_checks import require_positive, require_whole
 PHANTOM_STEP = 0.03e-3
 """Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
 _MOST_EDGES = 2e7
-"""Edges of one recording at most; each takes 32 bytes while it is made."""
+"""Largest number of edges of one recording; each takes 32 bytes while it is made."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +64,15 @@ class Encoder:
 
 @dataclass(frozen=True)
 class EncoderRecord:
-    """What the electronics has seen of a motion.
+    """Counts and edges that the electronics has recorded of a motion.
 
     Attributes:
         period: Sampling period of the controller [s].
         step: Motion per count [m or rad].
         counts: Count at each sample k, taken at time k * period, shape ``(N,)``.
-        edge_time: Instants of all edges [s], shape ``(E,)``.
+        edge_time: Times of all edges [s], shape ``(E,)``.
         edge_direction: +1 or -1 for each edge, shape ``(E,)``.
+        reading: Position by the count at each sample [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -88,17 +89,17 @@ class EncoderRecord:
 def record_motion(
     encoder: Encoder, position: Float[Array, " n"], *, interval: float, samples_apart: int
 ) -> EncoderRecord:
-    """Counts and edge instants of a motion, straight between its points.
+    """Counts and edge times of a motion that is straight between its points.
 
     Args:
         encoder: The sensor.
         position: True position [m or rad] at equal intervals, shape ``(n,)``.
         interval: Time between two points [s].
-        samples_apart: The controller samples every so many points.
+        samples_apart: Number of points between two samples of the controller.
 
     Raises:
-        ParameterError: If there are fewer than two samples, a position is not finite, the interval not above 0, or the
-            motion passes more edges than a computer holds.
+        ParameterError: If there are fewer than two samples, a position is not finite, the interval is not above 0, or
+            the motion passes too many edges.
     """
     require_positive(interval=interval)
     require_whole(1, samples_apart=samples_apart)
@@ -110,7 +111,7 @@ def record_motion(
         raise ParameterError("The motion holds a position that is not finite: give numbers only.")
     x = np.ascontiguousarray(position, dtype=np.float64)
     spacing = np.array(encoder.spacing)
-    # An interval passes at most its length in steps, and one more edge for where it starts and ends.
+    # An interval passes at most as many edges as its length in steps, and one more.
     passed = float(np.sum(np.abs(np.diff(x)))) / encoder.step
     if passed > _MOST_EDGES:
         raise ParameterError(
@@ -140,9 +141,9 @@ def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
 
 @jit
 def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
-    """Follow the straight motion from (t0, x0) to (t1, x1); write edges from index `used` on; new count and index.
+    """Follow the straight motion from (t0, x0) to (t1, x1), and write edges from index `used` on; new count and index.
 
-    Edges that no longer fit into `times` overwrite the last ones modulo its length, so it can be a ring.
+    `times` may be a ring: edges beyond its length overwrite the oldest ones.
     """
     while x1 >= edge_position(count + 1, step, spacing):
         level = edge_position(count + 1, step, spacing)
@@ -166,7 +167,7 @@ def edge_position(count, step, spacing):
 
 
 _LARGEST = 0.3
-"""Largest error of a signal, as a share of its amplitude: beyond some 0.5 the arc tangent loses a line."""
+"""Largest error of a signal, as a share of its amplitude: beyond about 0.5 the arc tangent loses a line."""
 
 
 @dataclass(frozen=True)
@@ -174,15 +175,15 @@ class SinusoidalEncoder:
     """A position sensor of two sinusoidal tracks.
 
     Attributes:
-        pitch: Motion per line [m or rad]; four counts of a quadrature.
+        pitch: Motion per line [m or rad], four counts of a quadrature.
         factor: Number of steps in a count of the quadrature; the paper plans 16 to 64.
         offset: Offsets of the sine and of the cosine, as shares of their amplitude.
         mismatch: m, ratio of the sine's amplitude to the cosine's, minus one.
-        phase: Delta, lead of the sine beyond 90 degrees between the tracks [rad].
+        phase: Delta, lead of the sine beyond the 90 degrees between the tracks [rad].
         harmonic: h, third harmonic of both tracks, as a share of their amplitude.
 
     Raises:
-        ParameterError: If the pitch is not above 0, the factor no whole number above 0, or an error above 0.3.
+        ParameterError: If the pitch is not above 0, the factor is not a whole number above 0, or an error exceeds 0.3.
     """
 
     pitch: float = 4 * PHANTOM_STEP
@@ -208,7 +209,7 @@ class SinusoidalEncoder:
         return self.pitch / (4 * self.factor)
 
     def signals(self, position: Float[Array, " n"]) -> Float[Array, "2 n"]:
-        """Sine and cosine track over their amplitude at the positions [m or rad], shape ``(2, n)``."""
+        """Sine and cosine tracks, relative to their amplitude, at the positions [m or rad], shape ``(2, n)``."""
         turn = 2 * math.pi / self.pitch * position
         ratio = math.sqrt(1.0 + self.mismatch)
         sine = ratio * np.sin(turn + self.phase) + self.harmonic * np.sin(3 * turn) + self.offset[0]
@@ -216,7 +217,7 @@ class SinusoidalEncoder:
         return np.stack([sine, cosine])
 
     def interpolated(self, position: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Position [m or rad] as lines and arc tangent give it, before it is rounded to steps, shape ``(n,)``."""
+        """Position [m or rad] by lines and arc tangent, before it is rounded to steps, shape ``(n,)``."""
         sine, cosine = self.signals(position)
         line = 2 * math.pi / self.pitch
         # The electronics count lines: the arc tangent is unwrapped to the current line.
@@ -232,7 +233,7 @@ def record_sinusoidal(
     Args:
         encoder: The sensor.
         position: True position [m or rad] at equal intervals, shape ``(n,)``.
-        interval: Time between two points [s]; the motion between them is less than a line.
+        interval: Time between two points [s]; the motion in it must be less than a quarter of a line.
         samples_apart: Number of points between two samples of the controller.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Sampled loops of one or two devices in time: quantised positions, any velocity estimator, held and late forces.
+"""Simulation of sampled loops of one or two devices: quantised positions, any velocity estimator, delayed forces.
 
-The linear loop of a sampled device has a closed form (`phantom_dyn.haptics.device.discretisation`); here rounding and
-the edges between samples take part, so that device and force are stepped, the device exactly.
+The linear loop of a sampled device has a closed form (`phantom_dyn.haptics.device.discretisation`). Here rounding and
+the edges between samples matter, so that the loop is stepped in time, with exact steps of the device.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
 )
 
 _SUBSTEPS = 20
-"""Steps of a sample: the motion between two is straight, so that an edge is placed to some tens of nanoseconds."""
+"""Steps per sample: the motion is straight within a step, so that an edge is placed to some tens of nanoseconds."""
 _LATEST = 4000
-"""Samples of delay that the store of forces holds."""
+"""Largest delay [samples]."""
 _FORCES_KEPT = 4096
-"""Forces on their way to the device: a power of two beyond `_LATEST`."""
+"""Size of the ring of delayed forces: a power of two beyond `_LATEST`."""
 _WIDTH = 0.01
 """Relative width at which the bisection of a gain ends."""
 _FAR = 10.0
-"""Position [m or rad] from which there is no way back."""
+"""Position [m or rad] beyond which the device has run away."""
 
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """What sits between a device and its force.
+    """Sampling, sensor and estimator between a device and its force.
 
     Attributes:
         period: Sampling period T [s].
-        delay: From a sample to its force [s], a multiple of T / 20.
+        delay: Delay from a sample to its force [s], a multiple of T / 20.
         encoder: Position sensor.
         estimator: Velocity estimator.
 
@@ -74,15 +74,15 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class LoopTrace:
-    """Time traces of d devices; they end where one has gone beyond 10 m or rad.
+    """Time traces of d devices; they end if one goes beyond 10 m or rad.
 
     Attributes:
         t: Times of the samples [s], shape ``(N,)``.
         position: True position [m or rad], shape ``(N, d)``.
-        reading: What the encoder gives, shape ``(N, d)``.
-        velocity: What the estimator makes of it, shape ``(N, d)``.
+        reading: Position by the encoder [m or rad], shape ``(N, d)``.
+        velocity: Velocity by the estimator [m/s or rad/s], shape ``(N, d)``.
         force: Commanded force [N or N m], shape ``(N, d)``.
-        ran_away: Whether a device went beyond 10 m or rad.
+        ran_away: True if a device went beyond 10 m or rad.
     """
 
     t: Float[Array, " N"]
@@ -93,13 +93,13 @@ class LoopTrace:
     ran_away: bool
 
     def keeps_swinging(self, step: float) -> bool:
-        """Whether an oscillation of more than ten encoder steps lasts: in the last third as wide as in the middle one.
+        """True if an oscillation of more than ten encoder steps lasts: its last third is as wide as the middle one.
 
-        As wide is nine tenths. An oscillation of a few steps is what rounding sustains in a stable loop; one that goes
-        nowhere and back is none.
+        Nine tenths count as equally wide. Rounding sustains oscillations of a few steps in a stable loop, and a motion
+        that does not turn twice is no oscillation.
 
         Raises:
-            ParameterError: If there are fewer than nine samples, too few to see an oscillation in.
+            ParameterError: If there are fewer than nine samples, too few to see an oscillation.
         """
         if self.ran_away:
             return True
@@ -126,20 +126,20 @@ def simulate_loop(
     hand: Float[Array, "N d"],
     one_sided: bool = False,
 ) -> LoopTrace:
-    """Run one device against ``-(gain x + damping v)``, or two against their difference.
+    """Simulate one device under ``-(gain x + damping v)``, or two under the same law of their difference.
 
     Args:
-        devices: One or two models; the motor's position is read, and hand and motor push at the motor.
+        devices: One or two models. The motor's position is read; hand and motor push at the motor.
         settings: Sampling, sensor and estimator, the same for both.
-        gain: On the position [N/m or N m/rad].
-        damping: On the estimated velocity [N s/m or N m s/rad].
-        start: Position of each device at the start.
-        speed: Velocity of each device at the start; only a device of mass at its motor has one.
-        hand: Force of the hand, held over each sample, shape ``(N, d)``.
-        one_sided: Whether the force acts on positions above zero only, a wall.
+        gain: Gain on the position [N/m or N m/rad].
+        damping: Gain on the estimated velocity [N s/m or N m s/rad].
+        start: Position of each device at the start [m or rad].
+        speed: Velocity of each device at the start [m/s or rad/s]; only a device with mass at its motor has one.
+        hand: Force of the hand [N or N m], held over each sample, shape ``(N, d)``.
+        one_sided: True for a wall: the force acts at positions above zero only.
 
     Raises:
-        ParameterError: If there are not one or two devices, a list has another length, or a number is not finite.
+        ParameterError: If there are not one or two devices, a tuple has another length, or a number is not finite.
     """
     count = len(devices)
     if count not in (1, 2) or len(start) != count or len(speed) != count or np.shape(hand)[1:] != (count,):
@@ -177,16 +177,16 @@ def simulate_loop(
 
 
 def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: float, high: float) -> float:
-    """Gain at which an oscillation begins to last, by bisection; infinite if none lasts at the highest.
+    """Gain at which an oscillation begins to last, by bisection; infinite if none lasts at the highest gain.
 
     Args:
-        run: Simulation at a gain.
-        step: Encoder step, the unit of what is taken for an oscillation.
+        run: Simulates the loop at a given gain.
+        step: Encoder step [m or rad], in which oscillations are measured.
         low: Lowest gain that is tried.
         high: Highest gain that is tried.
 
     Returns:
-        The gain in the middle of the last bracket; 0 if one lasts at the lowest gain already.
+        The gain in the middle of the last bracket; 0 if an oscillation lasts even at the lowest gain.
 
     Raises:
         ParameterError: If the gains are not positive and increasing.
@@ -204,9 +204,9 @@ def gain_until_swinging(run: Callable[[float], LoopTrace], step: float, *, low: 
 
 
 def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " n"]:
-    """Smallest state that reads this position and this speed, and stays at rest where there is no speed.
+    """Smallest state with this position and speed; it stays at rest if the speed is zero.
 
-    The accelerations of that state are zero as far as the device allows, so that no inner swing is set off.
+    The accelerations of that state are zero as far as the device allows, so that no internal vibration starts.
     """
     rows = [system.C]
     for _ in range(len(system.B) - 1):
@@ -220,13 +220,13 @@ def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " 
 
 
 class HeldDevices(NamedTuple):
-    """Exact motion of ``d`` devices over a substep under a force that is held.
+    """Exact motion of ``d`` devices over a substep under a held force.
 
     Attributes:
-        transition: Of the states, ``(d, n, n)``.
-        push: What a unit of force adds, ``(d, n)``.
-        output: From state to position, ``(d, n)``.
-        direct: Position per force at once, ``(d,)``.
+        transition: Transition matrices of the states, shape ``(d, n, n)``.
+        push: Change of the states per unit of force, shape ``(d, n)``.
+        output: Rows from state to position, shape ``(d, n)``.
+        direct: Feed-through from force to position, shape ``(d,)``.
     """
 
     transition: Array
@@ -236,16 +236,16 @@ class HeldDevices(NamedTuple):
 
 
 class LoopLaw(NamedTuple):
-    """What the computer does with the readings of a device, or with the difference of two.
+    """Law of the force, from the readings of one device or the difference of two.
 
     Attributes:
         form: Velocity estimator.
-        step: Of the encoder.
-        spacing: Of its edges, ``(4,)``.
+        step: Step of the encoder [m or rad].
+        spacing: Misplacements of its edges, shape ``(4,)``.
         late: Substeps between a sample and its force.
-        gain: On the position.
-        damping: On the estimated velocity.
-        one_sided: True if the force acts on positions above zero only.
+        gain: Gain on the position.
+        damping: Gain on the estimated velocity.
+        one_sided: True if the force acts at positions above zero only.
     """
 
     form: KernelForm
@@ -258,7 +258,7 @@ class LoopLaw(NamedTuple):
 
 
 class Traces(NamedTuple):
-    """What a loop records, each of shape ``(N, d)``, see `LoopTrace`."""
+    """Arrays that `run_loop` fills, each of shape ``(N, d)``, see `LoopTrace`."""
 
     positions: Array
     readings: Array
@@ -268,14 +268,14 @@ class Traces(NamedTuple):
 
 @jit
 def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Traces) -> int:
-    """Fill the traces of ``d`` devices; returns the samples done before one is beyond `_FAR`.
+    """Fill the traces of ``d`` devices; returns the number of samples until one is beyond `_FAR`.
 
     Args:
         held: The devices.
-        law: Force from readings, late.
-        x: States at the start, ``(d, n)``; overwritten.
-        hand: Force of the hand at each sample, ``(N, d)``.
-        traces: Receive what happens.
+        law: Law of the force and its delay.
+        x: States at the start, shape ``(d, n)``; overwritten.
+        hand: Force of the hand at each sample, shape ``(N, d)``.
+        traces: Arrays to fill.
     """
     transition, push, output, direct = held
     form, step, spacing, late, gain, damping, one_sided = law
@@ -322,7 +322,7 @@ def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Tra
                     x[i, j] = following[j]
                     new += output[i, j] * following[j]
                 if not abs(new) <= _FAR:
-                    # Far within a sample: counting the edges on the way there would take for ever.
+                    # Beyond the limit within a sample: to count all edges on the way would take too long.
                     return k + 1
                 start = k * period + s * dt
                 counts[i], edges[i] = count_through(

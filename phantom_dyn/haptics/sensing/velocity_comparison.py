@@ -1,4 +1,4 @@
-"""Lag and granularity of velocity estimators, each measured on a motion that is known."""
+"""Lag and granularity of velocity estimators, measured on known motions."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder, reco
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 
 _POINTS = 20
-"""Points of the true motion in one sampling period: an edge is then placed to some nanoseconds."""
+"""Points of the true motion per sampling period: an edge is then placed to some nanoseconds."""
 _SETTLING = 0.6
-"""Time [s] before anything is measured: longer than any window, so that only steady values are."""
+"""Time before anything is measured [s]: longer than any window, so that values are steady."""
 
 
 @dataclass(frozen=True)
 class EstimatorFigures:
-    """What an estimator costs, and the traces that it was measured on.
+    """Lag, granularity and noise of an estimator, and the traces on which they were measured.
 
     Attributes:
         lag: Mean of (true velocity - estimate) / acceleration in a motion of constant acceleration [s].
-        granularity: Largest less smallest estimate in a motion of constant speed [m/s or rad/s].
-        noise: Root mean square of the error in that motion, its mean left in [m/s or rad/s].
+        granularity: Largest minus smallest estimate in a motion of constant speed [m/s or rad/s].
+        noise: Root mean square of the error in that motion, its mean included [m/s or rad/s].
         t: Times of the accelerated motion [s], shape ``(N,)``.
-        velocity: Its true velocity, shape ``(N,)``.
-        estimate: The estimate, shape ``(N,)``.
-        steady_estimate: The estimate in the motion of constant speed, at the same times, shape ``(N,)``.
+        velocity: True velocity of the accelerated motion [m/s or rad/s], shape ``(N,)``.
+        estimate: Estimate in the accelerated motion [m/s or rad/s], shape ``(N,)``.
+        steady_estimate: Estimate in the motion of constant speed, at the same times, shape ``(N,)``.
     """
 
     lag: float
@@ -54,7 +54,7 @@ def estimator_figures(
     accelerometer: Accelerometer | None = None,
     rng: np.random.Generator | None = None,
 ) -> EstimatorFigures:
-    """Lag and granularity of an estimator.
+    """Lag, granularity and noise of an estimator.
 
     Args:
         estimator: Any estimator of `velocity_estimators`, or the observer of position and acceleration.
@@ -63,11 +63,11 @@ def estimator_figures(
         acceleration: Constant acceleration for the lag [m/s2 or rad/s2].
         period: Sampling period [s].
         duration: Length of either motion after 0.6 s of settling [s].
-        accelerometer: Beside the encoder; needed by the observer, and by nothing else.
-        rng: Draws the noise of the accelerometer.
+        accelerometer: Accelerometer for the observer; no other estimator uses it.
+        rng: Draws the noise of the accelerometer; needed by the observer.
 
     Raises:
-        ParameterError: If the acceleration is zero, a value is not finite, the duration is under a period, or the
+        ParameterError: If the acceleration is zero, a value is not finite, the duration is less than a period, or the
             observer has no accelerometer.
     """
     if not (math.isfinite(acceleration) and acceleration != 0 and math.isfinite(speed)):
@@ -82,7 +82,7 @@ def estimator_figures(
 
     sensors = _Sensors(encoder, accelerometer, rng)
 
-    # Both start inside a step, as a motion at rest on an edge is no ordinary one.
+    # Both start between two edges, as a motion that starts on an edge is a special case.
     start = 0.1 * encoder.step
     steady = sensors.estimate(estimator, start + speed * fine, np.zeros(len(t)), period)
     gaining = start + speed * fine + acceleration * fine**2 / 2
@@ -101,7 +101,7 @@ def estimator_figures(
 
 @dataclass(frozen=True)
 class _Sensors:
-    """What reads the motion: an encoder, and perhaps an accelerometer."""
+    """Sensors that read the motion: an encoder, and an accelerometer for the observer."""
 
     encoder: Encoder | SinusoidalEncoder
     accelerometer: Accelerometer | None
@@ -114,7 +114,7 @@ class _Sensors:
         acceleration: Float[Array, " N"],
         period: float,
     ) -> Float[Array, " N"]:
-        """Velocity estimate at the samples of a motion, `_POINTS` points to each."""
+        """Velocity estimate at the samples of a motion with `_POINTS` points per sample, shape ``(N,)``."""
         points = {"interval": period / _POINTS, "samples_apart": _POINTS}
         if isinstance(self.encoder, Encoder):
             record = record_motion(self.encoder, position, **points)

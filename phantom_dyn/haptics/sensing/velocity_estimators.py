@@ -1,8 +1,8 @@
-"""Velocity from an incremental encoder: five estimators, on recordings and inside loops alike.
+"""Velocity from an incremental encoder: four estimators, for recordings and inside loops.
 
-The stock PHANToM averages 100 differences; the improved one of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
-measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples. One sample of each
-estimator is compiled, so that the same steps serve recordings and closed loops.
+The stock PHANToM averages 100 differences. The improved one of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
+measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples. One step of each
+estimator is compiled, so that recordings and closed loops use the same code.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from phantom_dyn.haptics.sensing.encoder import EncoderRecord
 AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
 """Kinds of estimators, by which compiled steps choose."""
 READINGS_KEPT = 512
-"""Readings that compiled steps keep, a little more than the longest window."""
+"""Size of the ring of readings in compiled steps, a little more than the longest window."""
 EDGES_KEPT = 1024
-"""Edges that compiled steps keep: several for each of the samples of a window."""
+"""Size of the ring of edges in compiled steps: several for each sample of a window."""
 
 
 def _check_window(name: str, value: int) -> None:
@@ -35,7 +35,7 @@ def _check_window(name: str, value: int) -> None:
 
 @dataclass(frozen=True)
 class AveragedDifference:
-    """Mean of the last n finite differences, which is (x[k] - x[k - n]) / (n T); n = 1 is the finite difference.
+    """Mean of the last n finite differences, which is (x[k] - x[k - n]) / (n T). With n = 1 it is one difference.
 
     Attributes:
         samples: n, from 1 to 500.
@@ -51,12 +51,12 @@ class AveragedDifference:
 class AdaptiveWindow:
     """End-fit first-order adaptive windowing (Janabi-Sharifi, Hayward and Chen 2000).
 
-    The slope over the longest window whose chord passes within `bound` of all readings inside it.
+    The estimate is the slope of the longest chord that stays within `bound` of all readings in its window.
 
     Attributes:
         samples: Longest window, from 1 to 500 samples.
-        bound: Largest error of a chord [counts]. One count: two rounded end points and a rounded middle cannot be
-            further off a straight motion.
+        bound: Largest error of a chord [counts]. One count is the most by which rounding of both ends and of a reading
+            between them can deviate from a straight motion.
     """
 
     samples: int = 100
@@ -70,7 +70,7 @@ class AdaptiveWindow:
 
 @dataclass(frozen=True)
 class KalmanVelocity:
-    """Stationary Kalman filter of a motion of constant velocity pushed by white acceleration.
+    """Stationary Kalman filter of a motion of constant velocity that white acceleration disturbs.
 
     The reading's noise is that of rounding, step^2 / 12.
 
@@ -87,16 +87,16 @@ class KalmanVelocity:
 
 @dataclass(frozen=True)
 class PeriodMeasurement:
-    """Steps over the time between edges, counted by a clock, averaged over samples.
+    """Steps over the time between edges, measured by a clock and averaged over samples.
 
     Attributes:
         clock: Frequency of the clock [Hz].
         bits: Size of the counter.
-        edges: Periods joined into one measurement; a multiple of four is blind to the spacing of a quadrature.
-        samples: Samples of the controller averaged afterwards, from 1 to 500.
-        overflow: What happens where a period is longer than the counter. `wraps`: the counter starts again and
-            nobody knows, a slow motion looks fast. `bounded`: the controller counts its own samples instead, and
-            while no edge comes takes the speed as at most one step over the time waited.
+        edges: Number of periods in one measurement; a multiple of four removes the errors of spacing of a quadrature.
+        samples: Number of samples of the controller averaged afterwards, from 1 to 500.
+        overflow: Behaviour if a period is longer than the counter. `wraps`: the counter starts again unnoticed, so that
+            a slow motion looks fast. `bounded`: the controller counts its own samples instead; until an edge comes, it
+            takes the speed to be at most one step over the time waited.
     """
 
     clock: float = 10e6
@@ -126,7 +126,7 @@ IMPROVED = PeriodMeasurement()
 
 
 def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tuple[float, float]:
-    """Stationary gains of position [-] and velocity [1/s] on the innovation.
+    """Stationary gains of position [-] and velocity [1/s] on the error of the predicted reading.
 
     Raises:
         ParameterError: If encoder step or period are not above 0.
@@ -134,20 +134,30 @@ def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tu
     require_positive(encoder_step=step, period=period)
     transition = np.array([[1.0, period], [0.0, 1.0]])
     push = np.array([[period**2 / 2], [period]]) * estimator.acceleration
-    reading = np.array([[1.0, 0.0]])
-    noise = np.array([[step**2 / 12]])
-    covariance = solve_discrete_are(transition.T, reading.T, push @ push.T, noise)
-    gain = covariance @ reading.T / (reading @ covariance @ reading.T + noise)
-    return float(gain[0, 0]), float(gain[1, 0])
+    position, velocity = stationary_gains(transition, push @ push.T, step)
+    return float(position), float(velocity)
+
+
+def stationary_gains(transition: Array, process: Array, step: float) -> Float[Array, " n"]:
+    """Stationary Kalman gains of a motion whose first state is read with the rounding noise of an encoder.
+
+    Args:
+        transition: Transition matrix over a sample, shape ``(n, n)``.
+        process: Covariance of the process noise over a sample, shape ``(n, n)``.
+        step: Motion per count of the encoder [m or rad].
+    """
+    reading, noise = np.eye(1, len(transition)), np.array([[step**2 / 12]])
+    covariance = solve_discrete_are(transition.T, reading.T, process, noise)
+    return (covariance @ reading.T / (reading @ covariance @ reading.T + noise))[:, 0]
 
 
 class KernelForm(NamedTuple):
-    """An estimator as compiled steps take it.
+    """An estimator in the form that compiled steps take.
 
     Attributes:
-        kind: Which of the four.
-        parameters: Its own, ``(6,)``.
-        period: Of sampling [s].
+        kind: Kind of the estimator.
+        parameters: Its parameters, shape ``(6,)``.
+        period: Sampling period [s].
     """
 
     kind: int
@@ -156,7 +166,7 @@ class KernelForm(NamedTuple):
 
 
 def kernel_form(estimator: Estimator, *, step: float, period: float) -> KernelForm:
-    """An estimator for an encoder of this step [m or rad] that is read with this period [s]."""
+    """Form of an estimator for an encoder of this step [m or rad] that is read with this period [s]."""
     kind, parameters = _kind_and_parameters(estimator, step, period)
     return KernelForm(kind, parameters, float(period))
 
@@ -168,7 +178,7 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
             p[0] = samples
             return AVERAGED_DIFFERENCE, p
         case AdaptiveWindow(samples, bound):
-            # A chord of readings that are whole counts may touch the bound: rounding must not decide.
+            # A chord of whole counts may touch the bound: the margin keeps rounding from deciding.
             p[:2] = samples, bound * step * (1 + 1e-9)
             return ADAPTIVE_WINDOW, p
         case KalmanVelocity():
@@ -180,11 +190,11 @@ def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tu
 
 
 def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Array, " N"]:
-    """Velocity [m/s or rad/s] at each sample, from what was known then, shape ``(N,)``."""
+    """Velocity [m/s or rad/s] at each sample from the readings and edges until then, shape ``(N,)``."""
     form = kernel_form(estimator, step=record.step, period=record.period)
     velocities = np.zeros(record.reading.size)
     ring, memory = np.zeros(READINGS_KEPT), np.zeros(READINGS_KEPT + 2)
-    # An index modulo the size needs one edge even where there is none.
+    # Indices modulo the size need one edge even if there is none.
     times = np.append(record.edge_time, np.inf)
     directions = np.append(record.edge_direction, 0.0)
     velocities_of_record(form, record.reading, times, directions, ring, memory, velocities)
@@ -193,7 +203,7 @@ def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Arra
 
 @jit
 def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory, velocities):
-    """Fill `velocities` from readings and edges in time; `ring` and `memory` as in `next_velocity`, zero at first."""
+    """Fill `velocities` from readings and edges; `ring` and `memory` are those of `next_velocity`, zero at first."""
     edges = 0
     for k in range(readings.size):
         while edges < edge_time.size and edge_time[edges] <= k * form.period:
@@ -206,9 +216,9 @@ def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory
 def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
     """Velocity estimate at sample k of a `KernelForm`.
 
-    `readings` is a ring of `READINGS_KEPT` positions with that of sample k written at k modulo its length; `memory` is
-    the estimator's own, of the same length plus two, zero at the start and written here; the edge rings hold the
-    `edges` edges counted so far.
+    `readings` is a ring of `READINGS_KEPT` positions in which that of sample k is at index k modulo its length.
+    `memory` belongs to the estimator: it is longer by two, zero at the start and written here. The edge rings hold the
+    last of the `edges` edges counted so far.
     """
     kind, parameters, period = form
     if kind == 0:
@@ -223,7 +233,7 @@ def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
 
 @jit
 def averaged_difference(samples, k, period, readings):
-    """(x[k] - x[k - n]) / (n T); before n samples have passed, over those there are."""
+    """(x[k] - x[k - n]) / (n T). In the first n samples it is the mean over those that exist."""
     n = min(samples, k)
     if n == 0:
         return 0.0
@@ -247,7 +257,7 @@ def adaptive_window(longest, bound, k, period, readings):
 
 @jit
 def kalman(position_gain, velocity_gain, k, period, readings, memory):
-    """Predict with constant velocity, correct with the stationary gains; the state lives in the last two of memory."""
+    """Prediction with constant velocity, corrected by the stationary gains; the state is in the last two of memory."""
     reading = readings[k % readings.size]
     if k == 0:
         memory[-2] = reading
@@ -262,7 +272,7 @@ def kalman(position_gain, velocity_gain, k, period, readings, memory):
 
 @jit
 def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
-    """Steps over the clock ticks that the last edges took; parameters: step, clock, counter size, edges, _, wraps."""
+    """Steps over the clock ticks between the last edges; parameters: step, clock, counter size, edges, _, wraps."""
     step, clock, counter = parameters[0], parameters[1], parameters[2]
     wanted, wraps = int(parameters[3]), parameters[5] > 0.5
     size = edge_time.size
@@ -280,7 +290,7 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
         return 0.0
     speed = used * step * clock / ticks
     if not wraps:
-        # No edge since: the speed is below one step over the time that the controller has waited.
+        # Without an edge since then, the speed is below one step over the time waited.
         waited = (k - math.ceil(edge_time[(edges - 1) % size] / period)) * period
         if waited * speed > step:
             speed = step / waited
@@ -289,7 +299,7 @@ def period_velocity(parameters, k, period, edge_time, edge_direction, edges):
 
 @jit
 def period_ticks(start, end, clock, counter, wraps, period):
-    """Ticks between two edges as the counter gives them; past its end it wraps, or the controller's samples count."""
+    """Ticks between two edges by the counter. Beyond its end it wraps, or the controller's samples are counted."""
     ticks = np.floor(end * clock) - np.floor(start * clock)
     if ticks < counter:
         return max(ticks, 1.0)
@@ -300,7 +310,7 @@ def period_ticks(start, end, clock, counter, wraps, period):
 
 @jit
 def moving_average(value, samples, k, memory):
-    """Mean of the last n values; memory keeps them in a ring of its length less two."""
+    """Mean of the last n values, which memory keeps in a ring that is shorter by two."""
     size = memory.size - 2
     memory[k % size] = value
     n = min(samples, k + 1)

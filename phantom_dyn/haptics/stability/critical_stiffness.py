@@ -1,16 +1,16 @@
-r"""How stiff a virtual wall may be: gain margins of a sampled loop, exact and linear, at one setting and as a map.
+r"""Largest stable stiffness of a virtual wall: gain margins of a sampled loop, exact and linear, singly and as a map.
 
 Device G behind a hold H, a delay :math:`t_d` and a virtual wall :math:`C(z) = K + B (z - 1)/(T z)`:
 
 .. math:: 1 + K\,Z[H(s) G(s) e^{-t_d s}] = 0 \quad (20), \qquad K_{CR} = Gm\{Z[H(s) G(s) e^{-t_d s}]\} \quad (21)
 
 The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found (a
-vibration makes several) and the verdict is checked by eigenvalues. With virtual damping the loop that is crossed is
-the one closed by B already.
+vibration causes several), and the verdict is checked by eigenvalues. With virtual damping, the crossings are those of
+the loop already closed by B.
 
 References:
-    Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. (10) is lost in the copy
-    at hand: it is derived, :math:`K < (b + B)/(T/2 + t_d)`, and held by a test against the exact boundary.
+    Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. (10) is missing in the copy
+    at hand; it is derived, :math:`K < (b + B)/(T/2 + t_d)`, and a test compares it with the exact limit.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ from phantom_dyn.motion import ReadOnlyArrays
 
 Values = Sequence[float] | Float[Array, " _"]
 _BELOW = 0.03
-"""Lowest frequency that is searched, relative to the slowest thing in the loop."""
+"""Lowest frequency of the search, relative to the slowest corner of the loop."""
 _ASIDE = 1e-3
-"""Distance from a crossing, relative to its gain, at which stability is tried."""
+"""Distance from a crossing, relative to its gain, at which stability is checked."""
 _ZERO = 1e-9
-"""Real part of a pole that counts as zero, relative to the largest root."""
+"""Real part of a pole that is taken as zero, relative to the largest root."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where the open loop is real and negative.
+    """A frequency at which the open loop is real and negative.
 
     Attributes:
-        frequency: [rad/s].
-        gain: Virtual stiffness [N/m or N m/rad] (or virtual damping, where that is asked for) that makes the loop
-            oscillate there.
+        frequency: Frequency [rad/s].
+        gain: Virtual stiffness [N/m or N m/rad] at which the loop oscillates at that frequency; for a search over
+            virtual damping, the virtual damping.
     """
 
     frequency: float
@@ -60,7 +60,7 @@ class Crossing:
 
     @property
     def decibels(self) -> float:
-        """Gain margin at this crossing."""
+        """Gain margin at this crossing [dB]."""
         return 20.0 * math.log10(self.gain)
 
 
@@ -70,11 +70,11 @@ class CriticalStiffness:
 
     Attributes:
         stiffness: Critical stiffness [N/m or N m/rad]; 0 if no wall is stable, infinite if every wall is.
-        frequency: At which the loop then oscillates [rad/s]; NaN where there is no such frequency.
+        frequency: Frequency at which the loop then oscillates [rad/s]; NaN if there is none.
         crossings: All crossings, by frequency; the last one may be at the Nyquist frequency.
-        radius_below: Spectral radius 0.1 % under the critical stiffness (of the softest wall that was tried, if the
-            critical stiffness is 0; of the stiffest, if it is infinite).
-        radius_above: Spectral radius 0.1 % above it; the same as `radius_below` in those cases.
+        radius_below: Spectral radius 0.1 % below the critical stiffness. If that is 0 or infinite, it is the radius for
+            one wall, as all walls agree.
+        radius_above: Spectral radius 0.1 % above the critical stiffness; if that is 0 or infinite, as `radius_below`.
     """
 
     stiffness: float
@@ -90,7 +90,7 @@ class CriticalStiffness:
 
     @property
     def verified(self) -> bool:
-        """Whether the eigenvalues say the same: stable under it, unstable above."""
+        """True if the eigenvalues agree: stable below the critical stiffness, unstable above."""
         if self.stiffness == 0:
             return self.radius_below > 1
         return self.radius_below < 1 and (math.isinf(self.stiffness) or self.radius_above > 1)
@@ -101,10 +101,10 @@ class LoopBode(ReadOnlyArrays):
     """Sampled open loop for a Bode diagram, with its margins.
 
     Attributes:
-        frequency: [rad/s], shape ``(k,)``, up to the Nyquist frequency.
+        frequency: Frequencies up to the Nyquist frequency [rad/s], shape ``(k,)``.
         response: Position over force, ``Z[H G e^{-td s}]``, shape ``(k,)``.
         margin: Critical stiffness and all crossings.
-        linear: Critical stiffness by the linear condition; NaN where the axis is no mass and damper.
+        linear: Critical stiffness by the linear condition; NaN unless the axis consists of masses and dampers.
     """
 
     frequency: Float[Array, " k"]
@@ -126,15 +126,15 @@ class LoopBode(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class StabilityMap(ReadOnlyArrays):
-    """Critical stiffness on a grid; the axes of each array are those of the first four fields.
+    """Critical stiffness on a grid; the axes of each array are the first four fields.
 
     Attributes:
-        damping: Added to the motor's own [N s/m or N m s/rad], shape ``(i,)``.
-        virtual_damping: Of the wall, shape ``(j,)``.
-        delay: Beside the hold [s], shape ``(k,)``.
-        period: Of sampling [s], shape ``(m,)``.
-        stiffness: Critical stiffness [N/m or N m/rad]; 0 where no wall is stable.
-        frequency: Of the oscillation at the edge [rad/s]; NaN where no wall is stable.
+        damping: Damping added to that of the motor [N s/m or N m s/rad], shape ``(i,)``.
+        virtual_damping: Virtual damping of the wall [N s/m or N m s/rad], shape ``(j,)``.
+        delay: Delay in addition to the hold [s], shape ``(k,)``.
+        period: Sampling period [s], shape ``(m,)``.
+        stiffness: Critical stiffness [N/m or N m/rad]; 0 if no wall is stable.
+        frequency: Frequency of the oscillation at the limit [rad/s]; NaN if no wall is stable.
         linear: Critical stiffness by the linear condition (10).
     """
 
@@ -148,7 +148,7 @@ class StabilityMap(ReadOnlyArrays):
 
     @property
     def ratio(self) -> Float[Array, "i j k m"]:
-        """Exact critical stiffness over that of the linear condition; NaN where that leaves no wall."""
+        """Exact critical stiffness over that of the linear condition; NaN if the latter is not positive."""
         out = np.full(self.stiffness.shape, np.nan)
         return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
 
@@ -156,12 +156,12 @@ class StabilityMap(ReadOnlyArrays):
 def critical_stiffness(
     axis: Axis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
 ) -> CriticalStiffness:
-    """Critical stiffness of a virtual wall, (21): the stiffest one below which every wall is stable.
+    """Critical stiffness of a virtual wall, (21): all softer walls are stable.
 
     Args:
         axis: A model of `phantom_dyn.haptics.device.axis`, or a transfer function.
         period: Sampling period T [s].
-        delay: Of the loop beside the hold [s]; any number of 0 or more.
+        delay: Delay of the loop in addition to the hold [s], 0 or more.
         virtual_damping: B of the wall, on the backward difference of the position [N s/m or N m s/rad].
 
     Raises:
@@ -174,7 +174,7 @@ def critical_stiffness(
     all_of_them = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
     lowest = min(all_of_them, key=lambda crossing: crossing.gain, default=None)
     if lowest is None:
-        # Nothing happens between soft and stiff: one wall stands for all.
+        # Without a crossing all walls are stable or none is: one of them is checked.
         radius = sampled.spectral_radius(float(np.abs(found[:, 1]).min()), virtual_damping)
         return CriticalStiffness(math.inf if radius < 1 else 0.0, math.nan, (), radius, radius)
     below = sampled.spectral_radius((1 - _ASIDE) * lowest.gain, virtual_damping)
@@ -190,10 +190,10 @@ def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtu
     It holds for a rigid device whose dampings are small against its mass over the period.
 
     Args:
-        damping: b, all the device's damping to ground [N s/m or N m s/rad].
+        damping: b, the sum of the device's dampings to ground [N s/m or N m s/rad].
         period: Sampling period T [s].
-        delay: Of the loop beside the hold [s].
-        virtual_damping: B of the wall.
+        delay: Delay of the loop in addition to the hold [s].
+        virtual_damping: B of the wall [N s/m or N m s/rad].
 
     Raises:
         ParameterError: If the period is not positive, the delay is negative, or a damping is not finite.
@@ -206,25 +206,23 @@ def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtu
 def linear_ratio(
     axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
 ) -> float:
-    """Exact critical stiffness over that of the linear condition, which takes the device for rigid.
+    """Exact critical stiffness over that of the linear condition, which takes the device as rigid.
 
-    NaN where the linear condition leaves no wall.
+    It is NaN if the linear condition allows no wall.
     """
     exact = critical_stiffness(axis, period=period, delay=delay, virtual_damping=virtual_damping).stiffness
-    rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
-    linear = linear_stiffness(rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
+    linear = linear_stiffness(axis.rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
     return exact / linear if linear > 0 else math.nan
 
 
 def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
-    """Sampled open loop of an axis from well under its crossings to the Nyquist frequency, with its margins."""
+    """Sampled open loop of an axis from well below its crossings to the Nyquist frequency, with its margins."""
     sampled: SampledAxis = discretise(axis, period=period, delay=delay)
     frequency = search_grid(axis, period, delay, 0.0)
     response = sampled.response(frequency)
     linear = math.nan
     if isinstance(axis, RigidAxis | TwoMassAxis):
-        rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
-        linear = linear_stiffness(rigid.damping, period=period, delay=delay)
+        linear = linear_stiffness(axis.rigid.damping, period=period, delay=delay)
     return LoopBode(frequency, response, critical_stiffness(axis, period=period, delay=delay), linear)
 
 
@@ -236,18 +234,18 @@ def stability_map(
     damping: Values = (0.0,),
     virtual_damping: Values = (0.0,),
 ) -> StabilityMap:
-    """Critical stiffness for every combination, each as exact as that of `critical_stiffness`.
+    """Critical stiffness for every combination of values, each as exact as `critical_stiffness`.
 
     Args:
         axis: Model of the device.
         period: Sampling periods [s].
-        delay: Delays of the loop beside the hold [s].
-        damping: Added to that of the motor [N s/m or N m s/rad].
-        virtual_damping: Of the wall, on the backward difference of the position.
+        delay: Delays of the loop in addition to the hold [s].
+        damping: Dampings added to that of the motor [N s/m or N m s/rad].
+        virtual_damping: Virtual dampings of the wall, on the backward difference of the position.
 
     Raises:
-        ParameterError: If a sequence is empty or none, a period is not positive, a delay or damping is negative, or a
-            number not finite.
+        ParameterError: If a sequence is empty, a period is not positive, a delay or damping is negative, or a number is
+            not finite.
     """
     values = {"period": period, "delay": delay, "damping": damping, "virtual_damping": virtual_damping}
     for name, given in values.items():
@@ -265,8 +263,7 @@ def stability_map(
     for (i, j, k, m), _ in np.ndenumerate(low):
         T, late, B = float(periods[m]), float(delays[k]), float(virtual[j])
         low[i, j, k, m] = lowest_frequency(devices[i], found[i][1], T, late, B)
-        rigid = devices[i].rigid if isinstance(devices[i], TwoMassAxis) else devices[i]
-        linear[i, j, k, m] = linear_stiffness(rigid.damping, period=T, delay=late, virtual_damping=B)
+        linear[i, j, k, m] = linear_stiffness(devices[i].rigid.damping, period=T, delay=late, virtual_damping=B)
     stiffness, frequency = np.empty_like(low), np.empty_like(low)
     systems = [device.state_space for device in devices]
     A = np.stack([system.A for system in systems])
@@ -277,24 +274,24 @@ def stability_map(
 
 
 def search_grid(axis: Axis, period: float, delay: float, virtual_damping: float) -> Float[Array, " k"]:
-    """Frequencies [rad/s] so close that no crossing hides between two."""
+    """Frequencies [rad/s] so dense that no crossing is missed between two of them, shape ``(k,)``."""
     modes, corner = roots_of_modes(axis)
     return frequency_grid(lowest_frequency(axis, corner, period, delay, virtual_damping), period, delay, modes)
 
 
 def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
-    """Frequency [rad/s] well under every crossing: ``corner`` is the lowest corner of the axis."""
+    """Frequency [rad/s] well below every crossing; ``corner`` is the lowest corner frequency of the axis [rad/s]."""
     require_numbers(virtual_damping=virtual_damping)
     function = axis.transfer_function
     damper = abs(virtual_damping) * abs(function.numerator[-1])
     inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
-    # A virtual damper adds a corner at B over the mass, and lowest among them is that of the greatest mass.
+    # A virtual damper adds a corner at B over the mass; the greatest mass gives the lowest one.
     virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
     return _BELOW * min(corner, virtual, 1.0 / (0.5 * period + delay))
 
 
 def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
-    """Frequency and half width of each resonance and anti-resonance, and the lowest of all corner frequencies."""
+    """Frequency and half width of each resonance and anti-resonance, and the lowest corner frequency [rad/s]."""
     function = axis.transfer_function
     roots = np.concatenate([function.poles, function.zeros])
     size = np.abs(roots)
@@ -306,7 +303,7 @@ def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
 
 
 def _same_length(modes: list[Float[Array, "_ 2"]]) -> Float[Array, "i most 2"]:
-    """Modes of all devices in one array: frequency 0 fills up where damping has taken one."""
+    """Modes of all devices in one array; frequency 0 fills the places of modes that damping has removed."""
     most = max(len(part) for part in modes)
     out = np.zeros((len(modes), most, 2))
     for row, part in zip(out, modes, strict=True):

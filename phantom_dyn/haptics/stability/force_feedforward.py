@@ -1,4 +1,4 @@
-r"""Force feedforward: a device that measures the hand's force and helps makes itself lighter.
+r"""Force feedforward: a device that measures the hand's force and adds to it makes itself lighter.
 
 The motor adds :math:`K_f` times the measured force. In continuous time the hand feels mass and damper divided by
 :math:`1 + K_f`, (28); sampled, filtered and held, the loop around the hand's impedance :math:`Z_h` has the
@@ -7,22 +7,22 @@ characteristic equation
 .. math:: 1 + K_f\, D(z)\, Z\left[H(s)\, G_f(s)\, \frac{Z_h(s)}{m s^2 + b s + Z_h(s)}\, e^{-t_d s}\right] = 0
    \quad (29)
 
-and :math:`K_f` has a limit, (32). For a delay so large that the phase crosses where mass alone counts, it is
-:math:`1 + m / m_h`, (33).
+and :math:`K_f` has a limit, (32). If the delay is so large that the crossing is at a frequency where only the masses
+count, the limit is :math:`1 + m / m_h`, (33).
 
-**Beside the chapter.** It prints a limit that brings 5.4 kg down to 0.14 kg, but not its operator. This loop gives
-0.14 kg for an operator of 0.271 kg. For 2 kg, the value commonly cited for the operator that it names, the limit is
-6.64 and 0.71 kg: the two do not agree. Nor does every delay lower the limit: the phase crosses at the Nyquist
-frequency, and half a period more than doubles it before longer ones bring it down.
+**Comparison with the chapter.** It prints a limit that brings 5.4 kg down to 0.14 kg, but not its operator. This loop
+gives 0.14 kg for an operator of 0.271 kg. For 2 kg, the value commonly cited for the operator that it names, the limit
+is 6.64 and the mass 0.71 kg: the two do not agree. Nor does every delay lower the limit. Without a delay the phase
+crosses at the Nyquist frequency; half a period more than doubles the limit before longer delays lower it.
 
 **The vibration decides.** The chapter says of that crossing that modes which its model leaves out "play an important
-role", and puts a low pass of 30 Hz under the 82 Hz of the cable. With the two masses of the LHIfAM and a hand of 2 kg
-the limit is 0.70 at 87 Hz in place of 6.64, and with the low pass 6.86 at 66 Hz: the gain of 5 that was used is stable
-with it and not without, which the rigid model (23.1 and 6.64) does not say.
+role", and puts a low pass at 30 Hz below the cable's 82 Hz. With the two masses of the LHIfAM and a hand of 2 kg the
+limit is 0.70 at 87 Hz in place of 6.64, and with the low pass 6.86 at 66 Hz. The gain of 5 that was used is stable with
+the low pass and unstable without. The rigid model (23.1 with and 6.64 without) does not show this.
 
 References:
     J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (28) to (33);
-    (29) is derived, the copy at hand has lost it.
+    (29) is missing in the copy at hand and is derived.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class Feedforward:
 
     Attributes:
         period: Sampling period T [s].
-        delay: Beside the hold [s], any of 0 or more.
-        cutoff: Of the sensor's first-order low pass [rad/s].
+        delay: Delay in addition to the hold [s], 0 or more.
+        cutoff: Cut-off of the sensor's first-order low pass [rad/s].
         filter: Digital filter on the measured force.
 
     Raises:
@@ -79,7 +79,7 @@ class Feedforward:
             raise ParameterError(f"The delay of the feedforward is {self.delay}: give seconds of 0 or more.")
 
     def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """Motor force over the hand's force per unit of gain, images of the sampling left out, shape ``(k,)``."""
+        """Motor force over the hand's force per unit of gain, without aliases of the sampling, shape ``(k,)``."""
         s = 1j * frequency
         turn = frequency * self.period
         held = np.exp(-0.5j * turn) * np.sinc(turn / (2 * np.pi))
@@ -92,11 +92,11 @@ class Transparency:
     """Bode data of a device in a hand, and the device as the hand feels it.
 
     Attributes:
-        frequency: [rad/s], shape ``(k,)``.
+        frequency: Frequencies [rad/s], shape ``(k,)``.
         response: Position over the hand's own force, X_h / F_h [m/N], shape ``(k,)``.
-        ideal: The same by (28), without sampling, filter and delay, shape ``(k,)``.
-        device: Impedance of the device that is felt, force over position [N/m], shape ``(k,)``.
-        apparent_inertia: Real part of force over acceleration of the device [kg], shape ``(k,)``.
+        ideal: The response by (28), without sampling, filter and delay, shape ``(k,)``.
+        device: Impedance of the device as it is felt, force over position [N/m], shape ``(k,)``.
+        apparent_inertia: Real part of the device's force over acceleration [kg], shape ``(k,)``.
     """
 
     frequency: Float[Array, " k"]
@@ -107,10 +107,10 @@ class Transparency:
 
 
 def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
-    """Digital Butterworth low pass; the chapter puts one of second order at 30 Hz into the loop.
+    """Digital Butterworth low pass. The chapter puts one of second order at 30 Hz into the loop.
 
     Args:
-        cutoff: [rad/s].
+        cutoff: Cut-off frequency [rad/s].
         period: Sampling period [s].
         order: Order of the filter.
 
@@ -127,11 +127,11 @@ def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
 
 
 def feedforward_loop(axis: Device, hand: Operator, feedforward: Feedforward) -> SampledLoop:
-    """The loop (29): what the hand gives back of a motor force, filtered, sampled and held.
+    """The loop (29), from motor force to the force that the hand returns: filtered, sampled and held.
 
     Args:
-        axis: Rigid, as in the chapter, or of two masses, with the vibration between motor and sensor.
-        hand: That holds the device.
+        axis: Rigid device, as in the chapter, or one of two masses, with the vibration between motor and sensor.
+        hand: The hand that holds the device.
         feedforward: From measured force to motor force.
 
     Raises:
@@ -143,7 +143,7 @@ def feedforward_loop(axis: Device, hand: Operator, feedforward: Feedforward) -> 
 
 
 def critical_feedforward(axis: Device, hand: Operator, feedforward: Feedforward) -> CriticalGain:
-    """Largest stable force gain K_f, (32), with its crossings and Bode data; of two masses, with the vibration."""
+    """Largest stable force gain K_f, (32), with its crossings and Bode data; two masses include the vibration."""
     return critical_gain(feedforward_loop(axis, hand, feedforward))
 
 
@@ -173,10 +173,10 @@ def felt_mass(mass: float, gain: float) -> float:
 def transparency(
     axis: Device, hand: Operator, feedforward: Feedforward, gain: float, frequency: Float[Array, " k"]
 ) -> Transparency:
-    """Bode data with force gain K_f at the frequencies [rad/s]: (28), and the same with filter, hold and delay.
+    """Bode data with force gain K_f at the frequencies [rad/s], by (28) and with filter, hold and delay.
 
-    What is sampled has images beyond half the sampling frequency; they are left out, so this holds below it. Of a
-    device of two masses the hand feels the body, and the motor's help through the cable.
+    Sampling has aliases beyond half the sampling frequency. They are left out, so that the data hold below it. With a
+    device of two masses the hand feels the body, and the motor's force through the cable.
 
     Raises:
         ParameterError: If a frequency is not a number above 0, or the gain not above -1.

@@ -1,18 +1,18 @@
 r"""Force feedforward over a link that is noisy and loses samples, such as a wireless force sensor in a handle.
 
-The reading at sample k has white noise; it arrives late by the delay of `Feedforward`, or, with a probability of its
-own each time, not at all, and then the motor goes on with the last one that did. So the loop jumps between two linear
-systems, and is **stable in the mean square** if the second moment of its state decays,
+The reading at sample k has white noise. It arrives with the delay of `Feedforward` or, independently with a given
+probability, not at all; then the motor repeats the last one. So the loop switches at random between two linear systems.
+It is **stable in the mean square** if the second moment of its state decays,
 
 .. math:: \rho\{(1 - \pi)\, A_a \otimes A_a + \pi\, A_l \otimes A_l\} < 1,
 
-:math:`A_a` with an arrived sample, :math:`A_l` with a lost one, :math:`\pi` the share that is lost. The same moments
-driven by the noise give what the motor does while nothing moves.
+with :math:`A_a` for an arrived sample, :math:`A_l` for a lost one, and :math:`\pi` the share that is lost. The same
+moments, driven by the noise, give the motor force while nothing moves.
 
 References:
     O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-Time Markov Jump Linear Systems, 2005, chapter 3 (recalled,
-    not read); the chapter of `force_feedforward` names noise of the force sensor and a wireless controller stands in
-    the same book, neither with equations. Held by spectra, by the loop without loss, and by simulation.
+    not read). The chapter of `force_feedforward` mentions noise of the force sensor, and the same book describes a
+    wireless controller, neither with equations. Tests compare with spectra, the loop without loss, and simulation.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critica
 from phantom_dyn.motion import ReadOnlyArrays
 
 _MOST_STATES = 60
-"""States of a loop whose second moments are solved for: 1830 of them, in a second."""
+"""Largest number of states of a loop: it has 1830 second moments, which take a second to solve for."""
 _GRID = np.geomspace(1e-3, 10.0, 81)
-"""Gains at which the edge of stability is bracketed, over the limit without loss."""
+"""Gains at which the limit of stability is bracketed, relative to the limit without loss."""
 _HALVINGS = 30
-"""Of that bracket, an eighth wide: to 1e-10 of the gain."""
+"""Halvings of that bracket, which is an eighth wide: they fix the gain to 1e-10."""
 
 
 @dataclass(frozen=True)
 class ForceLink:
-    """What happens to a force reading between sensor and motor, beside the delay.
+    """Noise and loss of a force reading between sensor and motor, in addition to the delay.
 
     Attributes:
-        noise: Standard deviation of the reading at a sample, white [N or N m].
-        loss: Probability with which a sample is lost, each on its own.
+        noise: Standard deviation of the white noise of a reading [N or N m].
+        loss: Probability with which a sample is lost, independent of the others.
 
     Raises:
-        ParameterError: If the noise is negative, or the loss not from 0 to below 1.
+        ParameterError: If the noise is negative, or the loss is not from 0 to below 1.
     """
 
     noise: float = 0.0
@@ -65,12 +65,12 @@ class ForceLink:
 
 @dataclass(frozen=True)
 class NoiseFelt:
-    """Root mean squares of what noise of the force sensor does to a hand that holds still.
+    """Root mean squares of the effects of the sensor's noise while the hand holds still.
 
     Attributes:
-        motor_force: Of the motor [N or N m].
+        motor_force: Force of the motor [N or N m].
         tip: Position of the body that the hand holds [m or rad].
-        hand_force: That the hand feels of it, the force at the sensor behind its low pass [N or N m].
+        hand_force: Force on the hand, as the sensor reads it behind its low pass [N or N m].
     """
 
     motor_force: float
@@ -83,11 +83,11 @@ class LinkTrace(ReadOnlyArrays):
     """A held device with force feedforward in time.
 
     Attributes:
-        t: [s], shape ``(N,)``.
+        t: Times [s], shape ``(N,)``.
         tip: Position of the body [m or rad], shape ``(N,)``.
-        reading: What the sensor gives, noise and all [N or N m], shape ``(N,)``.
-        motor_force: Commanded by the computer [N or N m], shape ``(N,)``.
-        arrived: Whether the sample arrived, shape ``(N,)``.
+        reading: Reading of the sensor, with its noise [N or N m], shape ``(N,)``.
+        motor_force: Force commanded by the computer [N or N m], shape ``(N,)``.
+        arrived: True if the sample arrived, shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -98,7 +98,7 @@ class LinkTrace(ReadOnlyArrays):
 
 
 def mean_square_radius(axis: Device, hand: Operator, feedforward: Feedforward, gain: float, link: ForceLink) -> float:
-    """Factor by which the second moment of the loop grows in a sample in the long run: stable below one.
+    """Long-run factor by which the second moment of the loop grows per sample: stable below one.
 
     Without loss it is the square of the spectral radius of `feedforward_loop`.
 
@@ -110,7 +110,7 @@ def mean_square_radius(axis: Device, hand: Operator, feedforward: Feedforward, g
 
 
 def critical_feedforward_of_link(axis: Device, hand: Operator, feedforward: Feedforward, link: ForceLink) -> float:
-    """Largest force gain up to which the loop is stable in the mean square; infinite if ten times the limit is.
+    """Largest force gain for which the loop is stable in the mean square; infinite beyond ten times that without loss.
 
     Raises:
         ParameterError: As for `mean_square_radius`.
@@ -136,7 +136,7 @@ def critical_feedforward_of_link(axis: Device, hand: Operator, feedforward: Feed
 
 
 def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: float, link: ForceLink) -> NoiseFelt:
-    """What the sensor's noise does in the steady state, from the stationary second moments.
+    """Effects of the sensor's noise in the steady state, from the stationary second moments.
 
     Raises:
         ParameterError: If the loop is not stable in the mean square, or as for `mean_square_radius`.
@@ -147,7 +147,7 @@ def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: flo
     if radius >= 1.0:
         raise ParameterError(
             f"With a force gain of {gain:g} the second moment of the loop grows {radius:.4g} times a sample, so that "
-            "no noise is steady: give a smaller gain, see critical_feedforward_of_link."
+            "there is no steady state: give a smaller gain, see critical_feedforward_of_link."
         )
     noise = (1.0 - link.loss) * link.noise**2 * np.outer(loop.noise, loop.noise)
     state = _whole(np.linalg.solve(np.eye(len(moments)) - moments, _half(noise)), len(loop.noise))
@@ -169,16 +169,16 @@ def simulate_link(
     pushed: Float[Array, " N"],
     rng: np.random.Generator,
 ) -> LinkTrace:
-    """A held device with force feedforward in time, from rest.
+    """Simulation of a held device with force feedforward, from rest.
 
     Args:
-        axis: Rigid, or of two masses.
-        hand: That holds it.
+        axis: Rigid device, or one of two masses.
+        hand: The hand that holds it.
         feedforward: From measured force to motor force.
-        gain: K_f.
+        gain: Force gain K_f.
         link: Noise and loss.
         pushed: The hand's own force F_h, held over each sample [N or N m], shape ``(N,)``.
-        rng: Draws the noise and which samples are lost.
+        rng: Draws the noise and the lost samples.
 
     Raises:
         ParameterError: If nobody holds the device, the gain or a force is not finite.
@@ -195,7 +195,7 @@ def simulate_link(
     tip, reading, motor = np.zeros((3, count))
     state = np.zeros(len(loop.noise))
     for k in range(count):
-        # The loop's input is minus the reading, so the noise enters with that sign, too.
+        # The input of the loop is minus the reading, so that the noise enters with a minus sign as well.
         tip[k], reading[k] = loop.tip @ state[:n], noise[k] - loop.plant.output @ state[:n]
         state = (loop.arrived @ state - noise[k] * loop.noise) if arrived[k] else loop.lost @ state
         state = state + pushed[k] * push
@@ -236,7 +236,7 @@ class _Loop:
         return _Loop(plant, held.tip, arrived, lost, noise)
 
     def moments(self, loss: float) -> Float[Array, "h h"]:
-        """Map of the second moments over a sample, on the lower half of a symmetric matrix."""
+        """Map of the second moments over a sample, for the lower half of a symmetric matrix, shape ``(h, h)``."""
         n = len(self.noise)
         if n > _MOST_STATES:
             raise ParameterError(
@@ -249,7 +249,7 @@ class _Loop:
             if share:
                 both = A[rows][:, rows] * A[columns][:, columns]
                 crossed = A[rows][:, columns] * A[columns][:, rows]
-                # An entry off the diagonal stands for two.
+                # An entry off the diagonal represents two.
                 total += share * np.where(rows == columns, both, both + crossed)
         return total
 

@@ -1,20 +1,21 @@
-r"""Compensation of weight and friction: how much friction a drive may take away, the dead zone that this needs, dither.
+r"""Compensation of weight and friction: the largest safe share of friction, the dead zone that it needs, and dither.
 
-A drive that pushes along with ``s (T sgn v + c v)`` makes a device light to move. Two facts bound the share ``s``.
+A drive that pushes in the direction of motion with ``s (T sgn v + c v)`` makes a device light to move. Two facts limit
+the share ``s``.
 
-Power: a force of at most :math:`f` puts in at most :math:`f |v|`, however late its sign and however it is estimated,
-and dry friction :math:`T` takes :math:`T |v|`. With :math:`f \le T` nothing can grow, at any delay. If the model of the
-friction may be wrong by a share :math:`u`, the largest safe share of it is :math:`1 / (1 + u)`; up to
-:math:`2u / (1 + u)` of the true friction is then left. What is more than the friction drives the device: free, to the
-speed at which viscous friction takes it; on a hand's spring :math:`k`, to a swing of
+Power: a force of at most :math:`f` supplies at most the power :math:`f |v|`, however late its sign is and however it is
+estimated, while dry friction :math:`T` takes :math:`T |v|`. With :math:`f \le T` no motion can grow, at any delay. If
+the model of the friction may be wrong by a share :math:`u`, the largest safe share of it is :math:`1 / (1 + u)`; up to
+:math:`2u / (1 + u)` of the true friction is then left. A force beyond the friction drives the device: a free one up to
+the speed at which viscous friction balances it, one on a hand's spring :math:`k` to a swing of
 :math:`4 (f - T) / (\pi b \omega)`, :math:`\omega = \sqrt{k / m}`.
 
-Rest: before it slips, dry friction yields as a spring of stiffness :math:`T / d` that takes next to nothing, so that a
-force along with the speed makes the device tremble there. Below a dead zone of speed there is none: its own swing on
-that spring reaches :math:`\sqrt{T d / m}`, and an estimate of speed jumps by a step of the encoder over its window. The
-hand still has to break the whole friction to start from rest. Dither does not leave that: a force of frequency
-:math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps the device moving at the speed
-:math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`, and dry friction acts on slow motion as a damper
+Rest: before it slips, dry friction acts as a spring of stiffness :math:`T / d` that takes hardly any power, so that a
+force in the direction of motion makes the device tremble. Below a dead zone of speed no force is given. The zone must
+exceed the speed of the device's own swing on that spring, :math:`\sqrt{T d / m}`, and the jump of an estimated speed, a
+step of the encoder over its window. The hand still has to break the whole friction to start from rest. Dither removes
+that as well: a force of frequency :math:`\omega` and amplitude :math:`A > 4 T / \pi` keeps the device moving at the
+speed :math:`V = \sqrt{A^2 - (4T/\pi)^2} / (m \omega)`, and dry friction acts on slow motion as a damper
 :math:`2 T / (\pi V)` (describing function of a relay).
 """
 
@@ -36,17 +37,17 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, ReadOnlyArrays
 
 _SUBSTEPS = 50
-"""Steps of a sample: the spring of the friction swings at some 50 Hz, a sample is a millisecond."""
+"""Steps per sample: the spring of the friction swings at some 50 Hz, and a sample is a millisecond."""
 
 
 @dataclass(frozen=True)
 class FrictionCompensation:
-    """A force along with the speed that takes a share of modelled friction away.
+    """A force in the direction of motion that cancels a share of the modelled friction.
 
     Attributes:
-        share: Of the modelled friction, see `largest_share`.
-        dead_zone: Speed up to which nothing is given [m/s or rad/s], see `least_dead_zone`.
-        ramp: Further speed over which it rises to the whole; 0 for a jump.
+        share: Share of the modelled friction, see `largest_share`.
+        dead_zone: Speed up to which no force is given [m/s or rad/s], see `least_dead_zone`.
+        ramp: Further speed over which the force rises to its full value [m/s or rad/s]; 0 for a jump.
 
     Raises:
         ParameterError: If a number is negative or not finite.
@@ -62,12 +63,12 @@ class FrictionCompensation:
     def force(
         self, velocity: Float[Array, "*n"], coulomb: Float[Array, "*m"] | float, viscous: Float[Array, "*m"] | float
     ) -> Float[Array, "*n"]:
-        """Force along with the estimated velocities [N or N m], of their shape.
+        """Force in the direction of the estimated velocities [N or N m], of their shape.
 
         Args:
-            velocity: Estimates [m/s or rad/s].
-            coulomb: Modelled dry friction [N or N m], one number or one a joint.
-            viscous: Modelled viscous coefficients.
+            velocity: Estimated velocities [m/s or rad/s].
+            coulomb: Modelled dry friction [N or N m], one number or one per joint.
+            viscous: Modelled viscous coefficients [N s/m or N m s/rad], one number or one per joint.
         """
         beyond = np.abs(velocity) - self.dead_zone
         risen = np.clip(beyond / self.ramp, 0.0, 1.0) if self.ramp > 0 else (beyond > 0).astype(float)
@@ -75,21 +76,21 @@ class FrictionCompensation:
 
 
 def largest_share(uncertainty: float) -> float:
-    """Largest share of modelled friction that is never more than the true one: ``1 / (1 + u)``.
+    """Largest share of the modelled friction that never exceeds the true one: ``1 / (1 + u)``.
 
     Args:
-        uncertainty: By which share of the true friction the modelled one may be wrong, either way (temperature, wear).
+        uncertainty: u, the share by which the model may be wrong, in either direction (temperature, wear).
     """
     require_not_negative(uncertainty=uncertainty)
     return 1.0 / (1.0 + uncertainty)
 
 
 def friction_left(share: float, uncertainty: float) -> tuple[float, float]:
-    """Least and most of the true friction that a share of the modelled one leaves; negative: it drives the device.
+    """Least and most of the true friction that is left under compensation; a negative share drives the device.
 
     Args:
-        share: Of the modelled friction.
-        uncertainty: By which share of the true friction the modelled one may be wrong, at most 1.
+        share: Share of the modelled friction that is compensated.
+        uncertainty: Share by which the model may be wrong, at most 1.
 
     Raises:
         ParameterError: If a number is negative, or the uncertainty above 1.
@@ -103,18 +104,18 @@ def friction_left(share: float, uncertainty: float) -> tuple[float, float]:
 def least_dead_zone(
     mass: float, coulomb: float, displacement: float, *, step: float = 0.0, window: int = 1, period: float = 1e-3
 ) -> float:
-    """Speed [m/s or rad/s] below which no friction may be compensated.
+    """Speed [m/s or rad/s] below which friction must not be compensated.
 
     Args:
-        mass: [kg or kg m2].
+        mass: Mass or inertia [kg or kg m2].
         coulomb: Dry friction T [N or N m].
-        displacement: d [m or rad] over which it rises before the device slips.
-        step: Of the encoder [m or rad].
-        window: Samples over which positions are differenced for the speed.
+        displacement: Displacement d over which it rises before the device slips [m or rad].
+        step: Step of the encoder [m or rad].
+        window: Number of samples over which positions are differenced.
         period: Sampling period [s].
 
     Raises:
-        ParameterError: If a number cannot be.
+        ParameterError: If mass or period is not above 0, another number is negative, or the window is less than 1.
     """
     require_positive(mass=mass, period=period)
     require_not_negative(coulomb=coulomb, displacement=displacement, step=step)
@@ -123,13 +124,13 @@ def least_dead_zone(
 
 
 def dithered_damping(mass: float, coulomb: float, *, amplitude: float, frequency: float) -> float:
-    """Coefficient [N s/m or N m s/rad] with which dry friction acts on motion that is slow beside a dither.
+    """Damping coefficient [N s/m or N m s/rad] of dry friction for motion that is slow compared with a dither.
 
     Args:
-        mass: [kg or kg m2].
+        mass: Mass or inertia [kg or kg m2].
         coulomb: Dry friction T [N or N m].
-        amplitude: Of the dither's force [N or N m].
-        frequency: Of the dither [rad/s].
+        amplitude: Amplitude of the dither's force [N or N m].
+        frequency: Frequency of the dither [rad/s].
 
     Raises:
         ParameterError: If the dither does not break the friction.
@@ -149,26 +150,26 @@ def dithered_damping(mass: float, coulomb: float, *, amplitude: float, frequency
 def assisting_torque(
     robot: Robot, q: Float[Array, "N nv"], v: Float[Array, "N nv"], compensation: FrictionCompensation
 ) -> Float[Array, "N nv"]:
-    """Drive torque that takes weight and a share of the modelled friction away, shape ``(N, nv)`` [N m or N].
+    """Drive torque that cancels weight and a share of the modelled friction, shape ``(N, nv)`` [N m or N].
 
-    Friction of passive joints of a closed chain is compensated at the speed of each: the power that is put in at a
-    joint is never more than a share of what its friction takes.
+    Friction of passive joints of a closed chain is compensated at the speed of each joint, so that the power supplied
+    at a joint never exceeds that share of what its friction takes.
 
     Args:
         robot: Gives weights and friction.
-        q: Measured joint positions [rad or m].
-        v: Estimated joint velocities.
+        q: Measured joint positions [rad or m], shape ``(N, nv)``.
+        v: Estimated joint velocities [rad/s or m/s], shape ``(N, nv)``.
         compensation: Share and dead zone, the same for all joints.
 
     Raises:
-        ParameterError: If positions or velocities are not a row a sample and a column a joint.
+        ParameterError: If positions or velocities do not have one row per sample and one column per joint.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
     q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
     if q.ndim != 2 or q.shape[1] != robot.nv or v.shape != q.shape:
         raise ParameterError(
             f"Positions of shape {q.shape} and velocities of shape {v.shape} were given, wanted (N, {robot.nv}) of "
-            "both: give a row a sample, as in [q] and [v] for one."
+            "both: give a row per sample, as in [q] and [v] for one."
         )
     tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, v, np.zeros_like(v)))
     viscous, coulomb = tree_friction(robot)
@@ -177,11 +178,11 @@ def assisting_torque(
 
 @dataclass(frozen=True)
 class DryFriction:
-    """True friction of an axis: it rises over a displacement before the device slips (Dahl).
+    """True friction of an axis; it rises over a displacement before the device slips (Dahl).
 
     Attributes:
-        torque: In slip [N or N m].
-        displacement: [m or rad].
+        torque: Friction in slip [N or N m].
+        displacement: Displacement over which it rises [m or rad].
 
     Raises:
         ParameterError: If a number is not above 0.
@@ -196,16 +197,16 @@ class DryFriction:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How an axis is sampled.
+    """Sampling of an axis.
 
     Attributes:
-        period: [s].
-        delay: Samples by which the force is late.
-        window: Samples over which positions are differenced.
-        step: Of the encoder [m or rad], 0 for none.
+        period: Sampling period [s].
+        delay: Delay of the force [samples].
+        window: Number of samples over which positions are differenced.
+        step: Step of the encoder [m or rad], 0 for none.
 
     Raises:
-        ParameterError: If a number cannot be.
+        ParameterError: If the period is not above 0, delay or window is not whole, or a number is too small.
     """
 
     period: float = 1e-3
@@ -222,13 +223,13 @@ class Sampling:
 
 @dataclass(frozen=True)
 class CompensatedMotion(ReadOnlyArrays):
-    """What a compensated axis does.
+    """Motion of a compensated axis.
 
     Attributes:
         t: Times of the samples [s], shape ``(N,)``.
-        position: [m or rad], shape ``(N,)``.
-        velocity: True one, shape ``(N,)``.
-        force: Of the compensation [N or N m], shape ``(N,)``.
+        position: Position [m or rad], shape ``(N,)``.
+        velocity: True velocity [m/s or rad/s], shape ``(N,)``.
+        force: Force of the compensation [N or N m], shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -238,7 +239,7 @@ class CompensatedMotion(ReadOnlyArrays):
 
     @property
     def swing(self) -> float:
-        """Half the way between the ends of the motion in the last third [m or rad], when the start has died out."""
+        """Half the range of the position in the last third, when the start has died out [m or rad]."""
         return 0.5 * float(np.ptp(self.position[-(len(self.t) // 3) :]))
 
 
@@ -252,16 +253,16 @@ def simulate_compensation(
     *,
     speed: float = 0.0,
 ) -> CompensatedMotion:
-    """An axis whose friction is compensated at samples, in time.
+    """Simulation of an axis whose friction is compensated at samples.
 
     Args:
         axis: Mass, viscous friction, and the spring of a hand.
-        friction: Its true dry friction.
-        compensation: What is given.
+        friction: True dry friction of the axis.
+        compensation: Share and dead zone.
         modelled: Dry friction and viscous coefficient of the model.
         sampling: Period, delay, encoder and window.
-        hand: Force of the hand at each sample, held [N or N m].
-        speed: At the start [m/s or rad/s], from position zero.
+        hand: Force of the hand, held over each sample [N or N m], shape ``(N,)``.
+        speed: Speed at the start, at position zero [m/s or rad/s].
 
     Raises:
         ParameterError: If a number is not finite.
@@ -290,7 +291,7 @@ def _run(numbers: Array, delay: int, window: int, hand: Array, out: Array) -> No
     asked = np.zeros(N)
     for k in range(N):
         reading[k] = np.round(x / step) * step if step > 0 else x
-        # Before the first sample the device stood: a window that is not full sees less than the speed.
+        # The device stood still before the first sample: a window that is not full underestimates the speed.
         rate = (reading[k] - (reading[k - window] if k >= window else 0.0)) / (window * period)
         beyond = abs(rate) - dead
         risen = min(max(beyond / ramp, 0.0), 1.0) if ramp > 0 else (1.0 if beyond > 0 else 0.0)

@@ -1,32 +1,31 @@
-r"""The three improvements that Cavusoglu, Feygin and Tendick (2002, section 5) measured, beside what models give.
+r"""Three improvements of Cavusoglu, Feygin and Tendick (2002, section 5): measured values beside those of models.
 
 Wall 2.0 to 2.7 N/mm (+35 %), virtual damping 0.0050 to 0.011 N/(mm/s) (+120 %), teleoperation loop gain +50 % (no
 values). Between the two set-ups the amplifiers changed, and for the damping the velocity estimator.
 
-**What the models do not give.** The published transfer functions are unstable behind a virtual wall of any stiffness in
-x and y (they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in
-z (its position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model,
-whose axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says`
-gives the reason. What a damper or a delay would have to be for the published figures is in `needs`, and the fewest
-assumptions with which each ratio follows are in `explained_improvements`.
+**What the models do not give.** In x and y the published transfer functions are unstable behind a virtual wall of any
+stiffness (their phase lead is too small for the hold, and they have no damper to ground). In z they are stable for
+every stiffness (the position responds to force at once). So they give neither the walls nor the loop gain. Nor does the
+dynamic model, whose axes have no damping. Nothing is fitted here: a model without an answer has the value 0 or
+infinite, and `says` gives the reason. `needs` states the damper or delay that the published values would require, and
+`explained_improvements` gives the fewest assumptions from which each ratio follows.
 
-**What must be added.** Each ratio has the numbers that must be added for it to follow, found by solving the exact
-sampled loop for them. **None is published, and none is measured here:**
-they say what would have to be so.
+**What must be added.** For each ratio, the exact sampled loop is solved for the numbers that must be added. **None of
+them is published, and none is measured here:** they say what would have to be true.
 
-- **Wall, 2.0 to 2.7 N/mm.** The linear condition :math:`K < b / (T/2 + t_d)` has the ratio :math:`1 + 2 t_d / T` for
-  any damping: a stock amplifier that is late by some 0.175 ms gives +35 %. Both values need a damping of hand and arm,
-  too, 1.34 N s/m, and then the mass (52.5 g along y) does not count.
+- **Wall, 2.0 to 2.7 N/mm.** By the linear condition :math:`K < b / (T/2 + t_d)` the ratio is :math:`1 + 2 t_d / T` for
+  any damping: a stock amplifier that is late by some 0.175 ms gives +35 %. Both values also need a damping of hand and
+  arm, 1.34 N s/m, and then the mass (52.5 g along y) does not matter.
 - **Damping, 5.0 to 11 N s/m.** The strongest virtual damper "over the entire workspace" is that of the lightest
-  direction, z with 32.2 g at the origin by the dynamic model. With the lags of both estimators, which are published,
-  one number is left: a damping of the hand of 1.11 N s/m gives the ratio, and with it **both values** within 0.2 %,
-  which it was not fitted to. A hand without damping gives 5.7 times. This is the linear loop; with the encoder's edges
-  the period measurement bears some 7 N s/m: the "additional software logic" of the paper is not described.
-- **Loop gain, +50 %.** Again the ratio of the linear condition: a stock amplifier that is late by 0.25 ms, at any
+  direction, z with 32.2 g at the origin by the dynamic model. The lags of both estimators are published, so that one
+  number is left. A damping of the hand of 1.11 N s/m gives the ratio, and also **both values** within 0.2 %, to which
+  it was not fitted. A hand without damping gives a ratio of 5.7. This is the linear loop; with the encoder's edges the
+  period measurement allows some 7 N s/m. The paper does not describe its "additional software logic".
+- **Loop gain, +50 %.** The ratio of the linear condition again: a stock amplifier that is late by 0.25 ms, at any
   damping of the two devices.
 
-Wall and loop gain together need one more: with one amplifier late by 0.25 ms the wall has its +35 % only if it is 0.21
-ms later than the teleoperation in both set-ups, 0.25 / 0.35 ms less half a period.
+Wall and loop gain together need one more number. With one amplifier late by 0.25 ms, the wall has its +35 % only if it
+is 0.21 ms later than the teleoperation in both set-ups: 0.25 / 0.35 ms minus half a period.
 """
 
 from __future__ import annotations
@@ -65,14 +64,14 @@ _FITS = (("x", PHANTOM_1_5_X), ("y", PHANTOM_1_5_Y), ("z", PHANTOM_1_5_Z))
 
 @dataclass(frozen=True)
 class ModelFigure:
-    """One figure of one model, before and after the improvement.
+    """One value of one model, before and after the improvement.
 
     Attributes:
-        model: Which model.
-        unit: Unit of both figures; that of a published fit is its own.
-        before: With the stock set-up: 0 if unstable for every gain, infinite if stable for every gain.
-        after: With the improved one.
-        says: Meaning of this compared with the published figure, one sentence.
+        model: Name of the model.
+        unit: Unit of both values; a published fit has its own.
+        before: Value with the stock set-up: 0 if every gain is unstable, infinite if every gain is stable.
+        after: Value with the improved set-up.
+        says: What this means compared with the published value, one sentence.
     """
 
     model: str
@@ -83,7 +82,7 @@ class ModelFigure:
 
     @property
     def ratio(self) -> float:
-        """After over before; NaN where the model has no answer."""
+        """After over before; NaN if the model has no answer."""
         return self.after / self.before if 0 < self.before < math.inf else math.nan
 
 
@@ -93,11 +92,11 @@ class Improvement:
 
     Attributes:
         quantity: What was improved.
-        published: Figures before and after; None if they are not published.
-        unit: Their unit.
+        published: Values before and after; None if they are not published.
+        unit: Unit of the values.
         published_ratio: After over before.
-        models: Figures of the models.
-        needs: Assumption under which the published figures would follow, one sentence.
+        models: Values of the models.
+        needs: Assumption from which the published values would follow, one sentence.
     """
 
     quantity: str
@@ -109,7 +108,7 @@ class Improvement:
 
 
 def operational_masses() -> tuple[float, float, float]:
-    """Mass [kg] of the tip along x, y, z at the origin of the PHANToM 1.5, from its dynamic model."""
+    """Masses of the tip along x, y and z at the origin of the PHANToM 1.5 [kg], from its dynamic model."""
     diagonal = np.diag(mass_matrix(np.zeros((1, 3)))[0])
     levers = np.array([PHANTOM_1_5.l1, PHANTOM_1_5.l1, PHANTOM_1_5.l2])
     x, y, z = diagonal / levers**2
@@ -117,7 +116,7 @@ def operational_masses() -> tuple[float, float, float]:
 
 
 def wall_improvement() -> Improvement:
-    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no model of the source contains."""
+    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no published model contains."""
     settings = LoopSettings()
     before, after = PUBLISHED_WALL
     half = settings.period / 2
@@ -134,7 +133,7 @@ def wall_improvement() -> Improvement:
 
 
 def loop_gain_improvement() -> Improvement:
-    """Loop gain of teleoperation, +50 %: again the amplifiers."""
+    """Loop gain of teleoperation, +50 %: here, too, the amplifiers changed."""
     settings = LoopSettings()
     return Improvement(
         "teleoperation loop gain",
@@ -149,7 +148,7 @@ def loop_gain_improvement() -> Improvement:
 
 
 def damping_improvement() -> Improvement:
-    """Virtual damping, +120 %: the lag of the velocity estimator, which models do hold."""
+    """Virtual damping, +120 %: the velocity estimator changed, whose lag the models contain."""
     stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
     mass = operational_masses()[1]
     rigid = RigidAxis(mass, 0.0)
@@ -167,7 +166,7 @@ def damping_improvement() -> Improvement:
         ),
     ]
     for fit, axis in _FITS:
-        says = "The fit's units are not stated: its ratio counts, not its values."
+        says = "The fit's units are not stated: only its ratio can be compared."
         figures.append(
             ModelFigure(f"published fit of {fit}, linear", "in the fit's units", *_linear_damping(axis), says)
         )
@@ -201,13 +200,13 @@ def _models() -> list[tuple[str, Axis]]:
 
 
 def _same(name: str, gain: float) -> ModelFigure:
-    """Figure of a model that knows no amplifier, so that before and after are one."""
+    """Value of a model that contains no amplifier, so that before and after are equal."""
     if gain == 0.0:
         says = "Unstable for every gain, so that it cannot give the published figure."
     elif gain == math.inf:
         says = "Stable for every gain, so that it cannot give the published figure."
     else:
-        says = "It holds no amplifier, so that before and after are the same."
+        says = "It contains no amplifier, so that before and after are the same."
     return ModelFigure(name, "N/m", gain, gain, says)
 
 
@@ -217,17 +216,17 @@ def _percent(ratio: float) -> str:
 
 _PERIOD = LoopSettings().period
 _MOST_DAMPING = 20.0
-"""Damping of a hand that is looked for [N s/m]; beyond it a tip of 32 g comes to rest within two samples."""
+"""Largest damping of a hand in the search [N s/m]; beyond it a tip of 32 g comes to rest within two samples."""
 
 
 @dataclass(frozen=True)
 class Assumption:
-    """A number that is not published and that a published ratio needs.
+    """A number that is not published and from which a published ratio follows.
 
     Attributes:
         says: What is assumed.
-        value: The number that the ratio needs.
-        unit: Its unit.
+        value: The number for which the ratio follows.
+        unit: Unit of the number.
     """
 
     says: str
@@ -237,16 +236,16 @@ class Assumption:
 
 @dataclass(frozen=True)
 class Explained:
-    """A published improvement, and a model that gives it under stated assumptions.
+    """A published improvement, and the values of a model under stated assumptions.
 
     Attributes:
         quantity: What was improved.
-        unit: Of both figures.
-        published: Figures before and after; None if they are not published.
+        unit: Unit of the values.
+        published: Values before and after; None if they are not published.
         published_ratio: After over before.
         assumptions: All that is added to the published models.
-        before: What the model then gives for the stock set-up.
-        after: The same for the improved one.
+        before: Value of the model for the stock set-up.
+        after: Value of the model for the improved set-up.
     """
 
     quantity: str
@@ -264,9 +263,9 @@ class Explained:
 
 
 def explained_wall() -> Explained:
-    """Stiffest wall along y of a device that is held with some damping, the stock amplifier late by some lag.
+    """Stiffest wall along y for a device held with some damping and a stock amplifier with some lag.
 
-    Two numbers for two published figures; the lag alone sets the ratio.
+    Two numbers explain two published values; the lag alone determines the ratio.
     """
     mass, (before, after) = operational_masses()[1], PUBLISHED_WALL
 
@@ -314,15 +313,15 @@ def explained_damping() -> Explained:
 
 
 def explained_loop_gain() -> Explained:
-    """Largest gain between two equal devices with the damping of the wall, the stock amplifiers late by some lag.
+    """Largest gain between two equal devices with the damping of the wall and stock amplifiers with some lag.
 
-    One number for a ratio; the damping sets both values, which are not published, and not their ratio.
+    One number explains a ratio. The damping determines both values, which are not published, but not their ratio.
     """
     damping = explained_wall().assumptions[1].value
     axis = RigidAxis(operational_masses()[1], damping)
 
     def largest(lag: float) -> float:
-        # Only the difference is fed back, and it answers a force as both devices together do: half a wall's gain.
+        # Only the difference is fed back, and it responds to a force as both devices together: half a wall's gain.
         return 0.5 * critical_stiffness(axis, period=_PERIOD, delay=lag).stiffness
 
     after = largest(0.0)
@@ -344,7 +343,7 @@ def explained_improvements() -> tuple[Explained, Explained, Explained]:
 
 
 def _solved(beyond: Callable[[float], float], low: float, high: float) -> float:
-    """Where a rising function of one number passes zero, to 1e-10 of the width."""
+    """Zero of an increasing function, to 1e-10 of the width."""
     # Imported here: scipy.optimize takes longer to import than the rest of haptics.
     from scipy.optimize import brentq
 

@@ -1,8 +1,8 @@
 r"""A sampled device behind any digital filter, and the gains for which that loop is stable.
 
-The force is :math:`u = -(g\,S(z) + F(z))\,y`: the filter S with the gain that is asked for, the filter F held fixed.
-The loop crosses the border of stability where :math:`g(\omega) = -(1/P + F)/S` is real and positive; which side of a
-crossing is stable, the spectral radius of the closed loop says.
+The force is :math:`u = -(g\,S(z) + F(z))\,y`: the filter S with the unknown gain g, and the fixed filter F. The loop is
+at the limit of stability where :math:`g(\omega) = -(1/P + F)/S` is real and positive. The spectral radius of the closed
+loop shows which side of a crossing is stable.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
 from phantom_dyn.motion import ReadOnlyArrays
 
 _MARGINAL = 1e-7
-"""A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9."""
+"""Tolerance of the spectral radius: a free device has an eigenvalue of one, which rounding changes by some 1e-9."""
 _HALVINGS = 50
-"""Of a step of the grid, which is under a tenth of its frequency: to the last bits of it."""
+"""Halvings of a step of the grid, which is less than a tenth of its frequency: they fix it to the last bits."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class DigitalFilter(ReadOnlyArrays):
 
     Attributes:
         numerator: Coefficients of 1, 1/z, ..., shape ``(m,)``.
-        denominator: The same, the first not zero, shape ``(n,)``.
+        denominator: Coefficients of 1, 1/z, ..., the first not zero, shape ``(n,)``.
     """
 
     numerator: Float[Array, " m"]
@@ -65,9 +65,9 @@ class DigitalFilter(ReadOnlyArrays):
 
 
 UNFILTERED = DigitalFilter(np.ones(1), np.ones(1))
-"""Passes its input on."""
+"""Filter that passes its input on."""
 NOTHING = DigitalFilter(np.zeros(1), np.ones(1))
-"""Gives zero."""
+"""Filter whose output is zero."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class SampledLoop:
 
     Attributes:
         plants: The sampled device, or several under one force whose positions add up.
-        scaled: Filter whose gain is looked for.
-        fixed: Filter beside it.
+        scaled: Filter whose gain is searched for.
+        fixed: Filter in parallel with it.
 
     Raises:
         ParameterError: If there is no device, or devices differ in period or delay.
@@ -103,20 +103,20 @@ class SampledLoop:
         return self.plants[0].period
 
     def open_loop(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """Open loop per unit of gain, the fixed filter closed, at the frequencies [rad/s], shape ``(k,)``."""
+        """Open loop per unit of gain, with the fixed filter closed, at the frequencies [rad/s], shape ``(k,)``."""
         return -1.0 / self.gain_on_axis(frequency)
 
     def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """The gain that puts a root on the unit circle at each frequency [rad/s]: one where it is real and positive."""
+        """Gain that puts a root on the unit circle at each frequency [rad/s], where it is real and positive."""
         response = sum(plant.response(frequency) for plant in self.plants)
         held = 1.0 / response + self.fixed.response(frequency, self.period)
         with np.errstate(divide="ignore", invalid="ignore"):
             return -held / self.scaled.response(frequency, self.period)
 
-    # Cached: functions of the fields alone, asked for at every gain.
+    # Cached: they depend on the fields alone and are needed at every gain.
     @cached_property
     def plant(self) -> SampledAxis:
-        """All devices as one."""
+        """All devices as one system."""
         return reduce(_in_parallel, self.plants)
 
     @cached_property
@@ -124,7 +124,7 @@ class SampledLoop:
         return self.scaled.matrices(), self.fixed.matrices()
 
     def closed_loop(self, gain: float) -> Float[Array, "m m"]:
-        """Transition matrix; states of the device, past forces, states of both filters."""
+        """Transition matrix; the state is that of the device, the past forces, and those of both filters."""
         scaled, fixed = self._parts
         return self.plant.closed_by(
             (
@@ -140,22 +140,22 @@ class SampledLoop:
         return float(np.abs(np.linalg.eigvals(self.closed_loop(gain))).max())
 
     def is_stable(self, gain: float) -> bool:
-        """Whether nothing grows; a position that is held by nothing may stay where it is."""
+        """True if nothing grows; a free position may stay where it is."""
         return self.spectral_radius(gain) < 1.0 + _MARGINAL
 
 
 @dataclass(frozen=True)
 class CriticalGain:
-    """Up to which gain a loop is stable, with its Bode data.
+    """Gain up to which a loop is stable, with its Bode data.
 
     Attributes:
-        gain: End of the stable gains that begin at 0: 0 if the loop is unstable for the smallest, inf if it always is
+        gain: Upper end of the stable gains from 0 on; 0 if the smallest gain is unstable, infinite if every gain is
             stable.
-        frequency: Of the oscillation there [rad/s]; NaN if gain is 0 or infinite.
+        frequency: Frequency of the oscillation there [rad/s]; NaN if gain is 0 or infinite.
         crossing_frequency: All frequencies at which the open loop crosses the negative real axis, shape ``(c,)``.
-        crossing_gain: The gains that it crosses -1 with, in increasing order, shape ``(c,)``.
-        stable: Whether the loop is stable below each crossing gain, and above the last, shape ``(c + 1,)``.
-        bode_frequency: [rad/s], shape ``(k,)``.
+        crossing_gain: Gains at which these crossings reach -1, in increasing order, shape ``(c,)``.
+        stable: True if the loop is stable below each crossing gain, and above the last, shape ``(c + 1,)``.
+        bode_frequency: Frequencies of the Bode data [rad/s], shape ``(k,)``.
         open_loop: Open loop per unit of gain, shape ``(k,)``.
     """
 
@@ -169,11 +169,11 @@ class CriticalGain:
 
 
 def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
-    """Largest gain up to which a loop is stable, from all crossings of the border and the spectral radius between.
+    """Largest gain up to which a loop is stable, from all crossings of the limit and the spectral radius between them.
 
     Args:
         loop: Device and controller.
-        lowest: Frequency from which on crossings are looked for [rad/s].
+        lowest: Lowest frequency of the search for crossings [rad/s].
 
     Raises:
         ParameterError: If the lowest frequency is not between 0 and half the sampling frequency.
@@ -192,7 +192,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     where = _roots(loop, grid[changes], grid[changes + 1])
     ends = np.append(where, math.pi / period)
     there = loop.gain_on_axis(ends)
-    # Through infinity, where the filter is deaf, the sign changes without a crossing.
+    # Where the filter passes nothing, the gain changes sign through infinity, which is no crossing.
     near = np.append(np.abs(there[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
     found = zip(np.real(there)[near], ends[near], strict=True)
     crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)
@@ -208,7 +208,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
 
 
 def _roots(loop: SampledLoop, low: Float[Array, " n"], high: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Frequencies between ``low`` and ``high`` at which the gain turns real, all halved at once."""
+    """Frequencies between ``low`` and ``high`` at which the gain is real, by bisection of all intervals at once."""
     below = np.signbit(np.imag(loop.gain_on_axis(low)))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)

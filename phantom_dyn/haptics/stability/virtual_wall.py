@@ -1,12 +1,12 @@
-r"""Stiffest virtual wall, strongest virtual damper and largest loop gain that a sampled device bears.
+r"""Stiffest virtual wall, strongest virtual damper and largest loop gain for which a sampled device is stable.
 
-**With each velocity estimator**, linear: the loop of device, hold, delay and estimator as a filter; the estimators that
-are no filter, period measurement and adaptive windowing, are put in as what they tend to for a fine encoder. Simulated:
-the loop in time with its encoder, the gain raised until an oscillation lasts, which is how Cavusoglu, Feygin and
-Tendick (2002, section 5) found their marginal gains.
+**With each velocity estimator**, linear: the loop of device, hold, delay and estimator as a filter. Period measurement
+and adaptive windowing are no linear filters; the former is replaced by its limit for a fine encoder, the latter is
+refused. Simulated: the loop in time with its encoder, the gain raised until an oscillation lasts, which is how
+Cavusoglu, Feygin and Tendick (2002, section 5) found their marginal gains.
 
-**A wall** is passive whoever holds the device (Colgate and Schenkel, 1997) if a device with damping b in front of a
-sampled wall C(z) has
+**A wall** is passive whoever holds the device (Colgate and Schenkel, 1997) if for a device with damping b in front of a
+sampled wall C(z)
 
 .. math:: b > \frac{T}{2} \frac{1}{1 - \cos\omega T}\, \mathrm{Re}\{(1 - e^{-j\omega T})\, C(e^{j\omega T})\}
    \quad\text{for all } 0 \le \omega \le \pi/T,
@@ -14,12 +14,12 @@ sampled wall C(z) has
 which for a spring and a damper without delay is :math:`b > KT/2 + |B|`. With a delay of :math:`dT + \tau` the power at
 the aliases :math:`\omega_n` of a frequency is a Hermitian form of rank two,
 :math:`b \sum |v_n|^2 - \mathrm{Re}\{\alpha\, \bar S_\tau S_0\}` with :math:`S_\tau = \sum v_n e^{j\omega_n\tau}
-/(j\omega_n)`; its largest eigenvalue takes the place of the right-hand side, and is that where :math:`\tau = 0`.
-Sufficient for stability with any passive operator, and far more than a free device needs if B is large.
+/(j\omega_n)`. Its largest eigenvalue replaces the right-hand side, to which it is equal for :math:`\tau = 0`. The
+condition suffices for stability with any passive operator; if B is large, a free device needs far less damping.
 
 **Teleoperation** (Cavusoglu, Feygin and Tendick, 2002, section 5): master and slave are pushed by
-:math:`\mp (G + B\,\hat v)` of the difference of their positions. Only the difference is fed back, and it answers a
-force as both devices in parallel do: equal devices bear half the gain of one on a wall.
+:math:`\mp (G + B\,\hat v)` of the difference of their positions. Only the difference is fed back, and it responds to a
+force as both devices in parallel: equal devices allow half the gain of one device on a wall.
 """
 
 from __future__ import annotations
@@ -56,9 +56,8 @@ from phantom_dyn.haptics.stability.sampled_loop import (
 def velocity_filter(estimator: Estimator, *, step: float, period: float) -> DigitalFilter:
     """Filter from reading to velocity estimate.
 
-    An average and a Kalman filter are filters. Period measurement is taken as the difference of two samples that its
-    own average then smooths: with the encoder's period short beside the sampling period, that is half a period T later
-    than it is.
+    An average and a Kalman filter are linear filters. Period measurement is replaced by the difference of two samples,
+    smoothed by its own average; if edges are frequent, this is half a sampling period later than the true estimate.
 
     Raises:
         ParameterError: For adaptive windowing, whose window depends on the motion.
@@ -81,7 +80,7 @@ def velocity_filter(estimator: Estimator, *, step: float, period: float) -> Digi
 
 
 def critical_damping_gain(axis: Axis, settings: LoopSettings) -> CriticalGain:
-    """Largest virtual damping [N s/m] of free motion, force against the estimated velocity, rounding left out.
+    """Largest virtual damping [N s/m] of free motion, force against the estimated velocity, without rounding.
 
     Raises:
         ParameterError: If the estimator is adaptive windowing.
@@ -91,23 +90,19 @@ def critical_damping_gain(axis: Axis, settings: LoopSettings) -> CriticalGain:
 
 
 def critical_wall(axis: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:
-    """Largest stiffness [N/m] of a wall that the device stays in, with a virtual damping beside it, rounding left out.
+    """Largest stable stiffness [N/m] of a wall in which the device stays, with a virtual damping, without rounding.
 
     Raises:
         ParameterError: If there is damping and the estimator is adaptive windowing.
     """
     plant = discretise(axis, period=settings.period, delay=settings.delay)
-    fixed = NOTHING
-    if damping != 0.0:
-        rate = _filter_of(settings)
-        fixed = DigitalFilter(damping * rate.numerator, rate.denominator)
-    return critical_gain(SampledLoop((plant,), scaled=UNFILTERED, fixed=fixed))
+    return critical_gain(SampledLoop((plant,), scaled=UNFILTERED, fixed=_damper(settings, damping)))
 
 
 def simulate_damping(
     axis: Axis, settings: LoopSettings, damping: float, *, speed: float = 0.1, duration: float = 2.0
 ) -> LoopTrace:
-    """A device pushed off at a speed [m/s] into a virtual liquid of this damping [N s/m]."""
+    """Simulation of a device that starts with a speed [m/s] in a virtual liquid of this damping [N s/m]."""
     hand = np.zeros((sample_count(duration, settings.period), 1))
     return simulate_loop((axis,), settings, gain=0.0, damping=damping, start=(0.0,), speed=(speed,), hand=hand)
 
@@ -122,7 +117,7 @@ def simulate_wall(
     push: float = 1.0,
     duration: float = 2.0,
 ) -> LoopTrace:
-    """A device that meets a one-sided wall at zero with a speed [m/s], pressed on it by a constant force [N]."""
+    """Simulation of a device that meets a one-sided wall at zero, pressed by a constant force [N], at a speed [m/s]."""
     hand: Float[Array, "N d"] = np.full((sample_count(duration, settings.period), 1), push)
     return simulate_loop(
         (axis,), settings, gain=stiffness, damping=damping, start=(0.0,), speed=(speed,), hand=hand, one_sided=True
@@ -130,12 +125,20 @@ def simulate_wall(
 
 
 def simulated_damping_gain(axis: Axis, settings: LoopSettings, *, low: float, high: float) -> float:
-    """Virtual damping [N s/m] at which a moving device begins to swing on, encoder and all."""
+    """Virtual damping [N s/m] at which the oscillation of a moving device begins to last, with encoder and rounding."""
     return gain_until_swinging(partial(simulate_damping, axis, settings), settings.encoder.step, low=low, high=high)
 
 
 def _filter_of(settings: LoopSettings) -> DigitalFilter:
     return velocity_filter(settings.estimator, step=settings.encoder.step, period=settings.period)
+
+
+def _damper(settings: LoopSettings, damping: float) -> DigitalFilter:
+    """Filter from reading to the force of a virtual damper."""
+    if damping == 0.0:
+        return NOTHING
+    rate = _filter_of(settings)
+    return DigitalFilter(damping * rate.numerator, rate.denominator)
 
 
 def _average(samples: int, period: float) -> DigitalFilter:
@@ -145,17 +148,17 @@ def _average(samples: int, period: float) -> DigitalFilter:
 
 
 _POINTS = 2000
-"""Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end."""
+"""Points between 0 and the Nyquist frequency; the function is smooth at its maximum, most often at an end."""
 
 
 def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
-    """Least damping b of the device [N s/m or N m s/rad] with which this wall is passive.
+    """Least damping b of the device [N s/m or N m s/rad] for which this wall is passive.
 
     Args:
-        stiffness: K of the wall [N/m or N m/rad].
+        stiffness: Stiffness K of the wall [N/m or N m/rad].
         period: Sampling period T [s].
-        delay: Of the loop beside the hold [s]; any number of 0 or more.
-        virtual_damping: B of the wall.
+        delay: Delay of the loop in addition to the hold [s], 0 or more.
+        virtual_damping: Virtual damping B of the wall [N s/m or N m s/rad].
 
     Raises:
         ParameterError: If stiffness or delay is negative, the period not positive, or a number not finite.
@@ -171,30 +174,26 @@ def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virt
     square = (0.5 * period / np.sin(0.5 * x)) ** 2  # sum of 1/w_n^2 over all aliases
     if rest == 0:
         return float(np.max((alpha * square).real))
-    # Sum of exp(-j w_n rest)/w_n^2 over the aliases: the z transform of a ramp that starts `rest` before the samples.
+    # Sum of exp(-j w_n rest)/w_n^2 over the aliases: z transform of a ramp that starts `rest` before the samples.
     cross = alpha * -period * np.conj(rest / back + period * (1.0 - back) / back**2)
     apart = np.maximum((np.abs(alpha) * square) ** 2 - cross.imag**2, 0.0)
     return float(np.max(0.5 * (cross.real + np.sqrt(apart))))
 
 
 def critical_loop_gain(master: Axis, slave: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:
-    """Largest gain [N/m] of the position error, with a damping of its estimated rate beside it, rounding left out.
+    """Largest gain [N/m] on the position error, with damping on its estimated rate, without rounding.
 
     Args:
-        master: The device in the operator's hand; `held_by` of an axis puts the hand on it.
+        master: The device in the operator's hand; `held_by` of an axis adds the hand.
         slave: The other device.
         settings: Sampling and estimator of both.
-        damping: Of the estimated rate of the error [N s/m].
+        damping: Damping on the estimated rate of the error [N s/m].
 
     Raises:
         ParameterError: If there is damping and the estimator is adaptive windowing.
     """
     first, second = (discretise(axis, period=settings.period, delay=settings.delay) for axis in (master, slave))
-    fixed = NOTHING
-    if damping != 0.0:
-        rate = velocity_filter(settings.estimator, step=settings.encoder.step, period=settings.period)
-        fixed = DigitalFilter(damping * rate.numerator, rate.denominator)
-    return critical_gain(SampledLoop(_difference(first, second), scaled=UNFILTERED, fixed=fixed))
+    return critical_gain(SampledLoop(_difference(first, second), scaled=UNFILTERED, fixed=_damper(settings, damping)))
 
 
 def simulate_teleoperation(
@@ -207,7 +206,7 @@ def simulate_teleoperation(
     offset: float = 2e-3,
     duration: float = 2.0,
 ) -> LoopTrace:
-    """Master and slave let go in free space `offset` [m] apart; column 0 of the traces is the master."""
+    """Simulation of master and slave released in free space `offset` [m] apart; column 0 of traces is the master."""
     hand = np.zeros((sample_count(duration, settings.period), 2))
     return simulate_loop(
         (master, slave), settings, gain=gain, damping=damping, start=(offset, 0.0), speed=(0.0, 0.0), hand=hand
@@ -215,7 +214,7 @@ def simulate_teleoperation(
 
 
 def _difference(first: SampledAxis, second: SampledAxis) -> tuple[SampledAxis, ...]:
-    """What the difference of both positions sees. Of equal devices one, twice: no force moves both together."""
+    """Plants whose sum is the difference of both positions. Equal devices reduce to one, counted twice."""
     arrays = ("transition", "newer", "older", "output")
     if all(np.array_equal(getattr(first, name), getattr(second, name)) for name in arrays):
         twice = 2 * first.output

@@ -144,7 +144,7 @@ def test_the_robot_stands_in_front_of_the_recordings(log, tmp_path, capsys):
 
 def test_a_robot_without_a_recording_is_refused(capsys):
     assert main(["check", str(ARM)]) == 2
-    assert "a robot without a recording: name the recording behind it" in capsys.readouterr().err
+    assert "a robot without a recording: name a recording after it" in capsys.readouterr().err
 
 
 def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, capsys):

@@ -149,7 +149,7 @@ def test_a_robot_without_loops_has_no_singularity_to_stay_clear_of(arm, tmp_path
 def test_the_help_says_that_a_given_speed_is_an_upper_limit_and_what_the_condition_number_is_of(capsys):
     assert main(["excite", "--help"]) == 0
     sentence = " ".join(capsys.readouterr().out.split())
-    assert "--velocity V [V ...] highest speed, where the robot file allows more" in sentence
+    assert "--velocity V [V ...] highest speed, if the robot file allows more" in sentence
     assert "base regressor, each column divided by its norm" in sentence
 
 
@@ -202,7 +202,7 @@ def test_a_motion_without_constant_speeds_is_said_to_be_no_friction_test(tmp_pat
     log = written(tmp_path / "sine.csv", ("pin",), t, q, tau)
     assert main(["experiment", "friction", str(robots / "pendulum.urdf"), str(log), "--anyway"]) == 0
     sentence = capsys.readouterr().out
-    assert "note: sine.csv, pin: no viscous or coulomb friction is below zero, and" in sentence
+    assert "note: sine.csv, pin: its viscous and coulomb friction is below zero, and" in sentence
     assert "its speed was constant in 20\N{NO-BREAK SPACE}% of its motion" in sentence
 
 

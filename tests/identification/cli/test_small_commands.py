@@ -161,7 +161,7 @@ def test_a_log_without_torque_needs_no_option(pendulum, tmp_path):
     table = np.column_stack([t, q, q + (needed + 6.0 * v) / 60.0])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q.pin,q_ref.pin", comments="")
     words = [str(pendulum), str(tmp_path / "log.csv"), "--horizon", "0.2"]
-    replay = view_command._replay(view_command.parser().parse_args(words), ())
+    replay = view_command._replay(view_command.parser().parse_args(words))
     assert any("positions and references only" in note for note in replay.notes)
     measured, given = replay.curves.measured[:, 0], replay.curves.modelled[0][:, 0]
     assert np.nanmax(np.abs(measured - given)) < 0.02 * np.nanmax(np.abs(measured))

@@ -5,8 +5,16 @@ import io
 import pytest
 
 from identification.cli.main import main
-from identification.cli.terminal.percentage import BATCH, DIAGNOSIS, EXCITATION, IDENTIFICATION, MAP, VIEW, percent_done
-from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.progress import (
+    BATCH,
+    DIAGNOSIS,
+    EXCITATION,
+    IDENTIFICATION,
+    MAP,
+    VIEW,
+    Progress,
+    percent_done,
+)
 from identification.cli.terminal.stage_times import StageTimes, peak_megabytes
 from identification.stages import Announcement, Stage
 

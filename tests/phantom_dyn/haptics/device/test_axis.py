@@ -97,7 +97,7 @@ def test_two_masses_follow_from_sum_spring_and_resonance():
         ),
         pytest.param(
             lambda: TransferFunction(np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0])),
-            "degree 2 over 1 was given: no device answers",
+            "degree 2 over 1 was given: no device moves before",
             id="a numerator of higher degree",
         ),
         pytest.param(

@@ -277,7 +277,7 @@ def test_noise_lowers_the_coherence_where_the_device_moves_least(rng):
     ("arguments", "words"),
     [
         ((10.0, 5.0, 10.0), "give a higher frequency at its end"),
-        ((10.0, 50.0, 1.0), "at least four swings of that frequency, 2.51 s"),
+        ((10.0, 50.0, 1.0), "at least four cycles of that frequency, 2.51 s"),
         ((10.0, 50.0, 10.0, 1), "whole number of 2 or more"),
     ],
 )

@@ -185,7 +185,9 @@ def test_positions_and_velocities_may_be_lists(rubbing):
 
 @pytest.mark.whole
 def test_one_sample_without_its_row_is_refused_with_the_shape_that_is_wanted(rubbing):
-    with pytest.raises(ParameterError, match=r"shape \(3,\) were given, wanted \(N, 3\) of both: give a row a sample"):
+    with pytest.raises(
+        ParameterError, match=r"shape \(3,\) were given, wanted \(N, 3\) of both: give a row per sample"
+    ):
         assisting_torque(rubbing, np.zeros(3), np.zeros(3), FrictionCompensation(0.8, 0.01))
 
 
