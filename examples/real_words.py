@@ -84,6 +84,6 @@ def said(diagnosis: dict) -> str:
     rest = diagnosis["unexplained"]
     verdict = VERDICTS[diagnosis["verdict"]]
     if rest["structured"] and diagnosis["verdict"] in ("partly_explained", "unknown"):
-        verdict += f" ({100 * rest['fraction_of_explainable']:.0f} % of what the motion foretells"
+        verdict += f" ({100 * rest['fraction_of_explainable']:.0f} % of what the motion predicts"
         verdict += f", {rest['where']['joint']})" if rest["where"]["joint"] else ")"
     return ". ".join([verdict, *named]) + "."

@@ -41,8 +41,8 @@ def in_recording(recording: str | None) -> str:
 
 
 def growth_words(finding: Finding) -> str:
-    """``, where it is 2.1 times what it is in the other recordings``; nothing where that is not known."""
-    # A ratio that is a parameter of the effect itself does not compare recordings.
+    """``, where it is 2.1 times what it is in the other recordings``; empty if that is not known."""
+    # A ratio that is a parameter of the effect itself is no ratio between recordings.
     own = "ratio" in words_of(finding).parameters
     ratio = None if own else finding.parameters.get("ratio")
     if finding.recording is None or ratio is None:
@@ -74,7 +74,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
 
     Args:
         finding: The finding.
-        next_experiment: Next experiment of the diagnosis, which is the advice for findings that it separates.
+        next_experiment: Proposed experiment of the diagnosis; it is the advice for findings that it separates.
     """
     rivals = rivals_words(finding) or NO_RIVAL
     return FindingWords(
@@ -100,13 +100,13 @@ def _shown(finding: Finding) -> str:
 
 
 def finding_name(finding: Finding) -> str:
-    """Plain name of the effect; a negative size has a name that says less than modelled."""
+    """Plain name of the effect; a negative size has a name that says that there is less of it than modelled."""
     words = words_of(finding)
     return words.less if _is_less(finding) else words.name
 
 
 def on_place(effect: str, joint: str | None) -> str:
-    """``on joint j2``; of a coupling ``between joints j2 and j3``; on the robot as a whole for None."""
+    """``on joint j2``; for a coupling ``between joints j2 and j3``; for None ``on the robot as a whole``."""
     if joint is None:
         return "on the robot as a whole"
     where = place(effect, joint)
@@ -133,7 +133,7 @@ def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
 
 
 def place(effect: str, joint: str | None) -> str:
-    """``joint j2``; of a coupling ``joints j2 and j3``; the whole robot for None, a frame for the pose of a target."""
+    """``joint j2``; for a coupling ``joints j2 and j3``; for None the whole robot; for a target's pose its frame."""
     if joint is None:
         return "the whole robot"
     if effect == TOOL_POSE:
@@ -142,7 +142,7 @@ def place(effect: str, joint: str | None) -> str:
 
 
 def joints_words(names: list[str]) -> str:
-    """``joint j2`` or ``joints j2 and j3``; names that contain the word joint are not preceded by it."""
+    """``joint j2`` or ``joints j2 and j3``; without the word joint if every name contains it."""
     if all("joint" in name.lower() for name in names):
         return joined(names)
     return f"joint{'s' * (len(names) > 1)} {joined(names)}"
@@ -178,18 +178,18 @@ def rivals_words(finding: Finding) -> str:
 
 
 def sureness(probability: float) -> str:
-    """A probability in words and as a number; below a half it is called undecided."""
+    """A probability in words and as a number; below one half it is called undecided."""
     words = next((words for least, words in SURENESS if probability >= least), "undecided")
     return f"{words} ({percent_short_of_all(probability)})"
 
 
 def gap_closed(finding: Finding) -> str:
-    """Share of the gap that returns without a finding, with its interval where that differs."""
+    """Share of the gap that returns without a finding, with its interval if that differs."""
     return share_words(finding.gap_closed, finding.gap_closed_interval)
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without it where the ends are the same.
+    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends are the same.
 
     Shares are at most 100 %, as a correction below the noise floor is no part of the gap.
     """
@@ -202,9 +202,9 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 
 
 def share_of_gap(finding: Finding) -> str:
-    """Share of a finding in the gap that all close together; if unknown, the gap that returns without the finding.
+    """Share of a finding in the gap that all findings close; if unknown, the gap that returns without the finding.
 
-    An effect that only helps together with others has a negative share in the mean over all orders, which is not shown.
+    An effect that only helps together with others has a negative mean share over all orders, which is not shown.
     """
     if finding.share is None:
         return gap_closed(finding)
@@ -214,19 +214,19 @@ def share_of_gap(finding: Finding) -> str:
 
 
 def of_the_gap(finding: Finding) -> str:
-    """``71 % of the gap``; for an effect that only helps with others ``1 % of the gap beside the others``."""
+    """``71 % of the gap``; for an effect that only helps with others, ``1 % of the gap beside the others``."""
     if finding.share is not None and finding.share < 0.0:
         return f"{percent_short_of_all(finding.gap_closed)} of the gap{_BESIDE}"
     return f"{share_of_gap(finding)} of the gap"
 
 
 def shown_parameters(finding: Finding) -> dict[str, Value]:
-    """The numbers of a finding that the recordings show."""
+    """Parameters of a finding that the recordings show."""
     return {name: value for name, value in finding.parameters.items() if value.shown}
 
 
 def not_shown_words(finding: Finding) -> str:
-    """``this motion does not show center y`` for parameters that the recordings do not show; empty without any."""
+    """``this motion does not show center y`` for parameters that the recordings do not show; empty if all are shown."""
     names = [parameter_name(name) for name, value in finding.parameters.items() if not value.shown]
     if not names:
         return ""
@@ -236,12 +236,12 @@ def not_shown_words(finding: Finding) -> str:
 
 
 def parameter_name(name: str) -> str:
-    """``torque positive`` for ``torque_positive``; the parameters of a body keep the body's name as it is."""
+    """``torque positive`` for ``torque_positive``; parameters of a body keep the body's name as it is."""
     return name if "." in name else name.replace("_", " ").replace("coulomb", "Coulomb")
 
 
 def joined(parts: list[str], last: str = " and ") -> str:
-    """``a, b and c``."""
+    """The parts in one phrase, as ``a, b and c``."""
     return parts[0] if len(parts) == 1 else last.join([", ".join(parts[:-1]), parts[-1]]) if parts else ""
 
 

@@ -1,4 +1,4 @@
-"""Effects, their sizes and regimes in plain words, from what each effect of the catalogue carries."""
+"""Effects, their sizes and regimes in plain words, taken from the effects of the catalogue."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.words.numbers_and_names import NO_BREAK, number, value_words
 from phantom_dyn.effects.catalogue import kind_and_place, known_effect
 from phantom_dyn.effects.described import EffectWords
 
-# Reports list kinds of effects in this order, and those of one kind in that of the catalogue.
+# Reports list kinds of effects in this order, and effects of one kind in the order of the catalogue.
 _KINDS = ("friction", "transmission", "drive", "load", "encoder")
 
 REGIMES: dict[str, str] = {
@@ -28,7 +28,7 @@ REGIMES: dict[str, str] = {
     "everywhere": "throughout the motion",
 }
 
-# Of a body, in the frame of the joint that moves it; a name is BODY.QUANTITY.
+# Inertial parameters of a body, in the frame of the joint that moves it; a name is BODY.QUANTITY.
 INERTIAL: dict[str, str] = {
     "m": "mass",
     **{f"m{a}": f"mass times the place of its centre along {a}" for a in "xyz"},
@@ -38,26 +38,26 @@ INERTIAL: dict[str, str] = {
 
 
 class Named(Protocol):
-    """Objects that name an effect: a finding, a rival's part, a bound, an effect that cannot be tested."""
+    """Object that names an effect: a finding, a part of a rival, a bound, or an effect that cannot be tested."""
 
     @property
     def effect(self) -> str:
-        """Its name."""
+        """Name of the effect."""
         ...
 
     @property
     def words(self) -> EffectWords | None:
-        """Words of a user's effect; None for one of the catalogue."""
+        """Words of a user's effect; None for an effect of the catalogue."""
         ...
 
 
 def words_of(named: Named) -> EffectWords:
-    """Words for an effect: those of its author, else those of its name."""
+    """Words for an effect: those of its author if it has one, else those of the catalogue."""
     return effect_words(named.effect) if named.words is None else named.words
 
 
 def effect_words(effect: str) -> EffectWords:
-    """Words for an effect of the catalogue; a name from elsewhere is shown as it is."""
+    """Words for an effect of the catalogue; any other name is shown as it is."""
     known = known_effect(effect)
     if known is not None:
         return known.words
@@ -65,12 +65,12 @@ def effect_words(effect: str) -> EffectWords:
 
 
 def shown_as(name: str) -> EffectWords:
-    """Words for an effect of which nothing but its name is known."""
+    """Words for an effect of which only the name is known."""
     return EffectWords(name, name, "See what this effect means in its documentation.")
 
 
 def report_order(effect: str) -> tuple[int, int]:
-    """Place of an effect in lists of a report: its kind, then its place in the catalogue; a user's own is last."""
+    """Sort key of an effect in a report: its kind, then its place in the catalogue; a user's own come last."""
     kind, place = kind_and_place(effect) or ("", 0)
     return _KINDS.index(kind) if kind in _KINDS else len(_KINDS), place
 
@@ -101,7 +101,7 @@ def regime_sentence(regime: str | None) -> str:
 
 
 def size_words(finding: Finding) -> str:
-    """Size after a finding's name, as ``of 0.051 N m``; empty where a parameter is missing."""
+    """Size after a finding's name, as ``of 0.051 N m``; empty if a parameter is missing."""
     template = words_of(finding).size
     fields = [name for _, name, _, _ in string.Formatter().parse(template) if name]
     if not fields or any(name not in finding.parameters or not finding.parameters[name].shown for name in fields):
@@ -110,12 +110,12 @@ def size_words(finding: Finding) -> str:
 
 
 def shortfall_words(value: Value) -> str:
-    """Size after the name of a finding of less than modelled, as ``by 0.051 N m``."""
+    """Size after the name of a finding below the modelled value, as ``by 0.051 N m``."""
     return f"by {with_unit(number(abs(_listed(value)[0])), value.unit)}"
 
 
 def meaning_of(named: Named, parameter: str) -> str:
-    """Meaning of an effect's parameter; empty where its name is enough."""
+    """Meaning of an effect's parameter; empty if its name says enough."""
     _, dot, quantity = parameter.rpartition(".")
     return INERTIAL.get(quantity, "") if dot else words_of(named).parameters.get(parameter, "")
 
@@ -130,7 +130,7 @@ def value_cell(value: Value) -> str:
 
 
 def _shown(value: Value) -> str:
-    """A value in a sentence, without its deviation, which is in the table of sizes."""
+    """A value in a sentence, without its standard deviation, which is in the table of sizes."""
     return with_unit(" and ".join(number(v) for v in _listed(value)), value.unit)
 
 

@@ -1,4 +1,4 @@
-"""Sentences on the findings of measured poses on a robot's geometry."""
+"""Sentences on errors of a robot's geometry that measured poses show."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
-from identification.words.diagnosis_words import sureness
+from identification.words.diagnosis_words import capital, joined, sureness
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import (
     NO_BREAK,
@@ -32,13 +32,13 @@ EFFECTS = {
 
 
 def answer(diagnosis: Diagnosis) -> str:
-    """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
+    """The verdict in a few sentences: on the torques, if there are any, and then on the poses, if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.of_torques))]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
 
 
 def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Findings in torque, then those in poses."""
+    """Findings from torques, then findings from poses."""
     return (*diagnosis.findings, *(() if diagnosis.geometry is None else map(_as_finding, diagnosis.geometry.findings)))
 
 
@@ -61,13 +61,13 @@ def _as_finding(one: PoseFinding) -> Finding:
 
 
 def small_words(value: float, unit: str) -> str:
-    """A length in mm, an angle in mrad; anything else as it is."""
+    """A length in mm or an angle in mrad; any other quantity in its own unit."""
     factor, name = _SMALL.get(unit, (1.0, unit))
     return f"{number(factor * value)} {name}"
 
 
 def size_words(one: Number) -> str:
-    """A number with its deviation, lengths in mm and angles in mrad."""
+    """A number with its standard deviation, lengths in mm and angles in mrad."""
     factor, name = _SMALL.get(one.unit, (1.0, one.unit))
     return value_words(Value(factor * one.value, factor * one.std, name))
 
@@ -88,7 +88,7 @@ def carrier(effect: str, joint: str | None) -> str:
 
 
 def sizes_words(finding: PoseFinding) -> str:
-    """Sizes of a finding: a stiffness beside its compliance, and the axes of a place."""
+    """Sizes of a finding: stiffness for an elasticity, axes for a wrong place, else its offset."""
     if finding.effect == ELASTIC:
         compliance = finding.parameters["compliance"]
         unit = _stiffness_unit(compliance.unit)
@@ -108,13 +108,8 @@ def _along(name: str) -> str:
     return f"along {name}" if name in _SHIFTS else f"about {name[1:]}"
 
 
-def joined(parts: list[str]) -> str:
-    """``a, b and c``."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
-
-
 def place_words(place: Place) -> str:
-    """Effect and joint of a rival, with the axes of a place."""
+    """Effect and joint of a rival, with axes if it is a wrong place."""
     at = f"{EFFECTS[place.effect]} of {carrier(place.effect, place.joint)}"
     if place.effect not in PLACES:
         return at
@@ -122,7 +117,7 @@ def place_words(place: Place) -> str:
 
 
 def sentences(found: GeometryResult) -> list[str]:
-    """Two or three sentences: error of the tip, its causes, and the residual."""
+    """Sentences on the error of the tip, its causes, and what is left."""
     return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
 
 
@@ -141,7 +136,7 @@ def _cause_sentences(found: GeometryResult) -> list[str]:
     if not found.findings:
         return [_nothing(found)]
     largest = found.findings[0]
-    out = [f"{_capital(finding_at(largest))} explains {_share(largest)} of the error{_rivals(largest)}."]
+    out = [f"{capital(finding_at(largest))} explains {_share(largest)} of the error{_rivals(largest)}."]
     if len(found.findings) > 1:
         others = [f"{finding_at(one)} ({_share(one)}{_rivals(one)})" for one in found.findings[1:]]
         out.append(f"Besides, {joined(others)}.")
@@ -169,7 +164,7 @@ def _nothing(found: GeometryResult) -> str:
         return "These poses cannot show an error of the geometry: measure more postures, with all joints in motion."
     if found.structured:
         return "What is left depends on the posture, and no zero, place or elasticity of a joint explains it."
-    return "All joints together explain part of it, but no few of them do: measure more poses."
+    return "Many joints together explain part of it, but no few of them do: measure more poses."
 
 
 def _share(finding: PoseFinding) -> str:
@@ -177,10 +172,10 @@ def _share(finding: PoseFinding) -> str:
 
 
 def _rivals(finding: PoseFinding) -> str:
-    """Other explanations that these poses do not separate from a finding."""
+    """Other explanations that these poses cannot separate from a finding."""
     if not finding.rivals:
         return ""
-    # A set of which only the new member is named reads shorter.
+    # A set is named by its new member alone, which is shorter.
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
     named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
     return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
@@ -190,10 +185,6 @@ def _late_sentences(found: GeometryResult) -> list[str]:
     seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
     return [
         f"In {late.file} poses are stamped {1e3 * abs(late.delay):.3g}{NO_BREAK}ms "
-        f"{'later' if late.delay > 0 else 'earlier'} than joint positions; that is taken out."
+        f"{'later' if late.delay > 0 else 'earlier'} than joint positions; this was corrected."
         for late in seen
     ]
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -1,4 +1,4 @@
-"""Sentences on the law of the residual."""
+"""Sentences on the law of the residual: its inputs and its formula."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KINDS = {
 
 
 def input_words(name: str, joint: str) -> str:
-    """``the velocity``, of another joint ``the velocity of j2``; ``the frequency of the velocity``."""
+    """``the velocity``; for another joint ``the velocity of j2``; for a frequency ``the frequency of the velocity``."""
     if is_frequency(name):
         return f"the frequency of {input_words(base_of(name), joint)}"
     kind, _, of = name.partition(".")
@@ -34,12 +34,12 @@ def input_words(name: str, joint: str) -> str:
 
 
 def inputs_words(names: tuple[str, ...], joint: str) -> str:
-    """Several inputs in words."""
+    """Several inputs in one phrase."""
     return joined([input_words(name, joint) for name in names])
 
 
 def law_line(left: Unexplained) -> str:
-    """The law of the residual, or the inputs that it depends on, in one line; empty if neither is known."""
+    """One line with the law of the residual, or the inputs that it depends on; empty if neither is known."""
     found, law = left.dependence, left.law
     if found is None or not found.inputs:
         return ""
@@ -52,27 +52,25 @@ def law_line(left: Unexplained) -> str:
 
 
 def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
-    """Sentences of the report on the inputs and on the formula."""
+    """Sentences of the report on the inputs and the formula."""
     if not found.inputs:
-        return [
-            f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
-        ]
+        return [f"No recorded input predicts what is left on {place('', found.joint)} better than chance."]
     has_gain = law is not None or any(set(gain.inputs) == set(found.inputs) for gain in found.gains)
     out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
     if not has_gain:
         out.append(
-            "Most formulas that fit stretches drawn at random use that; smooth functions of other pairs foresee more."
+            "Most formulas that fit randomly drawn stretches use it; smooth functions of other pairs predict more."
         )
     answered = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if answered:
         out.append(
-            f"To {joined(answered)} it answers with a gain and a phase that change with the frequency: no function of "
-            "the present value makes that."
+            f"Its response to {joined(answered)} has a gain and a phase that change with the frequency, which no "
+            "function of the present value has."
         )
     if law is None:
         out.append(
-            "No short formula is shown: where stretches of the recording are drawn again and again, the terms that fit "
-            "best are not the same."
+            "No short formula is shown: when stretches of the recording are drawn at random again and again, the best "
+            "terms change."
         )
         return out
     out.append(
@@ -80,7 +78,9 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
         f"{percent(found.rest_closed)} of the squares of what is left, on {found.blocks} stretches that neither its "
         "choice nor its fit has seen."
     )
-    out.append(f"Of draws of these stretches, {percent(found.same_terms)} give a formula with terms of the same kinds.")
+    out.append(
+        f"In {percent(found.same_terms)} of random draws of these stretches the formula has terms of the same kinds."
+    )
     if law.like:
         out.append(f"It looks most like {law.like}.")
     ranges = [

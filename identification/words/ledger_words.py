@@ -1,4 +1,4 @@
-"""Why an effect was named, or was not, in sentences: from the ledger of a diagnosis."""
+"""Sentences on why an effect was named or not, from the ledger of a diagnosis."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import UsageError
 
-_NEAREST = 5
+_NEAREST = 5  # answers on effects that came closest
 _CLEAR = 0.01  # difference in noise floors below which two sets explain the gap equally well
 
-# For each gate, why an effect that fails it is not named; `value` and `needed` are its figures.
+# For each gate, why an effect that fails it is not named; `value` and `needed` are its numbers.
 REASONS: dict[str, str] = {
-    "possible size": "its fit ends on a size that nothing has",
-    "bodies can exist": "bodies that can exist make only {value} of what free inertial parameters gain there",
+    "possible size": "its fit ends at a size that cannot exist",
+    "bodies can exist": "bodies that can exist reach only {value} of what free inertial parameters gain there",
     "more than chance": "beside what is named it gains {value}, where chance alone may give {needed}",
-    "fair part of the gap": "it gains {value} where a fair part of the gap, encoder noise and its own numbers ask for "
-    "{needed}",
+    "fair part of the gap": "it gains {value}, where a fair part of the gap, encoder noise and the number of its "
+    "parameters ask for {needed}",
     "in enough blocks": "its gain sits in few stretches of the recording: {value} where {needed} is needed",
     "explains more than others": "the set with it scores {margin} on data that no fit has seen",
     "worth its numbers": "it explains only {value} more than a simpler law, where the method is accurate to {needed}",
     "torque is there": "no joint's measured torque is above its noise: the largest is {value} floors",
-    "shown by motion": "it varies with the motion as noise that moves a joint does, and where the motion is far above "
-    "the noise it gains {value} where {needed} is needed",
-    "closes for sure": "in one of forty draws of held-out blocks it closes {value} of what it closes in all, where "
-    "{needed} is allowed",
-    "shown above noise": "noise may make it: without it no joint is left with structure or more than its noise "
+    "shown by motion": "it looks like noise that moves a joint: where the motion is far above the noise it gains "
+    "{value} where {needed} is needed",
+    "closes for sure": "in one of forty draws of held-out blocks it closes {value} of what it closes in all, where at "
+    "least {needed} is needed",
+    "shown above noise": "noise may explain it: without it no joint is left with structure or more than its noise "
     "({value} where {needed} is needed)",
     "differs from simpler": "its size differs from nothing, or from a simpler law, with a probability of {value} only, "
     "where {needed} is needed",
@@ -73,7 +73,7 @@ class Answer:
 
 
 def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[Answer, ...]:
-    """Why an effect is named in a diagnosis or not, one answer a joint; of all joints where none is given.
+    """Why an effect is named in a diagnosis or not, one answer per joint; for all joints if none is given.
 
     Args:
         diagnosis: A diagnosis with a ledger.
@@ -93,7 +93,7 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
         nearest = difflib.get_close_matches(effect, sorted({name for name, _ in known}), n=1)
         hint = f"; did you mean {nearest[0]}?" if nearest else "."
         raise UsageError(
-            f"{effect!r} was asked for, which is no effect that this diagnosis looked at{hint} Wanted one of "
+            f"{effect!r} was asked for, which is no effect that this diagnosis tried{hint} Wanted one of "
             f"{', '.join(sorted({name for name, _ in known}))}."
         )
     places = [place for place in known if place[0] == effect and (joint is None or joint == place[1])]
@@ -105,14 +105,14 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[An
 
 
 def nearest_claims(diagnosis: Diagnosis) -> tuple[Answer, ...]:
-    """Answers on the five unnamed effects that came closest: by the gap they would close, or by an earlier claim."""
+    """Answers on the five unnamed effects that would close most of the gap."""
     others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
     others.sort(key=lambda claim: -_closes(claim))
     return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
 
 
 def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
-    """Effects and joints that a diagnosis mentions, those of the ledger first."""
+    """Effects and joints that a diagnosis mentions, first those of the ledger."""
     places = [(at.effect, at.joint) for claim in diagnosis.ledger for at in claim.effects]
     places += [(one.effect, one.joint) for one in (*diagnosis.bounds, *diagnosis.not_testable)]
     if diagnosis.geometry is not None:
@@ -122,7 +122,7 @@ def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
 
 
 def _answers(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Answer, ...]:
-    """Answers on one effect on one joint; several where it was claimed for single recordings."""
+    """Answers on one effect on one joint; several if it was claimed for single recordings."""
     claims = [
         claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
     ]
@@ -173,7 +173,7 @@ def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
 
 
 def _as_rival(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
-    """Probability of a claim as a rival of the finding that replaced it; zero if it is no rival."""
+    """Probability of a claim as a rival of the finding that replaced it; zero if it is not a rival."""
     findings = [
         one for one in all_findings(diagnosis) if EffectAt(one.effect, one.joint, one.recording) in claim.instead
     ]
@@ -185,7 +185,7 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
     others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
     several = len(claim.instead) > 1 or "parameters" in others
     more = claim.figures.get("floors_more", math.nan)
-    if not math.isfinite(more):  # what took its place is itself not named in the end
+    if not math.isfinite(more):  # the one that replaced it is not named in the end either
         return f"{others} took its place in the search: {_reason(failed)}"
     if more >= _CLEAR:
         better = f"{others} {'close' if several else 'closes'} {number(more, 2)} noise floors more"
@@ -201,7 +201,7 @@ def _instead(claim: Claim[EffectAt], probability: float) -> str:
 
 
 def _gain_words(failed: GateResult) -> str:
-    """Words on the gain of an effect in addition to the named ones; a loss is given as no gain."""
+    """Words on the gain of an effect in addition to the named ones; a negative gain is called nothing."""
     gained = "nothing is gained" if failed.value <= 0.0 else f"only {number(failed.value)} is gained"
     return f"{gained}, where chance alone may give {number(failed.needed)}"
 
@@ -221,7 +221,7 @@ def _reason(failed: GateResult | None) -> str:
 
 
 def _figure(value: float, unit: str) -> str:
-    """A figure of a gate: shares as percentages, gains without a unit."""
+    """A number of a gate: shares as percentages, gains without a unit."""
     if unit in _SHARES:
         return percent(value)
     return number(value)
@@ -240,5 +240,5 @@ def _closes(claim: Claim[EffectAt]) -> float:
 
 
 def listed(answers: Iterable[Answer]) -> str:
-    """Several answers one below the other."""
+    """Several answers with blank lines between them."""
     return "\n\n".join(map(str, answers))

@@ -1,4 +1,4 @@
-"""The sentence of every note that a stage leaves."""
+"""Sentences of the notes that the stages of a diagnosis leave."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ WORDS: Mapping[Code, Callable[[Note], str]] = {**MOTION_WORDS, **FINDING_WORDS, 
 
 
 def sentence(said: Said) -> str:
-    """The sentence of a note; a sentence as it is."""
+    """The sentence of a note; a plain sentence is returned as it is."""
     return said if isinstance(said, str) else WORDS[said.code](said)
 
 
 def sentences(every: Iterable[Said]) -> tuple[str, ...]:
-    """The sentences of notes, one each."""
+    """The sentences of several notes."""
     return tuple(sentence(one) for one in every)

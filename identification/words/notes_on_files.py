@@ -1,4 +1,4 @@
-"""Sentences of notes on files: why one was not written, what it lacks, and how it was checked."""
+"""Sentences of notes on files: why a file was not written, what it lacks, and how it was checked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _begun(text: str) -> str:
 
 
 def _of_file(make: Callable[[Note], str]) -> Callable[[Note], str]:
-    """A sentence on "it", with the name of the file before it where the note has one."""
+    """A sentence on "it", preceded by the name of the file if the note has one."""
     return lambda note: f"{note.files[0]}: {_begun(make(note))}" if note.files else make(note)
 
 
@@ -78,7 +78,7 @@ def _no_place_for_drive(note: Note) -> str:
     why = (
         f"the file has {'no actuator' if n['actuators'] == 0 else 'several actuators'} there."
         if n["actuators"] != 1
-        else f"its actuator is <{n['kind']}>, whose feedback would change too. A <motor> has one."
+        else f"its actuator is <{n['kind']}>, whose feedback would change too. A <motor> has a place for it."
     )
     return f"It has no place for what was found of the drive of {note.joint} ({_values(note)}): {why}"
 
@@ -96,8 +96,8 @@ def _no_place_for_gravity(note: Note) -> str:
 
 def _no_place_for_links(note: Note) -> str:
     return (
-        f"{_names(note.files)} have no place for where {', '.join(note.numbers['names'])} sits: with links of other "
-        "lengths passive joints follow no formula, as they do in them; corrected.yaml has it, for --with."
+        f"{_names(note.files)} have no place for where {', '.join(note.numbers['names'])} sits: their passive joints "
+        "follow formulas, which do not hold for links of other lengths; corrected.yaml has it, for --with."
     )
 
 
@@ -114,8 +114,8 @@ def _no_place_for_poses(note: Note) -> str:
 def _places_not_in_it(note: Note) -> str:
     names = ", ".join(note.numbers["names"])
     if note.numbers["given"]:
-        return f"{note.files[0]}: what was found of the place of {names} in the given file is not in it."
-    return f"{note.files[0]} has no place for what was found of the place of {names}."
+        return f"{note.files[0]}: the corrected place of {names} in the given file is not in it."
+    return f"{note.files[0]} has no place for the corrected place of {names}."
 
 
 def _loops_stay_open(note: Note) -> str:
@@ -123,24 +123,24 @@ def _loops_stay_open(note: Note) -> str:
 
 
 def _loops_as_drawn(note: Note) -> str:
-    return f"{note.files[0]} has no place for what poses showed: where its loops close is taken from how it is drawn."
+    return f"{note.files[0]} has no place for what poses showed: where its loops close follows from how it is drawn."
 
 
 def _as_it_was_given(note: Note) -> str:
     names = ", ".join(note.numbers["names"])
-    return f"{note.files[0]} has no place for what poses showed: it has {names} where it was given."
+    return f"{note.files[0]} has no place for what poses showed: it has {names} as given."
 
 
 def _given_file_not_in_it(note: Note) -> str:
     return (
-        "The given file is not in it, so it has no shapes, sensors and actuators of that one: "
+        "The given file is not in it, so it lacks the shapes, sensors and actuators of that file: "
         f"{note.numbers['problem']}"
     )
 
 
 def _same_torques(note: Note) -> str:
     del note
-    return "No body can have all inertias that were found: the files have bodies of the same torques."
+    return "No body can have all inertias that were found: the files have possible bodies with the same torques."
 
 
 def _nearest_body(note: Note) -> str:
@@ -153,7 +153,7 @@ def _nearest_body(note: Note) -> str:
 
 def _locked_can_move(note: Note) -> str:
     n = note.numbers
-    return f"{', '.join(n['names'])} can move in it: name what is fixed under lock in a {n['config']} beside it."
+    return f"{', '.join(n['names'])} can move in it: to fix them, name them under lock in a {n['config']} beside it."
 
 
 def _no_shapes(note: Note) -> str:
@@ -175,7 +175,7 @@ def _reduced_law(note: Note) -> str:
 def _rotor_unknown(note: Note) -> str:
     n = note.numbers
     return (
-        f"The rotor inertia of {', '.join(n['names'])} is not known, so it is a hundredth of what the joint moves: "
+        f"The rotor inertia of {', '.join(n['names'])} is not known, so a hundredth of what the joint moves is taken: "
         f"state rotor_inertia in {n['config']}."
     )
 
@@ -215,13 +215,13 @@ def _rolled_out(note: Note) -> str:
 
 def _residual_held(note: Note) -> str:
     n = note.numbers
-    what = "the law, and what its absence has bent" if n["lawful"] else "a sum of terms that is no law"
+    what = "the law, and the error that its absence caused" if n["lawful"] else "a sum of terms that is no law"
     out = (
-        f"residual.py holds the torque on joint {note.joint} that the corrected model lacks ({what}): it foresees "
+        f"residual.py holds the torque on joint {note.joint} that the corrected model lacks ({what}): it predicts "
         f"{percent(n['closed'])} of the squares of what is left there on held-out data."
     )
     if n["memory"]:
-        out += " It answers with memory; residual.csv leaves the memory out and holds what inputs that stay lead to."
+        out += " It depends on past inputs; residual.csv leaves them out and holds the values for constant inputs."
     return out
 
 
@@ -234,19 +234,19 @@ def _within_tolerance(note: Note) -> str:
     )
     if note.numbers["held"]:
         return f"{moved} in the corrected files."
-    return f"{moved} not in the corrected files: no body can be so."
+    return f"{moved} not in the corrected files: no body can have these values."
 
 
 def _other_numbers(note: Note) -> str:
     del note
     return (
-        "The corrected files have sizes and changes within tolerance that were fitted together; those that are stated, "
-        "without changes that are not certain, would leave more."
+        "The corrected files have sizes and changes within tolerance that were fitted together. The stated sizes, "
+        "without changes that are uncertain, would leave a larger gap."
     )
 
 
 def _one_recording_only(note: Note) -> str:
-    return f"The corrected model lacks what acts in one recording only: {', '.join(note.numbers['effects'])}."
+    return f"The corrected model lacks effects that act in one recording only: {', '.join(note.numbers['effects'])}."
 
 
 FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {

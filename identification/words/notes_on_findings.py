@@ -11,7 +11,7 @@ from identification.words.effect_words import words_of
 from identification.words.numbers_and_names import NO_BREAK, with_unit
 
 RivalPair = tuple[Sequence[EffectAt], Sequence[EffectAt]]
-"""Two hypotheses, each by its effects."""
+"""Two hypotheses, each given by its effects."""
 
 CHANGES = {
     "weighing": "weigh a link or the load, or calibrate the torque",
@@ -22,11 +22,11 @@ CHANGES = {
 }
 """Measurements other than motion that separate effects which leave the same torque in every motion."""
 _MOST_PAIRS = 3
-"""Most causes that a sentence lists with their rivals; of more it names the first, `diagnosis.json` has all."""
+"""Most causes that a sentence lists with their rivals; of more it names the first, and `diagnosis.json` has all."""
 
 
 def pairs_words(pairs: Sequence[RivalPair]) -> str:
-    """Pairs as ``a from b and c``, the hypothesis of most pairs first."""
+    """Pairs as ``a from b and c``, beginning with the hypothesis that is in most pairs."""
     left = list(dict.fromkeys((_hypothesis_words(one), _hypothesis_words(other)) for one, other in pairs))
     said = []
     while left:
@@ -73,7 +73,7 @@ def _implausible_size(note: Note) -> str:
 def _friction_drives(note: Note) -> str:
     return (
         f"The friction of {note.joint}, that of the model and of all findings together, pushes in the direction of the "
-        "motion: no friction does, so that something else takes its place there."
+        "motion. No friction does that, so another cause must be at work there."
     )
 
 
@@ -82,7 +82,7 @@ def _sized(value: float, unit: str) -> str:
 
 
 def _range(low: float | None, high: float | None, unit: str) -> str:
-    """What is plausible, in words."""
+    """The plausible range, in words."""
     if low is not None and high is not None:
         return f"{low:.3g} to {_sized(high, unit)} is"
     if low is not None:
@@ -93,18 +93,18 @@ def _range(low: float | None, high: float | None, unit: str) -> str:
 def _missing_part(note: Note) -> str:
     n = note.numbers
     return (
-        f"Of what the wrong inertial parameters explain, {100.0 * n['share']:.0f} % is what the robot would lack "
-        f"without {' and '.join(n['parts'])} ({n['mass']:.3g} kg), which the model carries on a fixed or locked joint: "
-        "look whether it is mounted."
+        f"Of what the wrong inertial parameters explain, {100.0 * n['share']:.0f} % would be explained if the robot "
+        f"lacked {' and '.join(n['parts'])} ({n['mass']:.3g} kg), which the model carries on a fixed or locked joint: "
+        "check whether it is mounted."
     )
 
 
 def _model_in_common(note: Note) -> str:
     files = " and ".join(note.numbers["files"])
     return (
-        f"Links, friction and constant torques were fitted to {files} first: what is said here is how the other "
-        "recordings differ from that, and not how they differ from the given model. Files of a corrected model are "
-        "not written; diagnose the recordings without a load by themselves for these."
+        f"Links, friction and constant torques were first fitted to {files}: the result is how the other recordings "
+        "differ from that, and not how they differ from the given model. Files of a corrected model are not written; "
+        "for these, diagnose the recordings without a load by themselves."
     )
 
 
@@ -118,12 +118,12 @@ def _zeros_compared(note: Note) -> str:
 def _drive_sum(note: Note) -> str:
     n = note.numbers
     parts = (
-        "back-EMF, viscous friction and the lateness of its reference" if n["late"] else "back-EMF and viscous friction"
+        "back-EMF, viscous friction and the delay of its reference" if n["late"] else "back-EMF and viscous friction"
     )
     return (
-        f"The voltage of {note.joint} shows one sum: {parts} make {n['sum']:.3g} ± {n['std']:.2g} {n['unit']} "
-        f"together. Each by itself is as right as the constants of the motor in robot.yaml, by which "
-        f"{n['back_emf']:.3g} of it is back-EMF{', and as the time that is put down to the bus' if n['late'] else ''}."
+        f"The voltage of {note.joint} shows only a sum: {parts} make {n['sum']:.3g} ± {n['std']:.2g} {n['unit']} "
+        f"together. Each of them is as accurate as the motor constants in robot.yaml, by which "
+        f"{n['back_emf']:.3g} of it is back-EMF{', and as the delay that is put down to the bus' if n['late'] else ''}."
     )
 
 
@@ -132,7 +132,7 @@ def _one_sided(note: Note) -> str:
     where = f" of {note.joint}" if note.joint else ""
     return (
         f"The inertial parameters{where} lie on the edge of what a body can have, so that these are uncertain to one "
-        f"side: {', '.join(parts)} (95{NO_BREAK}%, as changes of the model)."
+        f"side only: {', '.join(parts)} (95{NO_BREAK}%, as changes of the model)."
     )
 
 

@@ -24,12 +24,12 @@ def _motion_only(note: Note) -> str:
     unused = " The torque of the log is not used." if n["has_torque"] else ""
     return (
         f"{files}: positions and references only: the torque is what the controllers ask for at the recorded motion, "
-        f"so that findings are as good as their gains{_gains_stated(n.get('gains', {}))}.{unused}"
+        f"so that findings are as accurate as their gains{_gains_stated(n.get('gains', {}))}.{unused}"
     )
 
 
 def _gains_stated(gains: Mapping[str, tuple[float, float]]) -> str:
-    """Which gains are those of the robot's file, by joint or once for all."""
+    """Gains that the robot's file states, by joint, or once if all are equal."""
     if not gains:
         return ""
     if len(set(gains.values())) == 1:
@@ -45,8 +45,8 @@ def _gains_estimated(note: Note) -> str:
     return (
         f"No gains of {note.joint} are stated: kp = {n['kp']:.3g} ± {n['kp_std']:.2g} {n['kp_unit']} and "
         f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its "
-        f"motion. They are as right as the {' and the '.join(n['rests_on'])} of the model, and kd holds viscous "
-        f"friction that the model lacks; positions alone tell kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
+        f"motion. They are as accurate as the {' and the '.join(n['rests_on'])} of the model, and kd includes viscous "
+        f"friction that the model lacks; positions alone show kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
         f"{_STATE_IT.format(joint=note.joint)}."
     )
 
@@ -55,9 +55,9 @@ def _gain_by_friction(note: Note) -> str:
     n = note.numbers
     return (
         f"No gains of {note.joint} are stated: with the masses of the model kp is {n['kp']:.3g} {n['unit']}, and the "
-        f"joint would rub less than the model states. With kp = {n['scale'] * n['kp']:.3g} {n['unit']} its friction is "
-        f"that of the model, and the robot is heavier: this is judged here. {_STATE_IT.format(joint=note.joint)}, as "
-        "positions alone do not separate a gain from a load."
+        f"joint would have less friction than the model states. With kp = {n['scale'] * n['kp']:.3g} {n['unit']} its "
+        f"friction is that of the model, and the robot is heavier; this was used. {_STATE_IT.format(joint=note.joint)}"
+        ", as positions alone do not separate a gain from a load."
     )
 
 
@@ -72,7 +72,7 @@ def _strays_under_control(note: Note) -> str:
     n = note.numbers
     return (
         f"The torque that is asked for shows no gap, yet under its controller {note.joint} strays by {n['error']:.3g} "
-        f"from the recorded motion, {n['error'] / n['noise']:.0f} times what its readings scatter: a disturbance, "
+        f"from the recorded motion, {n['error'] / n['noise']:.0f} times the noise of its readings: a disturbance, "
         "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
     )
 
@@ -89,8 +89,8 @@ def _rests_apart(note: Note) -> str:
 
 def _controller_gives_way(note: Note) -> str:
     return (
-        f"What the controller of {note.joint} gives way under load is part of it: state its gain kp in robot.yaml to "
-        "separate the two."
+        f"Part of it is how far the controller of {note.joint} gives way under load: state its gain kp in robot.yaml "
+        "to separate the two."
     )
 
 
@@ -98,8 +98,8 @@ def _event(note: Note) -> str:
     n = note.numbers
     out = ":".join(f"{edge:.2f}" for edge in n["exclude"])
     return (
-        f"{n['file']}: from {n['start']:.2f} to {n['stop']:.2f} s something acts on joint {note.joint} that "
-        f"neither the model nor a finding makes, with up to {n['torque']:.3g} {n['unit']}: if it was a push or a "
+        f"{n['file']}: from {n['start']:.2f} to {n['stop']:.2f} s a torque of up to {n['torque']:.3g} {n['unit']} acts "
+        f"on joint {note.joint} that neither the model nor a finding explains: if it was a push or a "
         f"contact, leave it out with --exclude {out}, or record its force in columns f.<frame>.x, .y and .z."
     )
 
@@ -108,14 +108,14 @@ def _poses_left_out(note: Note) -> str:
     count = note.numbers["count"]
     what = "pose lies" if count == 1 else "poses lie"
     files = ", ".join(note.numbers["recordings"])
-    return f"{files}: {count} measured {what} more than six noises from all others and were left out."
+    return f"{files}: {count} measured {what} more than six noise levels from all others and were left out."
 
 
 def _soft_friction(note: Note) -> str:
     del note
     return (
-        "Friction turns over as softly as MuJoCo's does with this file: the recording looks simulated by it, and that "
-        "softness is not counted as a gap."
+        "With this file friction changes sign as softly as MuJoCo's does: the recording looks simulated by it, and "
+        "this softness does not count as a gap."
     )
 
 
@@ -123,8 +123,8 @@ def _open_arrival(note: Note) -> str:
     n = note.numbers
     return (
         f"The voltage of {note.joint} was read once in {1e3 * n['frame']:.3g} ms while a reference was held, and no "
-        f"reading shows when in that time the next one came. It makes as much torque as viscous friction of up to "
-        f"{n['viscous']:.2g} {n['unit']}, and was fitted beside it."
+        f"reading shows when in that time the next one came. The effect is as large as viscous friction of up to "
+        f"{n['viscous']:.2g} {n['unit']}, and was fitted with the others."
     )
 
 
@@ -132,8 +132,8 @@ def _drive_drops(note: Note) -> str:
     n = note.numbers
     return (
         f"{n['file']}: beyond an error of {n['beyond']:.3g} {n['unit']} the drive of {note.joint} puts out at most "
-        f"{n['most']:.3g} V, for {100 * n['share']:.2g} % of the time: it protects itself. That is part of the torque, "
-        "but for when it begins and ends between two readings."
+        f"{n['most']:.3g} V, for {100 * n['share']:.2g} % of the time: it protects itself. The torque includes this, "
+        "except that it may begin and end between two readings."
     )
 
 
@@ -144,7 +144,7 @@ def _drive_protected(note: Note) -> str:
     return (
         f"{n['file']}: beyond an error of about {n['beyond']:.2g} {angle} the motion of {note.joint} needs about "
         f"{n['most']:.2g} {torque}, where its controller asks for {n['asked']:.2g} {torque} and more, for "
-        f"{100 * n['share']:.2g} % of the time: its drive may protect itself, which no effect stands for. Record with "
+        f"{100 * n['share']:.2g} % of the time: its drive may protect itself, which no effect describes. Record with "
         f"smaller errors; a controller of kind duty states it as drops_beyond: {n['beyond']:.2g}{share}."
     )
 
@@ -184,7 +184,7 @@ def _drive(note: Note) -> str:
 def _shorter_horizon(note: Note) -> str:
     return (
         f"Simulated motion under {_drive(note)} is compared over {note.numbers['seconds']:g} s: over longer "
-        "times the noise of the start would grow into a large part of the error."
+        "times the noise of the start would become a large part of the error."
     )
 
 
@@ -236,16 +236,16 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
 
 
 def followed_words(followed: Followed, *, on_base: bool = False) -> str:
-    """What a figure of simulated motion shows, in sentences.
+    """Caption of the figure of simulated motion.
 
     Args:
         followed: The simulated motion.
-        on_base: True of a robot that is not bolted down.
+        on_base: True for a robot that is not bolted down.
     """
     by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
     base = "The base moves as its sensors read, and a leg is simulated while it swings. " if on_base else ""
     return (
         "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
-        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start anew; the corrected one by fits that have not seen the "
-        f"window. {base}Where there is no line, nothing was simulated."
+        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start again; the corrected one by fits that have not seen "
+        f"the window. {base}Where there is no line, nothing was simulated."
     )

@@ -1,4 +1,4 @@
-"""Numbers and names as text: values with their deviation and unit, percentages, names that fit a terminal."""
+"""Numbers and names as text: values with standard deviation and unit, percentages, names cut for a terminal."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from identification.engine import contract_levels
 from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.errors import printable
 
-NO_BREAK = "\N{NO-BREAK SPACE}"  # a number never parts from its unit at the end of a line
+NO_BREAK = "\N{NO-BREAK SPACE}"  # keeps a number and its unit on one line
 
 
 def value_words(value: Value) -> str:
-    """An estimate as ``0.0510 ± 0.0006 N m``; entries of a list are separated by commas."""
+    """An estimate as ``0.0510 ± 0.0006 N m``; several values are separated by commas."""
     values = value.value if isinstance(value.value, list) else [value.value]
     stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
     numbers = ", ".join(with_std(v, s) for v, s in zip(values, stds, strict=True))
@@ -23,12 +23,12 @@ def value_words(value: Value) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A number with its unit; ``1``, the unit of a ratio, is not written."""
+    """A number with its unit; the unit of a ratio, ``1``, is left out."""
     return text if unit in ("", "1") else f"{text} {unit}"
 
 
 def with_std(value: float, std: float) -> str:
-    """A number with its standard deviation, both to the second digit of the latter."""
+    """A number with its standard deviation, both to the second digit of the deviation."""
     if not (math.isfinite(std) and std > 0 and math.isfinite(value)):
         return number(value)
     largest = max(abs(value), std)
@@ -42,12 +42,12 @@ def with_std(value: float, std: float) -> str:
 
 
 def _no_minus_zero(text: str) -> str:
-    """A rounded number; zero has no sign."""
+    """A rounded number; zero loses its sign."""
     return text if float(text) else text.removeprefix("-")
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Significant digits, below a million without an exponent; a dash where there is no number."""
+    """A number to some significant digits, without an exponent below a million; a dash if it is not finite."""
     if not math.isfinite(value):
         return "–"
     text = f"{value:.{digits}g}"
@@ -55,7 +55,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage, never rounded to none, less than none or all; a dash where there is no number."""
+    """A share as a percentage, never rounded to 0 or 100 unless it is; a dash if it is not finite."""
     if not math.isfinite(share):
         return "–"
     if 0 < abs(share) < 0.005:
@@ -66,12 +66,12 @@ def percent(share: float) -> str:
 
 
 def percent_short_of_all(share: float) -> str:
-    """A share that no recording shows to be all: of a gap, or the probability of a cause; ``over 99 %`` is the most."""
+    """A share that no recording can prove to be 100 %, such as of a gap; ``over 99 %`` is the most."""
     return percent(min(share, 0.999))
 
 
 def cut_name(name: str, width: int) -> str:
-    """A name for a column of a terminal: printable, and cut where it is longer than ``width``."""
+    """A printable name for a column of a terminal, cut if it is longer than ``width``."""
     name = printable(name)
     return name if len(name) <= width else f"{name[: width - 1]}…"
 
@@ -79,7 +79,7 @@ def cut_name(name: str, width: int) -> str:
 def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis with the probabilities that texts state, see `beside_what_is_left`.
 
-    Its file keeps those of the comparison among the effects of the catalogue, which sum to one.
+    The file of a diagnosis keeps the probabilities among effects of the catalogue, which sum to one.
     """
     findings, minor = (
         tuple(beside_what_is_left(finding, diagnosis.joints) for finding in some)
@@ -89,20 +89,20 @@ def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
-    """The same finding with lower probabilities where its joint is left with more than noise.
+    """The finding with lower probabilities if more than noise is left on its joint.
 
-    A comparison among the effects of the catalogue says which of them is best, and not that one of them is right. Where
-    the best ones leave a share of the joint's gap, whatever makes that share may have made what they explain. So what
-    is missing to one is the probability of a cause outside the catalogue.
+    A comparison among the effects of the catalogue shows which of them is best, but not that one of them is right. If
+    the best ones leave a share of the joint's gap, its unknown cause may also be the cause of what they explain. So
+    the probability that is missing to one is that of a cause outside the catalogue.
 
     Args:
-        finding: With rivals of the catalogue; their probabilities and its own sum to one.
+        finding: Finding with rivals of the catalogue; their probabilities and its own sum to one.
         joints: Gaps of all joints, before and after all findings.
     """
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]
     named = min(map(_named, own)) if own else fsum(map(_named, joints)) / len(joints)
     known = known_effect(finding.effect)
-    # What is noise alone is read off the readings, and compared with nothing.
+    # An effect of noise alone is measured from the readings, and has no rivals.
     if (known is not None and known.only_noise) or 1.0 - named < contract_levels.LISTED:
         return finding
     rivals = tuple(replace(rival, probability=named * rival.probability) for rival in finding.rivals)
@@ -110,6 +110,6 @@ def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Findi
 
 
 def _named(joint: JointGap) -> float:
-    """Share of a joint's gap that findings close; one where no more than noise is left."""
+    """Share of a joint's gap that findings close; one if only noise is left."""
     quiet = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
     return 1.0 if quiet or joint.closed is None else min(max(joint.closed, 0.0), 1.0)

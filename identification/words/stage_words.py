@@ -1,4 +1,4 @@
-"""Words of the stages of a run, as a line of progress shows them."""
+"""Words for the stages of a run, for lines of progress."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ NAMES = {
     Stage.FITTING_POSES: "fitting poses",
     Stage.REGRESSORS: "computing regressors",
     Stage.NOISE: "estimating the noise",
-    Stage.CHANCE: "measuring what chance gives",
+    Stage.CHANCE: "measuring what chance gains",
     Stage.RIVALS_TRIED: "trying rivals",
     Stage.ALTERNATIVES: "weighing alternatives",
-    Stage.NAMELESS: "looking for what has no name",
+    Stage.NAMELESS: "looking for structure without a name",
     Stage.RIVALS_COMPARED: "comparing rivals",
     Stage.BOUNDS: "stating what would have been seen",
     Stage.LAW: "looking for a law of what is left",
@@ -37,11 +37,11 @@ NAMES = {
     Stage.WRITING: "writing",
     Stage.DRAWING: "drawing",
 }
-"""Of each stage, without its details."""
+"""Words for each stage, without its details."""
 
 
 def stage_words(now: Announcement) -> str:
-    """What is being done, with its details: ``reading log.csv``, ``mapping 20 of 80 points``."""
+    """The stage that runs, with its details: ``reading log.csv``, ``mapping 20 of 80 points``."""
     name, detail = NAMES[now.stage], now.detail
     counted = f"{now.done} of {now.of}"
     match now.stage:
@@ -64,5 +64,5 @@ def stage_words(now: Announcement) -> str:
 
 
 def in_words(say: Callable[[str], None]) -> Progress:
-    """Takes announcements and hands on their words, for whoever gave a callback that takes a text."""
+    """A callback for announcements that passes their words to a callback for text."""
     return lambda now: say(stage_words(now))

@@ -1,4 +1,4 @@
-"""Words of effects that a user brought, put beside their names: reports have a judgement and no effects."""
+"""Words of effects that a user brought, stored beside their names, as reports do not have the effects themselves."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def user_words(effect: str, robot: Robot) -> EffectWords | None:
 
 
 def with_user_words(judgement: Judgement, robot: Robot) -> Judgement:
-    """The same judgement, with words where it names an effect that the user brought; the very same without any.
+    """The judgement with words for every effect that the user brought; the same object if there are none.
 
     Args:
-        judgement: With the names of effects.
-        robot: Carries the effects.
+        judgement: Judgement with the names of effects.
+        robot: Robot with the user's effects.
     """
     if not robot.user_effects:
         return judgement

@@ -1,4 +1,4 @@
-"""The verdict in plain words: what explains the gap, what is left of it, and what it cannot exclude."""
+"""The verdict in plain words: what explains the gap, what is left of it, and what the verdict cannot exclude."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from identification.words.diagnosis_words import (
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
 from identification.words.numbers_and_names import number, percent, percent_short_of_all
 
-_HEADLINE, _HEADED = 128, 4  # letters of a headline, two lines at 1200 and five at 400 pixels; causes that it names
-_SEVERAL = 3  # joints from which all of a robot are named by their number
-_TIMES = 3  # stretches that a sentence names
+_HEADLINE, _HEADED = 128, 4  # letters of a headline (two lines at 1200 and five at 400 pixels); causes that it names
+_SEVERAL = 3  # least number of joints for ``all 6 joints`` in place of their names
+_TIMES = 3  # stretches of time that a sentence names
 _MOVES = 3  # moves within tolerance that a sentence names
-_CARRIED = 0.1  # share of the gap from which on moves within tolerance are mentioned
+_CARRIED = 0.1  # least share of the gap closed by moves within tolerance that is mentioned
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in a sentence or two; it begins with what is wrong where a wrong recording was judged anyway."""
+    """The verdict in a sentence or two, preceded by certain faults if the recording was judged in spite of them."""
     return " ".join([headline(diagnosis), *reservations(diagnosis)])
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence, behind what is wrong where a wrong recording was judged anyway."""
+    """The verdict in one sentence, preceded by certain faults if the recording was judged in spite of them."""
     wrong = f"Judged although {joined(list(diagnosis.wrong))}. " if diagnosis.wrong else ""
     return wrong + _verdict_alone(diagnosis)
 
 
 def short_headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence of at most some 130 letters, which names as many causes as fit."""
+    """The verdict in one sentence of at most about 130 letters, which names as many causes as fit."""
     wrong = "Judged although the recording is wrong. " * bool(diagnosis.wrong)
     return wrong + _short_verdict(diagnosis, _HEADLINE - len(wrong))
 
@@ -103,7 +103,7 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
 
 
 def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
-    """A group with its places; what has less than half of the probability is called undecided."""
+    """A group with its places; findings with a probability below one half are called undecided."""
     decided = [finding.probability >= UNDECIDED for found in kinds for finding in found]
     return group_name(kinds, diagnosis) + (
         "" if all(decided) else " (in part undecided)" if any(decided) else " (undecided)"
@@ -111,15 +111,15 @@ def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
 
 
 def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
-    """The findings by kind: one effect on several joints together, and effects on the very same joints, too.
+    """Findings in groups: one effect on several joints, together with other effects on exactly the same joints.
 
     Returns:
-        Groups, the largest share of the gap first; of each its effects, and of each effect its findings.
+        Groups, beginning with the largest share of the gap. A group is a list of effects, each a list of findings.
     """
     joints = [gap.joint for gap in diagnosis.joints]
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
     for finding in diagnosis.findings:
-        # What has no joint, or two, stands for itself, and so does what is less than modelled.
+        # A finding without a joint or with two is a group of its own, as is one below the modelled value.
         several = is_between_joints(finding.effect) or (is_shared(finding.effect) and "+" in (finding.joint or ""))
         own = finding.joint is None or several
         by_effect.setdefault((finding_name(finding), finding.recording, own), []).append(finding)
@@ -133,7 +133,7 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
 
 
 def _share_of_group(kinds: list[list[Finding]]) -> float:
-    """What a group closes of the gap together, none where a share is not known; for sorting."""
+    """Share of the gap that a group closes, for sorting; zero for findings whose share is unknown."""
     return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
 
 
@@ -144,7 +144,7 @@ def group_name(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
 
 
 def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
-    """Where findings of one effect are, with a space before it; nothing for the whole robot."""
+    """Places of findings of one effect, preceded by a space; empty for the whole robot."""
     if found[0].joint is None:
         return ""
     if len(found) == 1 or is_between_joints(found[0].effect):
@@ -156,9 +156,9 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
-    """What a verdict without a gap, or with all of it explained, cannot exclude; and what moves carry of any gap."""
+    """Sentences on what a verdict of no gap or of an explained gap cannot exclude, and on what moves explain."""
     moved = moves_carry(diagnosis)
-    carried = [] if moved is None else [f"Moves within the tolerances carry {percent_short_of_all(moved)} of the gap."]
+    carried = [] if moved is None else [f"Moves within the tolerances close {percent_short_of_all(moved)} of the gap."]
     limits = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
         return [*carried, *limits] if carried else []
@@ -194,10 +194,10 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
 
 
 def moves_carry(diagnosis: Diagnosis) -> float | None:
-    """Share of the gap that moves within the tolerances close and no finding does; None if it is next to nothing.
+    """Share of the gap that is closed by moves within the tolerances and by no finding; None if it is negligible.
 
-    Of what is closed, shares of findings say their part. A size that turned out to be within a tolerance, as that of a
-    controller's gain, is no finding, and what it closes is none's.
+    The shares of findings say what each closes. A size that turned out to be within a tolerance, such as that of a
+    controller's gain, is not a finding, so that no share includes what it closes.
     """
     shares = [finding.share for finding in (*diagnosis.findings, *diagnosis.minor)]
     known = [share for share in shares if share is not None]
@@ -208,7 +208,7 @@ def moves_carry(diagnosis: Diagnosis) -> float | None:
 
 
 def _at_limits(moves: list[Adjusted]) -> list[str]:
-    """What could hide behind moves that end at their limits; of several in one sentence."""
+    """Sentence on what could hide behind moves that end at their limits."""
     if len(moves) < 2:
         return [
             f"The move of {move.quantity} ends at the limit of its tolerance; "
@@ -224,7 +224,7 @@ def _at_limits(moves: list[Adjusted]) -> list[str]:
 
 
 def hidden_words(move: Adjusted) -> str:
-    """What could hide behind a move that ends at its limit; empty where that is not known."""
+    """What could hide behind a move that ends at its limit; empty if that is not known."""
     if move.hides is None:
         return ""
     if move.hides.kind == "payload":
@@ -238,7 +238,7 @@ def left_over(diagnosis: Diagnosis) -> str:
     if left.times:
         times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
         more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
-        # Where a rest has structure, its joint is named, and events may be on others.
+        # A residual with structure is named with its joint below; events may be on other joints.
         where = "" if left.structured else f" on {place('', left.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
@@ -263,7 +263,7 @@ def left_over(diagnosis: Diagnosis) -> str:
 
 
 def _no_sound_size(diagnosis: Diagnosis) -> str:
-    """Which findings have a size that no sound robot has; empty if all have a sound one."""
+    """Names of findings whose size no sound robot has; empty if there are none."""
     notes = [note for note in diagnosis.notes if isinstance(note, Note)]
     places = {(note.numbers["effect"], note.joint) for note in notes if note.code is Code.IMPLAUSIBLE_SIZE}
     odd = [
@@ -276,12 +276,12 @@ def _no_sound_size(diagnosis: Diagnosis) -> str:
 
 
 def unexplained_phrase(unexplained: Unexplained) -> str:
-    """What is left unexplained: how much, whether it has structure, and where."""
+    """What is left unexplained: how much, with or without structure, and where."""
     where = [place("", unexplained.joint) if unexplained.joint else "", regime_words(unexplained.regime)]
     at = ", ".join(part for part in where if part)
     share = percent(unexplained.fraction_of_explainable)
     if not unexplained.structured:
-        return f"{share} of what the motion foretells is left, without structure that another effect could explain"
-    return f"{share} of what the motion foretells is left" + (
+        return f"{share} of what the motion predicts is left, without structure that another effect could explain"
+    return f"{share} of what the motion predicts is left" + (
         f", mostly at {at}" if unexplained.joint else f", {at}" * bool(at)
     )

@@ -218,7 +218,7 @@ def test_a_cell_of_the_table_tells_what_rests():
 
     rest = {"fraction_of_explainable": 0.65, "structured": True, "where": {"joint": "j1", "regime": "everywhere"}}
     cell = said({"verdict": "unknown", "findings": [], "unexplained": rest})
-    assert cell == "Unknown: most of the gap has no name in the catalogue (65 % of what the motion foretells, j1)."
+    assert cell == "Unknown: most of the gap has no name in the catalogue (65 % of what the motion predicts, j1)."
 
 
 def test_a_cell_of_many_findings_gives_places_and_marks_those_with_rivals():

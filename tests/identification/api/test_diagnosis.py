@@ -44,7 +44,7 @@ def test_it_says_why_an_effect_is_not_named(diagnosis):
 
 
 def test_why_is_asked_of_effects_by_name(made_up):
-    with pytest.raises(UsageError, match="no effect that this diagnosis looked at"):
+    with pytest.raises(UsageError, match="no effect that this diagnosis tried"):
         made_up.why("rust")
     with pytest.raises(UsageError, match="effect"):
         made_up.why(3)

@@ -93,7 +93,7 @@ def test_a_diagnosis_without_a_ledger_is_read_and_refused_in_one_sentence(file, 
 
 def test_an_effect_that_there_is_not_is_bad_input(file, capsys):
     assert main(["why", str(file), "rust"]) == 2
-    assert "'rust' was asked for, which is no effect that this diagnosis looked at" in capsys.readouterr().err
+    assert "'rust' was asked for, which is no effect that this diagnosis tried" in capsys.readouterr().err
 
 
 def test_a_file_that_is_missing_is_bad_input(tmp_path, capsys):

@@ -138,7 +138,7 @@ def test_a_few_poses_that_stray_are_left_out_and_told(ur10, tracked):
     result = diagnose_poses(ur10, (replace(recording, positions={"tool0": p}),))
     assert result is not None
     (warning,) = sentences(result.warnings)
-    assert warning == "poses.csv: 1 measured pose lies more than six noises from all others and were left out."
+    assert warning == "poses.csv: 1 measured pose lies more than six noise levels from all others and were left out."
     assert found_of(result)["encoder_offset", "elbow_joint", "offset"] == pytest.approx(0.002, abs=2e-4)
 
 

@@ -112,7 +112,7 @@ def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
 def test_what_moves_within_tolerance_carry_is_in_the_sentence_of_the_verdict(made_up, verdict):
     # By hand: 98.4 % are closed, 25 % of them by the finding.
     text = " ".join(summary(dataclasses.replace(carried_by_moves(made_up), verdict=verdict)).split())
-    assert "Moves within the tolerances carry 73 % of the gap. The move of link2 mass ends at the limit" in text
+    assert "Moves within the tolerances close 73 % of the gap. The move of link2 mass ends at the limit" in text
     assert "98 % (97 to 99 %) of the gap is closed (25 % by the findings), most on" in text
 
 

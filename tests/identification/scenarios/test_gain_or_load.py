@@ -85,7 +85,9 @@ def test_the_warning_names_both_gains_in_place_of_the_old_one(driven, estimated)
     other, note = recording.said
     assert (other, note.code) == ("other", Code.GAIN_BY_FRICTION)
     words = sentence(note)
-    assert "kp is 40 N m/rad, and the joint would rub less than the model states. With kp = 60 N m/rad" in words
+    assert (
+        "kp is 40 N m/rad, and the joint would have less friction than the model states. With kp = 60 N m/rad" in words
+    )
 
 
 def readings(made_up, left: tuple[float, float]) -> tuple[Diagnosis, Diagnosis]:

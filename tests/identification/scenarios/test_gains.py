@@ -128,8 +128,8 @@ def test_the_warning_says_what_was_estimated_and_what_it_rests_on(pendulum, swun
     _, (recording,) = with_estimated_gains(pendulum, (swung,))
     (words,) = sentences(recording.notes)
     assert words.startswith("No gains of pin are stated: kp = 60")
-    assert "as right as the gravity and the inertia of the model" in words
-    assert "positions alone tell kd/kp = 0.1" in words
+    assert "as accurate as the gravity and the inertia of the model" in words
+    assert "positions alone show kd/kp = 0.1" in words
 
 
 def test_a_joint_that_needs_next_to_no_torque_tells_no_gain(pendulum):

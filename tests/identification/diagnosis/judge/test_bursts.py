@@ -90,8 +90,8 @@ def test_a_burst_is_told_with_what_to_leave_out():
     burst = Burst("a.csv", "elbow", 3.0, 3.5, -1.25, 12.0)
     (sentence,) = sentences(burst_notes((burst,), (JointGap("elbow", "N m", 1.0, 1.0, 0.1, 100),)))
     assert sentence.startswith(
-        "a.csv: from 3.00 to 3.50 s something acts on joint elbow that neither the model nor a finding makes, "
-        "with up to -1.25 N m:"
+        "a.csv: from 3.00 to 3.50 s a torque of up to -1.25 N m acts on joint elbow that neither the model nor a "
+        "finding explains:"
     )
     assert "--exclude 2.80:3.70," in sentence
 
@@ -108,7 +108,7 @@ def pushed(lab, planar2):
 
 def test_a_push_that_nobody_measured_is_told_with_what_to_leave_out(planar2, pushed):
     warnings = sentences(diagnose(planar2, (pushed[0],)).data_warnings)
-    said = [w for w in warnings if "something acts on joint shoulder that neither the model nor a finding makes" in w]
+    said = [w for w in warnings if "acts on joint shoulder that neither the model nor a finding explains" in w]
     assert len(said) == 1
     start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", said[0])[0])
     assert 11.5 < start < 12.0

@@ -262,7 +262,7 @@ def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
     (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
     file = tmp_path / "arm.urdf"
     said = sentences(urdf_left_out(corrected_model(load_robot(file), ()), file))
-    assert "elbow can move in it: name what is fixed under lock in a robot.yaml beside it." in said
+    assert "elbow can move in it: to fix them, name them under lock in a robot.yaml beside it." in said
 
 
 def test_another_gravity_is_told():

@@ -99,8 +99,8 @@ def test_the_table_says_that_it_has_no_memory(made_up):
     diagnosis = replace(made_up(), unexplained=Unexplained(0.4, True, "j1", None, dependence=found))
     for row in csv.DictReader(io.StringIO(residual_table(model, diagnosis))):
         assert float(row["torque"]) == pytest.approx(-2.0 * float(row["v.j1"]))
-    assert "residual.csv leaves the memory out" in sentence(residual_note(model))
-    assert "memory" not in sentence(residual_note(SPRING))
+    assert "It depends on past inputs" in sentence(residual_note(model))
+    assert "past inputs" not in sentence(residual_note(SPRING))
 
 
 def test_the_law_is_in_the_model_to_use():

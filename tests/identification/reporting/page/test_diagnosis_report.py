@@ -64,7 +64,7 @@ def test_a_finding_is_told_in_whole_sentences(shown):
         "torque friction torque at any speed",
         "j2 Regime Energy Where the velocity changes sign 44",
         "link2 mass +2 % ±5 %",
-        "4 % of what the motion foretells is left",
+        "4 % of what the motion predicts is left",
         "Backlash gap 0.002 rad (joint j1)",
         "A payload mass 0.03 kg (the whole robot)",
         "Backlash j2 the transmitted torque never changes sign",
