@@ -1,1 +1,1 @@
-"""Identification of a robot's parameters from recordings, and the report on it."""
+"""Identification of a robot's parameters from recordings, and its report."""

@@ -1,4 +1,4 @@
-"""Held-out data of an identification: which samples no fit may see, and how well the fit predicts them."""
+"""Held-out data of an identification: the samples that no fit uses, and the errors of the fit on them."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.spectra import power_density
 
 SHARE = 0.2
-"""Of a single recording its last fifth is held out."""
+"""Share of a single recording, at its end, that is held out."""
 
-_EQUATIONS = 2.0  # equations per unknown that a fit needs at least: with fewer its deviations are guesses
-_ROUGH = 0.25  # relative standard deviation of an error on held-out data from which a warning says it
+_EQUATIONS = 2.0  # least number of equations per unknown: with fewer, standard deviations are guesses
+_ROUGH = 0.25  # relative standard deviation of an error on held-out data above which there is a warning
 
-_BETWEEN = 20  # steps between two recordings on the axis of time, so that a figure shows a gap
+_BETWEEN = 20  # steps between two recordings on the time axis, so that a figure shows a gap
 _LONGEST, _SHORTEST = 1024, 64  # samples of a segment of the spectra
 
 
 @dataclass(frozen=True)
 class Split:
-    """What a fit sees and what it is judged on.
+    """Data for the fit, and data to judge it on.
 
     Attributes:
         train: Logs for the fit.
-        test: Logs that no fit sees.
-        words: What is held out, such as ``the last 20 % of log.csv (from 22 s on)``.
-        cutoff_hz: Edge of the band.
+        test: Logs that no fit uses.
+        words: Which data are held out, such as ``the last 20 % of log.csv (from 22 s on)``.
+        cutoff_hz: Edge of the band [Hz].
     """
 
     train: tuple[Log, ...]
@@ -52,18 +52,18 @@ class Split:
 
 
 def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[Recording, ...] = ()) -> Split:
-    """Logs in one band: held out is ``hold_out``, else the last of several recordings, else the end of the only one.
+    """Logs in one band. Held out are ``hold_out``, else the last of several recordings, else the end of the only one.
 
-    The samples of both parts share no part of the filter's kernel.
+    The filter's kernel overlaps no samples of both parts.
 
     Args:
-        robot: Says how torques were held and what the drives can give.
+        robot: Says how torques were held, and gives the limits of the drives.
         recordings: At least one.
-        hold_out: Recordings that no fit may see.
+        hold_out: Recordings that no fit may use.
 
     Raises:
         LogError: If a recording is too short for its band, or all of it is excluded.
-        IdentifiabilityError: If no joint moves in what is for the fit.
+        IdentifiabilityError: If no joint moves in the recordings for the fit.
     """
     every = (*recordings, *hold_out)
     cutoff = _common_cutoff(every)
@@ -89,21 +89,21 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
 
 
 def _joint_torque(log: Log, robot: Robot) -> Float[Array, "N nv"]:
-    """All torque that the joints feel: that of their drives and that of measured forces."""
+    """Torque on the joints: that of their drives, cut at their limits, and that of measured forces."""
     tau = within_limits(log.tau, robot)
     return tau if log.external is None else tau + log.external
 
 
 def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
-    """Refuse what has fewer than two equations per unknown to fit, or fewer to judge on than goes with it.
+    """Refuse data with fewer than two equations per unknown for the fit, or with too few to judge it on.
 
     Args:
-        robot: Gives the joints: each sample is one equation for each of them.
-        split: What is fitted and judged on.
+        robot: Gives the joints; each sample is one equation for each of them.
+        split: Data for the fit and to judge it on.
         unknowns: Number of parameters that a motion of the robot can separate.
 
     Raises:
-        LogError: Saying what the band is, what it leaves, and how much longer to record.
+        LogError: If there are too few. The message gives the band, the number of samples, and how to get more.
     """
     fit = int(np.ceil(_EQUATIONS * max(unknowns, 1) / robot.nv))
     judge = max(2, int(np.ceil(SHARE / (1 - SHARE) * fit)))
@@ -120,13 +120,9 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
 
 
 def caution(split: Split) -> tuple[str, ...]:
-    """A sentence where errors on held-out data rest on few samples; none where there are many.
-
-    Args:
-        split: What is judged on.
-    """
+    """A warning if errors on held-out data rest on few samples; empty if they do not."""
     samples = _count(split.test)
-    # Of the root mean square of n independent numbers.
+    # Relative standard deviation of the root mean square of n independent numbers.
     rough = 1 / np.sqrt(2 * max(samples, 1))
     if rough <= _ROUGH:
         return ()
@@ -149,7 +145,7 @@ def _joints(robot: Robot) -> str:
 
 
 def _held_at_standstill(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
-    """The motion with joints that never move held at standstill: the sign of their noise is not that of a friction."""
+    """The motion with joints that never move at standstill, as the sign of noise would look like that of friction."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
     return motion.with_joints(q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
@@ -173,9 +169,6 @@ def _common_cutoff(recordings: tuple[Recording, ...]) -> float:
     return choose_cutoff(signals)
 
 
-"""So many standard deviations from zero a value is called identified: about 95 % of values that are zero are not."""
-
-
 def joint_errors(
     robot: Robot,
     measured: Float[Array, "N nv"],
@@ -183,18 +176,18 @@ def joint_errors(
     given: Float[Array, "N nv"],
     fitted: Float[Array, " nv"],
 ) -> tuple[JointError, ...]:
-    """Errors of every joint on held-out samples.
+    """Torque errors of every joint on held-out samples.
 
     Args:
         robot: Gives names and units.
-        measured: Torque in the band.
-        predicted: By the fit.
-        given: By the given model.
-        fitted: Relative error [%] on the samples of the fit.
+        measured: Measured torque in the band [N m or N], shape ``(N, nv)``.
+        predicted: Torque predicted by the fit [N m or N], shape ``(N, nv)``.
+        given: Torque of the given model [N m or N], shape ``(N, nv)``.
+        fitted: Relative error on the samples of the fit [%], shape ``(nv,)``.
     """
     size = np.sqrt(np.mean(measured**2, axis=0))
     rms, before = (np.sqrt(np.mean((measured - model) ** 2, axis=0)) for model in (predicted, given))
-    relative, relative_given = (_ratio(values, size) for values in (rms, before))
+    relative, relative_given = (relative_to(values, size) for values in (rms, before))
     return tuple(
         JointError(
             joint,
@@ -209,19 +202,19 @@ def joint_errors(
     )
 
 
-def _ratio(values: Array, size: Array) -> Array:
-    out = np.full(len(values), np.nan)
-    return np.divide(values, size, out=out, where=size > 0)
+def relative_to(values: Array, size: Array) -> Array:
+    """Quotients, NaN where the size is zero."""
+    return np.divide(values, size, out=np.full(len(values), np.nan), where=size > 0)
 
 
 def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Evidence:
-    """Torques and spectra on logs that the fit has not seen.
+    """Torques and spectra on held-out logs.
 
     Args:
         given: The robot as its file states it.
-        fitted: The robot that was fitted, without what was an unknown.
-        fit: Of it.
-        logs: With at least one valid sample in the band.
+        fitted: The robot that was fitted, without the friction and rotors that were unknowns.
+        fit: The fit.
+        logs: Logs with at least one valid sample in the band.
     """
     times, torques, pieces = [], [], []
     start = 0.0
@@ -229,7 +222,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
         whole = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
         torques.append([Regressor.in_band(log, values) for values in whole])
         t = log.motion.t[log.samples][log.valid_in_band]
-        # One recording keeps its own time; others follow behind a gap.
+        # One recording keeps its own times; each further one follows after a gap.
         shift = start - t[0] if times and len(t) else 0.0
         times.append(t + shift)
         if len(t):
@@ -240,7 +233,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
 
 
 def _stretches(log: Log, measured: Array, residual: Array) -> list[tuple[float, Array]]:
-    """Rate and both signals side by side, shape ``(n, 2 nv)``, of every stretch of valid samples."""
+    """Sample rate, and both signals side by side, shape ``(n, 2 nv)``, of every stretch of valid samples."""
     t = log.motion.t[log.valid]
     both = np.hstack([measured, residual])[log.valid]
     return [(log.band.rate_hz, both[a:b]) for a, b in pairwise([0, *gap_starts(t).tolist(), len(t)])]
@@ -249,7 +242,7 @@ def _stretches(log: Log, measured: Array, residual: Array) -> list[tuple[float, 
 def _densities(
     pieces: list[tuple[float, Array]],
 ) -> tuple[Float[Array, " F"], Float[Array, "F nv"], Float[Array, "F nv"]]:
-    """Amplitude densities of all stretches that are as long as the longest allows, weighted by their length."""
+    """Amplitude densities of all stretches that are long enough for one segment, weighted by their length."""
     nv = pieces[0][1].shape[1] // 2
     longest = max(len(piece) for _, piece in pieces)
     length = min(_LONGEST, longest // 2 if longest >= 2 * _SHORTEST else longest)
@@ -258,7 +251,7 @@ def _densities(
     rate = pieces[int(np.argmax([len(piece) for _, piece in pieces]))][0]
     power, weight, f = 0.0, 0, np.zeros(0)
     for its_rate, piece in pieces:
-        # Recordings of another rate have other frequencies.
+        # Stretches with another sample rate have other frequencies.
         if len(piece) >= length and abs(its_rate - rate) < 1e-3 * rate:
             f, density = power_density(piece, rate, length)
             power, weight = power + len(piece) * density, weight + len(piece)

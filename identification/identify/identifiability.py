@@ -1,4 +1,4 @@
-"""What a recording determines of each parameter: alone, in combination with others, or not at all, and why."""
+"""How a recording determines each parameter: alone, in combination with others, or not at all, and why."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from phantom_dyn.random_streams import random_stream
 SURE = 2.0
 """A value this many standard deviations from zero counts as identified: about 95 % of values that are zero do not."""
 
-_SAMPLES = 200  # many more rows than any robot has base parameters per joint
-_SHOWN = 4  # names in a sentence
+_SAMPLES = 200  # several times the rows that any robot needs
+_SHOWN = 4  # names that a sentence lists
 
 
 def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> BaseParameters:
-    """Base parameters for motion that excites everything: speeds and accelerations at random, and positions too.
+    """Base parameters for motion that excites everything: random positions, velocities and accelerations.
 
-    The positions of a closed chain are those of the recording, as its loops do not close everywhere.
+    In a closed chain the positions are those of the recording, as its loops do not close everywhere.
 
     Args:
-        robot: Gives the rigid body.
-        log: A recording of it.
-        effects: What acts on the joints beside the rigid body.
+        robot: Gives the rigid bodies.
+        log: A recording of the robot.
+        effects: Effects on joints that are unknowns as well.
     """
     rng = random_stream("excited base parameters")
     if robot.chain is None:
@@ -49,8 +49,8 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
 def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
     """For every column whether it is identified alone, in a combination, or not at all.
 
-    A column is identified alone if no null vector of the regressor touches it: an independent one that nothing
-    regroups into.
+    A column is identified alone if no null vector of the regressor contains it: it is independent, and no other column
+    is regrouped into it.
     """
     out: list[Share] = ["combination"] * len(base.names)
     for row, k in enumerate(base.independent):
@@ -62,7 +62,7 @@ def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
 
 
 def regrouped_into(base: BaseParameters) -> dict[int, tuple[str, ...]]:
-    """For each dependent column the base parameters that it is part of."""
+    """For each dependent column, the base parameters that contain it."""
     names = base.base_names
     return {k: tuple(names[row] for row in np.flatnonzero(base.regrouped[:, d])) for d, k in enumerate(base.dependent)}
 
@@ -72,8 +72,8 @@ def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> t
 
     Args:
         robot: Gives the bodies, whose parameters are the first columns.
-        base: Of the recording.
-        excited: Of motion that excites everything.
+        base: Base parameters of the recording.
+        excited: Base parameters of motion that excites everything.
     """
     now, ever = identified_shares(base), identified_shares(excited)
     return tuple(
@@ -87,11 +87,11 @@ def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> t
 
 
 def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unidentified, ...]:
-    """Every dependent column with the reason why it is no unknown of its own.
+    """Every dependent column, with the reason why it is not an unknown of its own.
 
     Args:
-        base: Of the recording.
-        excited: Of motion that excites everything, of the same columns.
+        base: Base parameters of the recording.
+        excited: Base parameters, over the same columns, of motion that excites everything.
     """
     part_of = regrouped_into(base)
     never, always = set(excited.zero), set(excited.dependent)
@@ -103,24 +103,20 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
         elif k in base.zero:
             why = "it produces no torque in this recording: move more joints, or in other postures"
         elif k in always:
-            why = f"in every motion of this robot it is only seen within {whole}"
+            why = f"in every motion of this robot it shows only within {whole}"
         else:
-            why = f"in this recording it is only seen within {whole}; another motion can separate them"
+            why = f"in this recording it shows only within {whole}; another motion can separate them"
         out.append(Unidentified(base.names[k], base.units[k], why))
     return tuple(out)
 
 
 def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
-    """Columns that are independent of those before them in other motion, and not in this recording."""
+    """Columns that another motion can separate from those before them, and this recording cannot."""
     return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))
 
 
 def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
-    """Base parameters of the links, and those of friction and drives.
-
-    Args:
-        fit: The fit.
-    """
+    """Base parameters of the links, and parameters of friction and drives."""
     sums = dict(equation.split(" = ", 1) for equation in fit.base.regroupings())
     owners = _owners(fit)
     links: list[Parameter] = []
@@ -145,7 +141,7 @@ def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
 
 
 def _owners(fit: Fit) -> dict[str, tuple[str | None, str]]:
-    """Joint and effect of each effect's column."""
+    """Joint and effect of each column that belongs to an effect."""
     out: dict[str, tuple[str | None, str]] = {}
     for name in fit.base.names[fit.first_effect :]:
         term = next(term for term in fit.effects if name.startswith(f"{term.label}."))

@@ -1,4 +1,4 @@
-"""What an identification found: plain data that the report, the JSON file and the summary are made from."""
+"""Result of an identification: plain data for the report, the JSON file and the summary."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ class Parameter:
     """One base parameter of the links, or one parameter of friction or of a drive.
 
     Attributes:
-        name: Such as ``forearm.IzzR``; an ``R`` at the end says that others regroup into it.
+        name: Such as ``forearm.IzzR``; an ``R`` at the end means that other parameters are regrouped into it.
         value: Estimate.
-        std: Its standard deviation; NaN if there are no more equations than unknowns.
-        unit: Of both.
-        regroups: What the value is the sum of, such as ``a.Izz + 0.25 b.m``; empty where it stands alone.
+        std: Standard deviation; NaN if there are no more equations than unknowns.
+        unit: Unit of value and standard deviation.
+        regroups: The sum that is estimated, such as ``a.Izz + 0.25 b.m``; empty for a single parameter.
         identified: True if the value is more than two standard deviations from zero.
-        why: Why it is not identified; empty where it is.
-        joint: The joint of a friction or drive parameter, None for the links and the whole robot.
-        effect: The effect that it belongs to, None for the links.
+        why: Why it is not identified; empty if it is.
+        joint: Joint of a friction or drive parameter; None for the links and the whole robot.
+        effect: Effect that the parameter belongs to; None for the links.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Unidentified:
-    """A parameter that is no unknown of its own, and why."""
+    """A parameter that is not an unknown of its own, and why."""
 
     name: str
     unit: str
@@ -58,8 +58,8 @@ class BodyParameters:
 
     Attributes:
         body: Name of the link.
-        this_recording: For each of ``m`` to ``Izz``.
-        any_motion: The same for motion that excites everything.
+        this_recording: For each parameter, ``m`` to ``Izz``, with this recording.
+        any_motion: For each parameter, with motion that excites everything.
     """
 
     body: str
@@ -72,9 +72,9 @@ class JointError:
     """Torque error of one joint on held-out samples.
 
     Attributes:
-        joint: Its name.
-        unit: Of the torque.
-        rms: Root mean square of measured less predicted torque.
+        joint: Name of the joint.
+        unit: Unit of the torque.
+        rms: Root mean square of measured minus predicted torque.
         relative: ``rms`` over that of the measured torque; NaN without torque.
         given: Relative error of the given model.
         fitted: Relative error on the samples of the fit.
@@ -95,12 +95,12 @@ class Export:
     """A model file with the identified parameters.
 
     Attributes:
-        file: Its name.
-        text: Its content; empty where it was not written.
-        loaded_with: What loaded it again; empty where nothing did.
-        difference: Largest difference of its torques to the identified model's, over the largest torque.
-        tolerance: What the difference may be.
-        left_out: Sentences on what the format cannot say, and why a file was not written.
+        file: Name of the file.
+        text: Content of the file; empty if it was not written.
+        loaded_with: Library that loaded it again; empty if none did.
+        difference: Largest difference of its torques from the identified model's, over the largest torque.
+        tolerance: Largest difference that is allowed.
+        left_out: Sentences on what the format cannot hold, or on why the file was not written.
     """
 
     file: str
@@ -113,13 +113,13 @@ class Export:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Held-out samples, for figures.
+    """Held-out samples for figures.
 
     Attributes:
-        t: Time [s]; jumps where another recording begins.
+        t: Time [s], shape ``(N,)``; it jumps where another recording begins.
         measured, predicted, given: Torques of each joint in the band [N m or N], shape ``(N, nv)``.
-        frequency: Of the spectra, at the recording's full rate [Hz], shape ``(F,)``; empty where data are too short.
-        measured_density, residual_density: Amplitude densities of measured torque and of what the fit leaves
+        frequency: Frequencies of the spectra, at the full rate [Hz], shape ``(F,)``; empty if data are too short.
+        measured_density, residual_density: Amplitude densities of measured torque and of the residual of the fit
             [N m or N per root Hz], shape ``(F, nv)``.
     """
 
@@ -134,32 +134,32 @@ class Evidence:
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """Everything that an identification found.
+    """Complete result of an identification.
 
     Attributes:
-        robot: Name or file that was given.
-        recordings: Files, those held out included.
-        estimator: Name of the method.
+        robot: Name or file of the robot.
+        recordings: Names of the files, held-out ones included.
+        estimator: Name of the estimator.
         terms: Friction terms that were unknowns.
-        band_hz: Band of the fit.
+        band_hz: Band of the fit [Hz].
         samples: Number of samples of the fit.
         rank: Number of base parameters, friction included.
-        excitable: The same for motion that excites everything.
-        condition: Condition number of the base regressor, columns scaled to one.
-        bias: What the Durbin-Wu-Hausman test says of least squares; empty where the estimator has no instruments.
+        excitable: Number of base parameters, friction included, with motion that excites everything.
+        condition: Condition number of the base regressor, its columns scaled to norm one.
+        bias: Result of the Durbin-Wu-Hausman test of least squares; empty if the estimator has no instruments.
         base: Base parameters of the links.
         others: Parameters of friction and drives.
-        unidentified: Parameters that are no unknowns of their own.
-        bodies: Per body what can be identified.
-        held_out: What is held out, in words.
+        unidentified: Parameters that are not unknowns of their own.
+        bodies: For each body, which parameters can be identified.
+        held_out: Which data are held out, in words.
         joints: Errors on held-out samples.
-        departure: Per joint, root mean square of the torque by which the full model differs from the fit.
+        departure: For each joint, root mean square of the torque by which the full model differs from the fit.
         full_words: How the full model was made.
         exports: Model files.
-        warnings: Sentences.
-        evidence: For figures.
-        seconds: What it took.
-        version: Of phantom-dyn.
+        warnings: Warnings, one sentence each.
+        evidence: Held-out samples for figures.
+        seconds: Duration of the identification [s].
+        version: Version of phantom-dyn.
     """
 
     robot: str

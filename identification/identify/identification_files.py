@@ -1,6 +1,6 @@
 """The files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
 
-All of them appear together, or none where one of them could not be written.
+All of them are written, or none if one of them cannot be written.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from uuid import uuid4
 
+from identification.export.file_names import MJCF, URDF
 from identification.file_sets import with_run, write_together
 from identification.files import require_kept, require_writable_folder
 from identification.identify.identification import Export, IdentifiedModel, Parameter
-from identification.identify.identified_model import MJCF, URDF
 
 SCHEMA = "identification/1"
 
@@ -24,7 +24,7 @@ NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
 def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
-    """The content of ``identification.json``: plain types, nothing rounded, null where a number is not finite."""
+    """The content of ``identification.json``: plain types, nothing rounded, null for numbers that are not finite."""
     return {
         "schema": SCHEMA,
         "run": run,
@@ -71,7 +71,7 @@ def to_json(found: IdentifiedModel, *, run: str = "") -> dict[str, Json]:
 
 
 def json_text(found: IdentifiedModel, *, run: str = "") -> str:
-    """The text of ``identification.json``, ending in a newline; all files of a run carry its id."""
+    """The text of ``identification.json``, ending in a newline, with the id of the run that all its files carry."""
     return json.dumps(to_json(found, run=run), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -100,40 +100,40 @@ def _export(export: Export) -> dict[str, Json]:
 
 
 def _number(value: float) -> float | None:
-    """JSON has no word for a number that is not finite."""
+    """The number, or None if it is not finite, as JSON cannot express it."""
     return float(value) if math.isfinite(value) else None
 
 
 def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
-    """Refuse a folder that cannot be written to, or with a file that is read, before any work is done.
+    """Refuse a folder that cannot be written to, or that holds an input file, before any work is done.
 
     Args:
         out: The folder.
-        read: Files that are given.
+        read: Input files.
 
     Raises:
-        UsageError: If it is no folder, one of our files is a folder or is read, or there is no right to write.
+        UsageError: If it is no folder, a file to write is a folder or an input, or writing is not allowed.
     """
     require_writable_folder(out, NAMES)
     require_kept(read, (out / name for name in NAMES))
 
 
 def write_outputs(found: IdentifiedModel, out: Path) -> tuple[Path, ...]:
-    """Write ``identification.json``, ``report.html`` and the models into a folder, made where it is missing.
+    """Write ``identification.json``, ``report.html`` and the models into a folder, which is made if it is missing.
 
-    A model of an earlier run that this one cannot write is removed, as it would pass for this one's.
+    A model file of an earlier run that this run cannot write is removed, so that it is not taken for this run's.
 
     Args:
-        found: What was identified.
+        found: The identification.
         out: The folder; other files in it are kept.
 
     Returns:
-        The files written.
+        Paths of the written files.
 
     Raises:
-        UsageError: If a file cannot be written; nothing is written then.
+        UsageError: If a file cannot be written; then none is.
     """
-    # Drawing loads matplotlib, which whoever wants the numbers alone need not wait for.
+    # The report loads libraries for pages, which the numbers alone do not need.
     from identification.identify.identification_report import report_html
 
     check_folder(out)

@@ -1,4 +1,4 @@
-"""The report on an identification: one self-contained page with its figures as inline SVG."""
+"""The report on an identification: one self-contained page with figures as inline SVG."""
 
 from __future__ import annotations
 
@@ -8,104 +8,79 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from identification.identify import identification_words as words
 from identification.identify.identification import IdentifiedModel, JointError, Parameter
 from identification.identify.identification_words import error_percent
-from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, short_name
-from identification.reporting.charts.svg import INK, draw_curve, draw_legend, drawn_svg
+from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart, curve_over_time, short_name
+from identification.reporting.charts.chart_marks import INK, Curve
 from identification.reporting.charts.thinning import eventful_stretch
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
-_DECADES = 5  # of a spectrum
-_PER_OCTAVE = 12  # bins of a spectrum
+_DECADES = 5  # decades of a spectrum that are drawn
+_PER_OCTAVE = 12  # bins of a spectrum per octave
 
-_FIGURES = 12  # joints whose torques are drawn, those with the largest error first
-_OPEN = 2  # so many of them are unfolded
+_FIGURES = 12  # joints whose torques are drawn, beginning with the largest error
+_OPEN = 2  # joints whose figures are unfolded
 
 
 def error_bars(joints: tuple[JointError, ...]) -> str:
     """Relative torque error of every joint on held-out samples, given model and identified model."""
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        rows = np.arange(len(joints), dtype=float)
-        for shift, values, colour, label in (
-            (-0.19, [100 * joint.given for joint in joints], BEFORE, "given model"),
-            (0.19, [100 * joint.relative for joint in joints], AFTER, "identified model"),
-        ):
-            bars = axes.barh(rows + shift, np.nan_to_num(values), height=0.36, color=colour, label=label)
-            words = [error_percent(value / 100) for value in values]
-            axes.bar_label(bars, words, padding=3, fontsize=9.5)
-        axes.set_yticks(rows, [short_name(joint.joint) for joint in joints])
-        axes.invert_yaxis()
-        axes.margins(x=0.14)
-        axes.set_xlim(left=0.0)
-        axes.set_xlabel("torque error on held-out data [% of the measured torque, RMS]")
-        draw_legend(figure, axes)
-
-    size = (6.4, 1.0 + 0.5 * len(joints))
-    return drawn_svg(draw, "errors", size, "Relative torque error of each joint on held-out data")
+    places = np.arange(len(joints), dtype=float)
+    curves = [
+        Curve(places, 100 * np.array(errors), colour, 0.0, label, marked=True, tips=tuple(map(error_percent, errors)))
+        for errors, colour, label in (
+            ([joint.given for joint in joints], BEFORE, "given model"),
+            ([joint.relative for joint in joints], AFTER, "identified model"),
+        )
+    ]
+    panel = Panel("error [% of the torque, RMS]", tuple(curves), least=(0.0,))
+    names = tuple(short_name(joint.joint) for joint in joints)
+    title = "Relative torque error of each joint on held-out data"
+    return chart((panel,), "joint", (6.4, 2.8), title, x_names=names)
 
 
 def torque_figure(found: IdentifiedModel, joint: int) -> str:
-    """Measured and predicted torque over a stretch of held-out data, residual below."""
+    """Measured and predicted torque over a stretch of held-out data, and the residual below."""
     evidence, error = found.evidence, found.joints[joint]
     measured, predicted = evidence.measured[:, joint], evidence.predicted[:, joint]
     rows = eventful_stretch(evidence.t, measured - predicted, STRETCH_S)
     t = evidence.t[rows]
-
-    def draw(figure: Figure) -> None:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        draw_curve(top, t, measured[rows], INK, "measured", 1.8, 0.55)
-        draw_curve(top, t, evidence.given[rows, joint], BEFORE, "given model", 0.9, 0.7)
-        draw_curve(top, t, predicted[rows], AFTER, "identified model", 1.2)
-        draw_curve(bottom, t, (measured - predicted)[rows], AFTER, "", 0.9)
-        bottom.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
-        top.set_ylabel(f"torque [{error.unit}]" if error.unit != "N" else "force [N]")
-        bottom.set_ylabel(f"residual [{error.unit}]")
-        bottom.set_xlabel("time [s]")
-        draw_legend(figure, top)
-        figure.align_ylabels()
-
+    torques = (
+        curve_over_time(t, measured[rows], INK, 1.8, "measured", 0.55),
+        curve_over_time(t, evidence.given[rows, joint], BEFORE, 0.9, "given model", 0.7),
+        curve_over_time(t, predicted[rows], AFTER, 1.2, "identified model"),
+    )
+    top = Panel(f"torque [{error.unit}]" if error.unit != "N" else "force [N]", torques, height=3.0)
+    left = curve_over_time(t, (measured - predicted)[rows], AFTER, 0.9)
+    bottom = Panel(f"residual [{error.unit}]", (left,), height=2.0, zero=True)
     title = f"Measured and predicted torque of joint {error.joint} on held-out data"
-    return drawn_svg(draw, f"torque{joint}", (7.2, 3.9), title)
+    return chart((top, bottom), "time [s]", (7.2, 3.9), title)
 
 
 def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
-    """Amplitude density of measured torque and of the residual, and where the band of the fit ends."""
+    """Amplitude densities of measured torque and residual, and the end of the band of the fit."""
     evidence, error = found.evidence, found.joints[joint]
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        for density, colour, label in (
-            (evidence.measured_density, INK, "measured torque"),
-            (evidence.residual_density, AFTER, "residual"),
-        ):
-            x, y = _octave_bins(evidence.frequency, density[:, joint])
-            axes.plot(x, np.where(y > 0, y, np.nan), color=colour, linewidth=1.4, label=label, alpha=0.8)
-        axes.axvline(found.band_hz[1], color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="end of the band")
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        # What lies far below the rest is rounding.
-        top = float(np.nanmax([evidence.measured_density[:, joint], evidence.residual_density[:, joint]]))
-        if top > 0:
-            axes.set_ylim(top * 10**-_DECADES, 3 * top)
-        for axis in (axes.xaxis, axes.yaxis):  # text is not parsed for powers of ten, see svg.STYLE
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel("frequency [Hz]")
-        axes.set_ylabel(f"amplitude density [{error.unit}/√Hz]")
-        draw_legend(figure, axes)
-
-    return drawn_svg(draw, f"spectrum{joint}", (4.8, 3.9), f"Spectra of joint {error.joint}: torque and residual")
+    densities = (
+        (evidence.measured_density[:, joint], INK, "torque"),
+        (evidence.residual_density[:, joint], AFTER, "residual"),
+    )
+    top = max(float(np.nanmax(density)) for density, _, _ in densities) or 1.0
+    least = top * 10.0**-_DECADES  # what lies far below the rest is rounding
+    curves = []
+    for density, colour, label in densities:
+        x, y = _octave_bins(evidence.frequency, density)
+        curves.append(Curve(x, np.where(y > least, y, np.nan), colour, 1.4, label, 0.8))
+    end = np.full(2, found.band_hz[1])
+    curves.append(Curve(end, np.array([least, top]), INK, 1.0, "band edge", dashes="4 2"))
+    panel = Panel(f"amplitude density [{error.unit}/√Hz]", tuple(curves))
+    title = f"Spectra of joint {error.joint}: torque and residual"
+    return chart((panel,), "frequency [Hz]", (4.8, 3.9), title, logarithmic=True)
 
 
 def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"]) -> tuple[Array, Array]:
-    """Density averaged in power over bins of equal ratio: few lines where frequencies are dense."""
+    """Density averaged in power over bins of equal ratio, so that high frequencies have few points."""
     if not len(f):
         return f, density
     which = np.floor(np.log2(f / f[0]) * _PER_OCTAVE + 1e-9).astype(int)
@@ -153,7 +128,7 @@ def report_html(found: IdentifiedModel) -> str:
 
 
 def _row(parameter: Parameter) -> tuple[str, str, str, bool, str, str]:
-    """Name, value, relative deviation, whether identified, why not, what it is the sum of."""
+    """Name, value, relative standard deviation, whether it is identified, why not, and the sum that it stands for."""
     return (
         parameter.name,
         words.value_cell(parameter),

@@ -1,4 +1,4 @@
-"""An identification in words: sentences and table cells of the report, and the summary on the terminal."""
+"""Words for an identification: sentences and table cells of the report, and the summary on the terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all
 
 
 def error_percent(share: float) -> str:
-    """A relative error as a percentage of two digits, three from 99.5 to 99.9 %; a dash where there is no number."""
+    """A relative error as a percentage with two digits, three from 99.5 to 99.9 %; a dash if it is not finite."""
     value = 100 * share
     if not np.isfinite(value):
         return "–"
@@ -23,7 +23,7 @@ def error_percent(share: float) -> str:
 
 
 def headline(found: IdentifiedModel) -> str:
-    """What was identified and how well it predicts, in one sentence."""
+    """How many parameters were estimated and how well they predict, in one sentence."""
     sure = sum(parameter.identified for parameter in (*found.base, *found.others))
     before, after = (
         np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
@@ -39,19 +39,19 @@ def headline(found: IdentifiedModel) -> str:
 
 
 def law_cell(parameter: Parameter, everything: tuple[Parameter, ...]) -> str:
-    """Law of a parameter of friction or a drive, with the parameter's own name where the law has several."""
+    """Law of a parameter of friction or a drive, followed by the parameter's own name if the law has several."""
     law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
     several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in everything) > 1
     return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
 
 
 def value_cell(parameter: Parameter) -> str:
-    """Value with its deviation and unit."""
+    """Value with its standard deviation and unit."""
     return with_unit(with_std(parameter.value, parameter.std), parameter.unit)
 
 
 def relative_cell(parameter: Parameter) -> str:
-    """Relative deviation as a percentage; a dash where there is none."""
+    """Relative standard deviation as a percentage; a dash if it is not finite."""
     relative = 100 * parameter.relative_std
     if not np.isfinite(relative):
         return "–"
@@ -59,7 +59,7 @@ def relative_cell(parameter: Parameter) -> str:
 
 
 def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
-    """Joint, given model, identified model, fit, RMS, departure of the full model, unit, samples."""
+    """For each joint: name, errors of given model, identified model and fit, RMS, departure, unit, samples."""
     return [
         (
             joint.joint,
@@ -76,7 +76,7 @@ def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
 
 
 def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
-    """What loading a file again has shown."""
+    """Result of loading a file again."""
     if not loaded_with:
         return "It was not loaded again."
     if difference == 0:
@@ -88,7 +88,7 @@ def export_sentence(difference: float, tolerance: float, loaded_with: str) -> st
 
 
 def summary(found: IdentifiedModel) -> str:
-    """What was found, a line for each fact."""
+    """The summary for the terminal, one line per fact."""
     lines = [headline(found), f"held out: {found.held_out}; band 0 to {found.band_hz[1]:.3g} Hz; {found.estimator}"]
     for joint in found.joints:
         lines.append(

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given robot with the identified inertias, friction and rotors, and its URDF and MJCF.
+"""The given robot with the identified inertias, friction and rotors, and its URDF and MJCF files.
 
 Each file is loaded again and compared with the model before it is written.
 """
@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from identification.estimators.consistent.consistent import full_parameters
 from identification.estimators.fit import Fit
+from identification.export.file_names import MJCF, URDF
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import (
     TOLERANCE,
@@ -44,22 +45,22 @@ TERMS = {
     "offset": "torque_offset",
     "direction_dependent": "direction_dependent_friction",
 }
-"""Short name of a term and the effect that it is."""
+"""Short name of each friction term, and the effect that it stands for."""
 
 DEFAULT_TERMS = ("viscous", "coulomb", "offset")
 """Friction terms that are unknowns by default."""
 
-# A body has changed if its parameters differ by more than this share of the largest of their kind: less is rounding.
+# A body has changed if its parameters differ by more than this share of the largest of their kind; less is rounding.
 _SAME = 1e-12
 
 
 @dataclass(frozen=True)
 class JointTerms:
-    """Unknowns of every joint beside its rigid body.
+    """Unknowns of every joint in addition to the rigid body.
 
     Attributes:
-        friction: Keys of `TERMS`.
-        rotors: True if the rotor inertias are unknowns too.
+        friction: Friction terms, keys of `TERMS`.
+        rotors: True if rotor inertias are unknowns as well.
     """
 
     friction: tuple[str, ...] = DEFAULT_TERMS
@@ -67,10 +68,10 @@ class JointTerms:
 
 
 def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
-    """The terms that a user names; ``none`` alone is no term.
+    """Friction terms that a user names; ``none`` alone means no term.
 
     Args:
-        words: Short names, or those of the effects.
+        words: Short names, or names of the effects.
 
     Raises:
         UsageError: If a term is unknown, given twice, or contained in another one.
@@ -88,19 +89,14 @@ def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
     if "direction_dependent" in found and len(found) > 1:
         others = ", ".join(word for word in found if word != "direction_dependent")
         raise UsageError(
-            f"--friction names {others} beside direction_dependent, which holds viscous, coulomb and offset already; "
+            f"--friction names {others} beside direction_dependent, which includes viscous, coulomb and offset; "
             "leave one of the two out"
         )
     return found
 
 
 def effects_of_terms(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ...]:
-    """The terms on every joint of a robot, joint by joint.
-
-    Args:
-        robot: Gives the joints.
-        terms: What is unknown of each.
-    """
+    """The terms on every joint of a robot, joint by joint."""
     effects = [effect_named(TERMS[term]) for term in terms.friction]
     if terms.rotors:
         effects.append(effect_named("rotor_inertia"))
@@ -108,12 +104,7 @@ def effects_of_terms(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ..
 
 
 def without_estimated(robot: Robot, terms: JointTerms) -> Robot:
-    """The robot without the friction and rotors that are unknowns, so that their estimates are whole values.
-
-    Args:
-        robot: The given model.
-        terms: What is unknown of each joint.
-    """
+    """The robot without the friction and rotors that are unknowns, so that estimates are their full values."""
     zero = np.zeros(robot.nv)
     both = "direction_dependent" in terms.friction
     if terms.rotors:
@@ -134,12 +125,12 @@ class FullModel:
     """The identified model as a robot.
 
     Attributes:
-        robot: With the identified inertias, friction and rotors.
-        offset: Constant torque on each joint, positive along it [N m or N], shape ``(nv,)``: no part of the robot.
+        robot: The robot with the identified inertias, friction and rotors.
+        offset: Constant torque on each joint, positive along it [N m or N], shape ``(nv,)``; the robot cannot hold it.
         asymmetry: Joints whose friction differs by direction; the robot has the mean of both.
         words: How the inertias were chosen, or why they are the given ones.
         possible: False if no possible inertias were found, so that the robot has the given ones.
-        moved: Largest move of a base parameter, in standard deviations, that makes bodies possible.
+        moved: Largest change of a base parameter that was needed for possible bodies, in standard deviations.
     """
 
     robot: Robot
@@ -151,12 +142,12 @@ class FullModel:
 
 
 def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
-    """The given robot with all parameters of a fit put in.
+    """The given robot with all parameters of a fit.
 
     Args:
-        given: The given model, the reference of the inertias.
-        fitted: The robot that was fitted, without what was an unknown.
-        fit: Of rigid body and effects.
+        given: The given model, from which the inertias deviate as little as possible.
+        fitted: The robot that was fitted, without the friction and rotors that were unknowns.
+        fit: Fit of rigid bodies and effects.
     """
     model = fitted.model.copy()
     try:
@@ -169,7 +160,7 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
         moved = float(np.max(np.abs(full.moved), initial=0.0))
         possible = True
         words = (
-            "Of all physically possible bodies with the identified base parameters these are nearest to the given ones."
+            "Of all possible bodies with the identified base parameters, these are nearest to the given ones."
             if moved < 0.01
             else "No possible bodies have exactly the identified base parameters: these are the nearest, with base "
             f"parameters moved by up to {moved:.2g} standard deviations."
@@ -211,15 +202,12 @@ def _set_inertias(model: pin.Model, given: Robot, pi: Float[Array, " p"]) -> Non
             model.inertias[j] = pin.Inertia.FromDynamicParameters(new)
 
 
-URDF, MJCF = "corrected.urdf", "corrected.xml"
-
-
 def robots_in_files(full: FullModel, given: Robot) -> dict[str, Robot]:
-    """What each file holds of the identified model, by its name.
+    """The robot that each file describes, by the file's name.
 
     Args:
-        full: The model.
-        given: The robot as its file states it; a URDF has its rotors.
+        full: The identified model.
+        given: The robot as its file states it; the URDF keeps its rotors.
     """
     writable, _ = _without_negative_friction(full.robot)
     return {URDF: _with_armature(writable, given), MJCF: writable}
@@ -229,14 +217,14 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     """URDF and MJCF of the identified model.
 
     Args:
-        full: The model.
+        full: The identified model.
         given: The robot as its file states it.
-        motion: On which torques are compared.
-        folder: Where the files will lie.
-        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+        motion: Motion on which torques are compared.
+        folder: Folder in which the files will be.
+        config: The ``robot.yaml`` that was given; None for the one beside the robot's file.
 
     Raises:
-        EstimationError: If a file that was written says something else than the model.
+        EstimationError: If a written file gives other torques than the model.
     """
     file = find_robot(given.source)
     beside = file.with_name(CONFIG_NAME)
@@ -278,12 +266,12 @@ def _checked_export(
 
 
 def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
-    """The robot without negative friction and rotors, which no format takes, and sentences on what was cut."""
+    """The robot without negative friction and rotor inertias, which no format allows, and sentences on the changes."""
     viscous, coulomb = tree_friction(robot)
     names = list(robot.model.names)[1:]
     kinds = (("viscous friction", viscous), ("Coulomb friction", coulomb), ("rotor inertia", robot.model.armature))
     cut = tuple(
-        f"The {kind} of {name} came out as {value:.3g}, below zero: the file says zero."
+        f"The {kind} of {name} came out as {value:.3g}, below zero: the file has zero."
         for kind, values in kinds
         for name, value in zip(names, values, strict=True)
         if value < 0
@@ -297,7 +285,7 @@ def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
 
 
 def _with_armature(robot: Robot, given: Robot) -> Robot:
-    """The robot with the given rotors: a URDF says none, ``robot.yaml`` does."""
+    """The robot with the given rotors: a URDF has no place for them, ``robot.yaml`` has."""
     model = robot.model.copy()
     model.armature = given.model.armature
     return replace(robot, model=model)
@@ -333,7 +321,7 @@ def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
 
 
 def _left_out(full: FullModel, constant: str) -> list[str]:
-    """Sentences on what both formats lack; ``constant`` starts the one on constant torques."""
+    """Sentences on what both formats lack; ``constant`` begins the one on constant torques."""
     names = full.robot.joint_names
     offsets = [f"{name} {value:.4g}" for name, value in zip(names, full.offset, strict=True) if value]
     out = []

@@ -1,10 +1,10 @@
-"""From a robot and its recordings to an identification.
+"""Identification of a robot from its recordings.
 
-The terms of an identification act on one joint each. Where two joints share a transmission, friction moves with both:
-on joints whose held-out torque is missed, every effect of the catalogue that acts on pairs is fitted beside the terms,
-chosen on the data of the fit, and named only if it halves the error on held-out data.
+The terms of an identification act on one joint each. If two joints share a transmission, friction moves with both. For
+joints with a large error on held-out data, every effect of the catalogue that acts on a pair of joints is fitted
+together with the terms, chosen on the data of the fit, and named only if it halves the error on held-out data.
 
-Model files of an identification that would leave more on held-out data than the given model are not handed out.
+A model file with larger errors on held-out data than the given model is not written.
 """
 
 from __future__ import annotations
@@ -27,7 +27,15 @@ from identification.estimators.iv import hausman_test
 from identification.estimators.linear.cautions import About
 from identification.estimators.weighted_least_squares import wls
 from identification.export.proof.judged_files import leaves_more, rms
-from identification.identify.hold_out import Split, caution, held_out_evidence, joint_errors, require_enough, split_logs
+from identification.identify.hold_out import (
+    Split,
+    caution,
+    held_out_evidence,
+    joint_errors,
+    relative_to,
+    require_enough,
+    split_logs,
+)
 from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
 from identification.identify.identification import Export, IdentifiedModel, JointError
 from identification.identify.identification_words import error_percent
@@ -56,24 +64,24 @@ from phantom_dyn.errors import EstimationError, IdentifiabilityError, ParameterE
 from phantom_dyn.model.robot import Robot
 
 MISSED = 0.3
-"""Relative error on held-out data above which a joint's parameters are not to be relied on."""
+"""Relative error on held-out data above which a joint's parameters are not reliable."""
 
-# An effect is named where it leaves at most this share of the error of one of its joints that is missed ...
+# An effect is named if it reduces the error of one of its unreliable joints at least to this share ...
 _MENDS = 0.5
-# ... and no error is larger than it was by this factor: chance moves those of joints that it does not act on.
+# ... and increases no error by more than this factor: chance changes the errors of joints that it does not act on.
 _HARMS = 1.5
-# Joints that are looked at, the worst first: each is fitted with several others.
+# Largest number of joints that are examined, the worst first: each is fitted together with several others.
 _MOST = 4
 
 
 @dataclass(frozen=True)
 class Shared:
-    """An effect on two joints that would mend an identification.
+    """An effect on two joints that would reduce the errors of an identification.
 
     Attributes:
-        effect: Of the catalogue.
-        joints: The two.
-        errors: Relative error of each on held-out data, with the effect.
+        effect: Effect of the catalogue.
+        joints: The two joints.
+        errors: Relative error of each joint on held-out data, with the effect.
     """
 
     effect: Effect
@@ -82,19 +90,19 @@ class Shared:
 
 
 def missed(joints: Sequence[JointError]) -> tuple[JointError, ...]:
-    """Joints whose held-out torque is missed by more than 30 %, the worst first."""
+    """Joints with an error on held-out data above 30 %, the worst first."""
     return tuple(sorted((joint for joint in joints if joint.relative > MISSED), key=lambda joint: -joint.relative))
 
 
 def shared_effects(
     robot: Robot, split: Split, effects: Sequence[EffectOnJoint], joints: Sequence[JointError]
 ) -> tuple[Shared, ...]:
-    """Effects on two joints that halve the held-out error of a joint that is missed, each joint named once.
+    """Effects on two joints that halve the held-out error of an unreliable joint; each joint is named once.
 
     Args:
-        robot: The one that was fitted, without the friction and rotors that were unknowns.
-        split: What is fitted and judged on.
-        effects: What was fitted.
+        robot: The robot that was fitted, without the friction and rotors that were unknowns.
+        split: Data for the fit and to judge it on.
+        effects: Effects that were fitted.
         joints: Errors of every joint.
     """
     worst = [joint.joint for joint in missed(joints)[:_MOST]]
@@ -115,7 +123,7 @@ def shared_effects(
 
 @dataclass(frozen=True)
 class _Tried:
-    """One effect on two joints beside the terms, and how well it fits: smaller is better."""
+    """One effect on two joints that was fitted with the terms; a smaller score is better."""
 
     effect: Effect
     joints: tuple[str, str]
@@ -124,7 +132,7 @@ class _Tried:
 
 
 def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: Sequence[str]) -> list[_Tried]:
-    """The best shape of every effect on every pair with one of the worst joints."""
+    """The best shape of every effect on every pair that includes one of the worst joints."""
     operation = Operation.of(robot, split.train[0].motion, split.train[0].tau)
     out = []
     for effect in effects_of(robot):
@@ -139,7 +147,7 @@ def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: 
 
 
 def _fit(robot: Robot, split: Split, effects: Sequence[EffectOnJoint]) -> Fit | None:
-    """Weighted least squares; None where it fails."""
+    """Weighted least squares; None if it fails."""
     try:
         return wls(torque_regressor(robot, split.train, effects))
     except (EstimationError, IdentifiabilityError):
@@ -147,49 +155,48 @@ def _fit(robot: Robot, split: Split, effects: Sequence[EffectOnJoint]) -> Fit | 
 
 
 def _score(fit: Fit) -> float:
-    """Sum of the logarithms of a fit's relative errors, in which every joint counts alike."""
+    """Sum of the logarithms of a fit's relative errors, in which all joints have equal weight."""
     return float(np.nansum(np.log(np.maximum(fit.relative_error, 1e-9))))
 
 
 def _held_out(robot: Robot, split: Split, fit: Fit) -> Float[Array, " nv"]:
-    """Relative error of each joint on held-out data, NaN without torque."""
+    """Relative error of each joint on held-out data, shape ``(nv,)``; NaN without torque."""
     measured = np.concatenate([Regressor.in_band(log, log.tau) for log in split.test])
     left = measured - np.concatenate([Regressor.in_band(log, fit.predict(robot, log.motion)) for log in split.test])
-    size = np.sqrt(np.mean(measured**2, axis=0))
-    return np.divide(np.sqrt(np.mean(left**2, axis=0)), size, out=np.full(robot.nv, np.nan), where=size > 0)
+    return relative_to(np.sqrt(np.mean(left**2, axis=0)), np.sqrt(np.mean(measured**2, axis=0)))
 
 
 def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> tuple[str, ...]:
-    """What to tell of joints whose held-out torque is missed; nothing where there are none.
+    """Warnings on joints with a large error on held-out data; empty if there are none.
 
     Args:
         joints: Errors of every joint.
-        shared: What would mend them.
+        shared: Effects that would reduce them.
     """
     poor = missed(joints)
     if not poor:
         return ()
     named = listed([f"{joint.joint} ({error_percent(joint.relative)})" for joint in poor])
     out = [
-        f"The torque error on held-out data is above {100 * MISSED:.0f} % on {named}: rely on neither the parameters "
-        "nor the model files there before the cause is found; phantom-dyn diagnose looks for it."
+        f"The torque error on held-out data is above {100 * MISSED:.0f} % on {named}: do not rely on the parameters or "
+        "the model files there before the cause is found; phantom-dyn diagnose looks for it."
     ]
     for one in shared:
         first, second = one.joints
         errors = " and ".join(error_percent(error) for error in one.errors)
         out.append(
             f"Friction moves with both {first} and {second}: {one.effect.words.name} ({one.effect.words.meaning}) "
-            f"would lower their errors to {errors}, and no parameter here stands for it; phantom-dyn diagnose measures "
+            f"would lower their errors to {errors}, and no parameter here describes it; phantom-dyn diagnose estimates "
             "it."
         )
     return tuple(out)
 
 
-_SHOWN = 6  # names in a warning
-_FAR = 2.0  # standard deviations: a warning says if a base parameter was moved further to make bodies possible
+_SHOWN = 6  # names that a warning lists
+_FAR = 2.0  # standard deviations by which possible bodies may move a base parameter without a warning
 
 
-@one_blas_thread()  # with more, the last digits would depend on the machine
+@one_blas_thread()  # more threads would make the last digits depend on the machine
 def identify(
     robot: Robot,
     recordings: tuple[Recording, ...],
@@ -204,17 +211,17 @@ def identify(
     """Base parameters, friction and drives of a robot, judged on held-out data, with a model to simulate.
 
     Args:
-        robot: Its inertias are the reference of what the data do not determine.
-        recordings: For the fit; the end of a single one, or the last of several, is held out.
+        robot: The given model; its inertias are kept where the data do not determine them.
+        recordings: Recordings for the fit; without ``hold_out`` the end of a single one, or the last one, is held out.
         hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
         estimator: A name of `identification.estimators.estimator_list`.
-        terms: What is unknown of every joint beside the rigid body; by default viscous and Coulomb friction and offset.
-        folder: Where the model files will lie, for the places of meshes; the working folder by default.
-        config: The robot's ``robot.yaml``, None for the one beside its file.
-        progress: Takes the stages.
+        terms: Unknowns of every joint beside the rigid body; by default viscous and Coulomb friction and offset.
+        folder: Folder of the model files, from which paths of meshes are given; by default the working folder.
+        config: The robot's ``robot.yaml``; None for the one beside its file.
+        progress: Called with each stage.
 
     Raises:
-        LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
+        LogError: If a recording cannot be used, or has a certain fault that was not overruled.
         IdentifiabilityError: If the recordings excite too little.
         EstimationError: If the estimator fails.
         ParameterError: If there is no such estimator, or the robot is not bolted down.
@@ -235,7 +242,7 @@ def identify(
     progress(Announcement(Stage.ESTIMATION, detail={"estimator": estimator}))
     regressor = torque_regressor(fitted, split.train, effects)
     fit = entry.fit(regressor)
-    # Both sides of the test are at hand where instruments are, and only there: they may fail for other estimators.
+    # The test needs instruments, which may fail for other estimators.
     bias = hausman_test(regressor).sentence() if estimator == "iv" else ""
     progress(Announcement(Stage.HELD_OUT))
     evidence = held_out_evidence(robot, fitted, fit, split.test)
@@ -290,7 +297,7 @@ def identify(
 
 
 def _require_bolted_down(robot: Robot) -> None:
-    """Refuse a robot whose feet need torques that no estimator knows of."""
+    """Refuse a robot whose feet may touch the ground, as no estimator knows those forces."""
     if robot.floating:
         raise ParameterError(
             f"{robot.name} is not bolted down (base: floating), and identify takes robots that are: diagnose it, or "
@@ -299,7 +306,7 @@ def _require_bolted_down(robot: Robot) -> None:
 
 
 def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:
-    """Refuse measured forces where the loop is simulated: there nothing pushes the robot."""
+    """Refuse measured forces for an estimator that simulates the loop, as its simulation has no such forces."""
     pushed = [recording.file for recording in recordings if recording.forces]
     if pushed and entry.simulates:
         raise ParameterError(
@@ -319,7 +326,7 @@ def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> t
 
 
 def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Float[Array, " nv"]:
-    """Root mean square, per joint, of the torque by which the full model differs from the fit."""
+    """For each joint, root mean square of the torque by which the full model differs from the fit, shape ``(nv,)``."""
     off = [Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs]
     return np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0))
 
@@ -327,14 +334,14 @@ def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) 
 def without_worse_files(
     files: tuple[Export, ...], robots: Mapping[str, Robot], given: Robot, logs: tuple[Log, ...], cutoff_hz: float
 ) -> tuple[Export, ...]:
-    """The files; of one that leaves more than the given model on any joint the reason in the place of its text.
+    """The files, without the text of those with larger errors on a joint than the given model; a sentence says why.
 
     Args:
         files: Model files.
-        robots: What each of them holds, by its name.
+        robots: The robot that each file describes, by the file's name.
         given: The robot as its file states it.
-        logs: That the fit has not seen.
-        cutoff_hz: Edge of the band of the fit.
+        logs: Held-out logs.
+        cutoff_hz: Edge of the band of the fit [Hz].
     """
     weights = tuple(np.repeat(log.valid_in_band[:, None].astype(float), given.nv, axis=1) for log in logs)
     parts = tuple((block.log, block.core, block.stop) for block in split_blocks(logs, cutoff_hz))

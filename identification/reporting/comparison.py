@@ -1,4 +1,4 @@
-"""What changed between diagnoses of one robot: verdict, gap, and each finding with the intervals of its sizes."""
+"""Differences between diagnoses of one robot: verdict, gap, and each finding with the intervals of its sizes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import ParameterError, printable
 
-WIDTH = 100
-_NAME_WIDTH = 24
+WIDTH = 100  # columns of the terminal
+_NAME_WIDTH = 24  # columns for the name of a diagnosis or joint
 INTERVAL = NormalDist().inv_cdf(0.975)
-"""Standard deviations from the estimate to either end of a 95 % interval."""
+"""Half width of a 95 % interval in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class ComparedSize:
     """One parameter of a finding in every diagnosis.
 
     Attributes:
-        parameter: Its name.
-        values: In the order of the diagnoses; None where the finding is missing there.
-        changed: True if two of them differ beyond chance; None if fewer than two can be compared.
+        parameter: Name of the parameter.
+        values: One per diagnosis, in their order; None if the finding is missing.
+        changed: True if two of them differ by more than chance explains; None if fewer than two can be compared.
     """
 
     parameter: str
@@ -51,10 +51,10 @@ class ComparedFinding:
     """One finding in every diagnosis.
 
     Attributes:
-        at: Effect, joint, and the recording that it acts in.
-        findings: In the order of the diagnoses; None where it is missing.
-        missing: For each diagnosis what it says instead, in words; empty where it has the finding.
-        sizes: One a parameter.
+        at: Effect, joint, and the recording in which it acts.
+        findings: One per diagnosis, in their order; None if it is missing.
+        missing: For each diagnosis, what it says in place of the finding; empty if it has the finding.
+        sizes: One per parameter.
     """
 
     at: EffectAt
@@ -64,18 +64,18 @@ class ComparedFinding:
 
     @property
     def changed(self) -> bool:
-        """True if some diagnosis lacks the finding, or one of its sizes differs beyond chance."""
+        """True if a diagnosis lacks the finding, or if one of its sizes differs by more than chance explains."""
         return any(self.missing) or any(size.changed for size in self.sizes)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What several diagnoses say, side by side; ``print`` shows what changed.
+    """Several diagnoses side by side; ``print`` shows what changed.
 
     Attributes:
-        names: Of the diagnoses, in the order that they were given.
-        diagnoses: What was compared.
-        findings: Every finding of any of them, those that changed first.
+        names: Names of the diagnoses, in the given order.
+        diagnoses: The diagnoses.
+        findings: All findings of all diagnoses, those that changed first.
     """
 
     names: tuple[str, ...]
@@ -84,7 +84,7 @@ class Comparison:
 
     @property
     def changed(self) -> tuple[ComparedFinding, ...]:
-        """Findings that are missing somewhere, or differ in size beyond chance."""
+        """Findings that are missing in a diagnosis, or differ in size by more than chance explains."""
         return tuple(finding for finding in self.findings if finding.changed)
 
     def __str__(self) -> str:
@@ -96,17 +96,17 @@ class Comparison:
 
 
 def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
-    """What changed between diagnoses.
+    """Differences between diagnoses.
 
-    A size has changed if two diagnoses differ by more than their deviations explain, at 5 % over all sizes and pairs
-    that are compared. Deviations count as independent, which is on the safe side for diagnoses that share a recording.
+    A size has changed if two diagnoses differ by more than their standard deviations explain, at 5 % over all sizes and
+    pairs that are compared. Deviations are taken as independent, which is cautious if diagnoses share a recording.
 
     Args:
         diagnoses: Two or more, of the same joints.
-        names: One each.
+        names: Name of each diagnosis.
 
     Raises:
-        ParameterError: If there are fewer than two, or they are of different joints.
+        ParameterError: If there are fewer than two, or if they are of different joints.
     """
     if len(diagnoses) < 2:
         raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
@@ -130,7 +130,7 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
 
 
 def distinct_names(paths: Sequence[str | Path]) -> list[str]:
-    """Short names of files that differ: without the ``diagnosis.json`` that they end in, and without folders."""
+    """Short and distinct names of files, without folders or the ``diagnosis.json`` at their end if possible."""
     folders = [str(Path(path).parent) if Path(path).name == FILE else str(path) for path in paths]
     for names in ([Path(folder).name for folder in folders], folders):
         if all(names) and len(set(names)) == len(names):
@@ -139,7 +139,7 @@ def distinct_names(paths: Sequence[str | Path]) -> list[str]:
 
 
 def comparison_text(found: Comparison) -> str:
-    """The comparison for a terminal: verdicts and gap first, then what changed, what did not, and the residuals."""
+    """The comparison for a terminal: verdicts and gap, then what changed, what did not, and the residuals."""
     lines = list(first_lines(found))
     for head, rows in (
         ("Changed, with 95 % intervals:", found.changed),
@@ -156,7 +156,7 @@ def comparison_text(found: Comparison) -> str:
 
 
 def first_lines(found: Comparison) -> tuple[str, ...]:
-    """Verdicts, gap and how many findings changed, a sentence each."""
+    """Sentences on verdicts, gap and the number of findings that changed."""
     verdicts = [diagnosis.verdict.replace("_", " ") for diagnosis in found.diagnoses]
     same = len(set(verdicts)) == 1
     return (
@@ -191,13 +191,13 @@ def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...
 
 
 def _pairs(values: Sequence[Value | None]) -> list[tuple[Value, Value]]:
-    """Pairs of values that can be compared: both known with their deviations, lists of one length."""
+    """Pairs of values that can be compared: both with known deviations, and lists of equal length."""
     usable = [value for value in values if value is not None and all(map(math.isfinite, _listed(value.std)))]
     return [pair for pair in combinations(usable, 2) if len(_listed(pair[0].value)) == len(_listed(pair[1].value))]
 
 
 def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | None:
-    """Whether two values differ by more than ``limit`` standard deviations; None if none can be compared."""
+    """True if two values differ by more than ``limit`` standard deviations; None if none can be compared."""
     pairs = _pairs(values)
     if not pairs:
         return None
@@ -209,7 +209,7 @@ def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | N
 
 
 def _difference(name: str, x: float, y: float) -> float:
-    """Difference of two values; of two phases the one within half a turn."""
+    """Difference of two values; for phases the difference within half a turn."""
     return math.remainder(y - x, 2 * math.pi) if name == "phase" else y - x
 
 
@@ -218,7 +218,7 @@ def _listed(value: float | list[float]) -> list[float]:
 
 
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
-    """What a diagnosis says of an effect that is not among its findings."""
+    """What a diagnosis says of an effect that is not one of its findings."""
     if any(_place(finding) == at for finding in diagnosis.minor):
         return "seen, but too small to matter"
     for finding in diagnosis.findings:
@@ -235,7 +235,7 @@ def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
 
 
 def _row_lines(row: ComparedFinding) -> list[str]:
-    """One finding: a line for each parameter, or one that says where it was found."""
+    """Lines on one finding: one per parameter, or one that says which diagnoses have it."""
     name = capital(effect_at(row.at))
     out = []
     for size in row.sizes:

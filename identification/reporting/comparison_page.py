@@ -1,4 +1,4 @@
-"""What changed between diagnoses as a page: a table, and a figure of each size with its 95 % intervals."""
+"""Page on the differences between diagnoses: a table, and a figure of each size with its 95 % intervals."""
 
 from __future__ import annotations
 
@@ -19,31 +19,27 @@ from identification.reporting.plain_page import figure, page, table
 from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
 from identification.words.numbers_and_names import NO_BREAK, number
 
-_SIZE = (4.6, 2.3)  # of a figure [inch]
-_LETTERS = 42  # below the axis of a figure
-_WIDE = 9.4  # of the figure of all joints [inch]
+_SIZE = (4.6, 2.3)  # size of a figure [inch]
+_LETTERS = 42  # letters that fit below the axis of a figure
+_WIDE = 9.4  # width of the figure of all joints [inch]
 _CHANGED = {True: "changed", False: "the same", None: ""}
 
 
 def comparison_page(found: Comparison) -> str:
-    """The page as self-contained HTML.
-
-    Args:
-        found: What several diagnoses say.
-    """
+    """The page as self-contained HTML."""
     parts = [f"<p>{' '.join(map(_plain, first_lines(found)))}</p>"]
     if found.findings:
         parts.append(_findings_table(found))
         figures = [_size_figure(found, row, size) for row in found.findings for size in row.sizes]
         parts += [
             "<h2>Sizes</h2>",
-            "<p>Points are estimates, bars 95 % intervals; orange is what changed by more than chance explains. A grey "
-            "bar reaches from zero to the size that would have been seen where the finding is missing.</p>",
+            "<p>Points are estimates, bars 95 % intervals. Orange sizes changed by more than chance explains. A grey "
+            "bar reaches from zero to the size that would have been seen, if the finding is missing.</p>",
             f'<div class="figures">{"".join(figures)}</div>',
         ]
     parts += [
         "<h2>Residuals</h2>",
-        "<p>Root mean square of measured less modelled torque on held-out samples (of rests: of the position).</p>",
+        "<p>Root mean square of measured minus modelled torque on held-out samples (at rest: of the position).</p>",
         *_residual_figures(found),
     ]
     return page(f"What changed: {joined(list(found.names))}", parts)
@@ -64,7 +60,7 @@ def _findings_table(found: Comparison) -> str:
 
 
 def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) -> str:
-    """One size over the diagnoses, a curve for each of its entries."""
+    """One size over the diagnoses, one curve for each of its entries."""
     place = (row.at.effect, row.at.joint, size.parameter)
     unit = next(value.unit for value in size.values if value is not None)
     changed = size.changed or any(row.missing)
@@ -83,19 +79,19 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
 
 
 def _hidden_curve(below: list[float]) -> Curve:
-    """Grey bars from zero to what would have been seen, where a finding is missing."""
+    """Grey bars from zero to the size that would have been seen, for diagnoses without the finding."""
     half = 0.5 * np.array(below)
     middle = np.where(half > 0, half, np.nan)
     return Curve(np.arange(len(half)), middle, "#808080", 0.0, half=half)
 
 
 def _axis_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names that an axis has room for side by side."""
+    """Names cut so that they fit side by side on an axis."""
     return tuple(short_name(name, max(8, _LETTERS // len(names))) for name in names)
 
 
 def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
-    """Entry ``entry`` of a size; of a single number the number. Unknown deviations have no bar."""
+    """One entry of a size over the diagnoses; an unknown standard deviation has no bar."""
     pairs = [_entry(value, entry) for value in size.values]
     y, std = np.array(pairs, dtype=float).T
     half = INTERVAL * np.where(np.isfinite(std), std, 0.0)
@@ -115,7 +111,7 @@ def _listed(value: Value) -> list[float]:
 
 
 def _residual_figures(found: Comparison) -> list[str]:
-    """Residuals of all joints by unit, given model and corrected model, a panel for each diagnosis."""
+    """Residuals of all joints, one figure per unit with a panel for each diagnosis."""
     joints = found.diagnoses[0].joints
     return [
         _residual_figure(found, unit, [k for k, gap in enumerate(joints) if gap.unit == unit])
@@ -134,7 +130,7 @@ def _residual_figure(found: Comparison, unit: str, rows: list[int]) -> str:
         )
         curves = tuple(_marks(values, colour, label, unit) for label, colour, values in levels)
         panels.append(Panel(f"[{unit}]", curves, title=short_name(name, 40), least=(0.0,)))
-    legend = f"Orange: given model. Blue: corrected model. {'N m' if unit == 'N m' else unit}, one panel a diagnosis."
+    legend = f"Orange: given model. Blue: corrected model. {'N m' if unit == 'N m' else unit}, one panel per diagnosis."
     size = (_WIDE if len(rows) > 3 else _SIZE[0], 0.7 + 1.2 * len(panels))
     return figure("", chart(tuple(panels), "joint", size, "Residuals of each joint", same_scale=True, x_names=names),
                   [legend])  # fmt: skip

@@ -1,4 +1,4 @@
-"""The diagnosis as a few lines for a terminal: plain text, no colour, at most 100 columns."""
+"""The diagnosis as a few lines for a terminal: plain text without colour, at most 100 columns."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from phantom_dyn.errors import printable
 
 WIDTH = 100
 NOTES = 5
-"""Notes and warnings that are shown at most; the report has all of them."""
+"""Largest number of notes and warnings; the report has all of them."""
 MOST_FINDINGS = 20
-"""Findings that are listed at most; the report has all of them."""
+"""Largest number of findings; the report has all of them."""
 NAME_WIDTH = 36
 MOST_SIZES = 4
-"""Parameters of a finding from which on only those are listed that differ from nothing; the report has all of them."""
-_DIFFERS = 2.0  # standard deviations
+"""If a finding has more parameters, only those that differ from zero are listed; the report has all of them."""
+_DIFFERS = 2.0  # standard deviations by which a size differs from zero
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Verdict, gap before and after, findings with their sizes, each joint; then what the user should know, shortly."""
+    """Verdict, gap before and after, findings with their sizes, a table of joints, and the most important notes."""
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
     diagnosis = with_stated_probabilities(diagnosis.of_torques)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
@@ -55,18 +55,18 @@ def summary(diagnosis: Diagnosis) -> str:
 
 
 def next_experiment_lines(diagnosis: Diagnosis) -> list[str]:
-    """The motion that is to be recorded next, where one is proposed."""
+    """The motion to record next, if one is proposed."""
     proposal = (diagnosis.next_experiment or {}).get("say")
     return [_wrapped(f"Next experiment: {proposal}")] if proposal else []
 
 
 def note_lines(notes: Sequence[Said]) -> list[str]:
-    """Notes, one after the other."""
+    """Lines of notes."""
     return [_wrapped(f"Note: {sentence}", "  ") for sentence in note_sentences(notes)]
 
 
 def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:
-    """Lines that name the files of a run: those of its folder together, any other by itself.
+    """Lines that name the written files: those in the folder together, any other on a line of its own.
 
     Args:
         written: Paths of the files.
@@ -92,13 +92,13 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
 
 
 def _law_lines(diagnosis: Diagnosis) -> list[str]:
-    """The law of what is left; of an explained gap too little is left to speak of: the report has it."""
+    """The law of the residual; not for an explained gap, which leaves little (the report has it)."""
     line = "" if diagnosis.verdict == "explained" else law_line(diagnosis.unexplained)
     return [_wrapped(line)] if line else []
 
 
 def _gap_line(diagnosis: Diagnosis) -> list[str]:
-    """The share of the gap that is closed and the joint with the largest gap before and after; none without a gap."""
+    """Share of the gap that is closed, and the joint with the largest gap before and after; empty without a gap."""
     gap = diagnosis.gap
     if gap.closed is None or not diagnosis.findings:
         return []
@@ -116,7 +116,7 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on data and findings, those first on which an answer may hang."""
+    """Sentences on data and findings, beginning with those on which the answer may depend."""
     out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
         names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
@@ -147,7 +147,7 @@ def _finding_line(finding: Finding) -> str:
 
 
 def _sizes(values: Mapping[str, Value]) -> str:
-    """Sizes with their deviations; one alone needs no name, each of several has its own."""
+    """Sizes with their standard deviations; a single one has no name, each of several has."""
     if len(values) == 1:
         return value_words(next(iter(values.values())))
     shown = values
@@ -162,7 +162,7 @@ def _sizes(values: Mapping[str, Value]) -> str:
 
 
 def _certainty(size: tuple[str, Value]) -> float:
-    """How many standard deviations a size is from nothing; a list counts by its largest entry."""
+    """Number of standard deviations by which a size differs from zero; for a list, that of its largest entry."""
     value = size[1]
     deviations = np.abs(np.atleast_1d(value.value)) / np.maximum(np.atleast_1d(value.std), np.finfo(float).tiny)
     return float(np.max(deviations, initial=0.0))
@@ -183,20 +183,20 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _gives_way(joints: tuple[JointGap, ...]) -> list[str]:
-    """Why a joint may be worse in tolerance than given; nothing where none is."""
+    """Why a joint may be worse within tolerance than given; empty if none is."""
     worse = [joint.joint for joint in joints if joint.worse_within]
     if not worse:
         return []
     return [
         _wrapped(
             f"In tolerance {words.joints_words(worse)} {'is' if len(worse) == 1 else 'are'} worse than given: moves "
-            "within the tolerances are fitted to all joints at once, and give way to what is missing on others."
+            "within the tolerances are fitted to all joints at once, and compensate what is missing on others."
         )
     ]
 
 
 def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
-    """Why a joint with several noise floors left may have no gap; nothing where none has."""
+    """Why a joint with several noise floors left may have no gap; empty if there is no such joint."""
     doubtful = [joint for joint in joints if _explained_by_noise(joint)]
     if not doubtful:
         return []
@@ -205,14 +205,14 @@ def _may_be_noise(joints: tuple[JointGap, ...]) -> list[str]:
     where = f" on {widest.joint}" if len(doubtful) > 1 else ""
     return [
         _wrapped(
-            f"What is left on {names} may be no gap: noise, and what a sound model may be wrong by, are up to "
+            f"What is left on {names} may be no gap: noise and the errors of a sound model reach up to "
             f"{number(widest.allowed)} {widest.unit}{where}."
         )
     ]
 
 
 def _explained_by_noise(joint: JointGap) -> bool:
-    """True if the upper end of the noise alone makes a joint count as explained, or as free of a gap."""
+    """True if a joint counts as explained or free of a gap only because of the upper limit of its noise."""
     floors = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
     return bool(floors and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
 

@@ -1,4 +1,4 @@
-"""A self-contained page without scripts: heading, sections, tables; figures are SVG elements in it."""
+"""A self-contained page without scripts: heading, sections, tables, and figures as SVG elements."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def page(title: str, parts: Sequence[str]) -> str:
     """The whole page.
 
     Args:
-        title: Its heading, escaped here.
-        parts: HTML below it.
+        title: Heading, not yet escaped.
+        parts: HTML below the heading.
     """
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
     body = "\n".join([f"<h1>{escape(title)}</h1>", *parts])
@@ -30,11 +30,11 @@ def page(title: str, parts: Sequence[str]) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table whose words are escaped here.
+    """A table.
 
     Args:
-        head: Names of the columns.
-        rows: Each with a word for every column.
+        head: Names of the columns, not yet escaped.
+        rows: For each row a word per column, not yet escaped.
     """
     lines = ["<tr>" + "".join(f"<th>{escape(word)}</th>" for word in head) + "</tr>"]
     lines += ["<tr>" + "".join(f"<td>{escape(word)}</td>" for word in row) + "</tr>" for row in rows]
@@ -42,7 +42,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def listed(sentences: Sequence[str]) -> str:
-    """Sentences as a list, escaped here."""
+    """Sentences, not yet escaped, as a list."""
     return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
 
 
@@ -50,9 +50,9 @@ def figure(caption: str, svg: str, notes: Sequence[str] = ()) -> str:
     """A figure with its caption above and sentences below.
 
     Args:
-        caption: Escaped here; empty: none.
-        svg: The element.
-        notes: Escaped here.
+        caption: Caption, not yet escaped; empty for none.
+        svg: The SVG element.
+        notes: Sentences, not yet escaped.
     """
     below = "".join(f"<p>{escape(note)}</p>" for note in notes)
     above = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""

@@ -1,1 +1,1 @@
-"""Charts as SVG: drawn directly or by matplotlib, with fewer samples where there are many."""
+"""Charts as SVG, with fewer samples where there are many."""

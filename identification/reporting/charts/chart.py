@@ -1,12 +1,12 @@
-"""Charts of the report, written as SVG directly: stacked panels over one axis, with curves, clouds and bands.
+"""Charts of reports, written directly as SVG: stacked panels over one axis, with curves, clouds and bands.
 
-A report has dozens of them, and matplotlib builds and measures every label of each. Text and axes take the page's
-colour.
+A report has dozens of them, and matplotlib would take long to build and measure every label. Text and axes have the
+page's colour.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import accumulate
 
@@ -31,31 +31,32 @@ from identification.reporting.charts.chart_marks import (
     ribbon_svg,
     text,
 )
+from identification.reporting.charts.thinning import gap_starts, thinned
 from phantom_dyn.array_types import Array
 
-BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
+BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito, distinct for every kind of colour vision
 STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]
 
-_POINTS = 72.0  # per inch
-_RIGHT, _BOTTOM, _TOP = 9.0, 38.0, 21.0  # room around the panels
-_LEGEND, _BETWEEN = 19.0, 32.0
-_PADDING = 0.05  # of the range beyond what is drawn
+_POINTS = 72.0  # points per inch
+_RIGHT, _BOTTOM, _TOP = 9.0, 38.0, 21.0  # space around the panels [pt]
+_LEGEND, _BETWEEN = 19.0, 32.0  # space for a legend and between panels [pt]
+_PADDING = 0.05  # space beyond the data, as a share of their range
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Axes with what is drawn on them.
+    """Axes with their contents.
 
     Attributes:
-        label: Of the vertical axis, with its unit.
-        curves: On top.
-        cloud: Below the curves.
-        title: Above the panel.
-        band: Half the height of a grey band about zero; not finite or zero: none.
-        rule: Where a dashed level line is.
+        label: Label of the vertical axis, with its unit.
+        curves: Curves, drawn on top.
+        cloud: Points below the curves.
+        title: Title above the panel.
+        band: Half the height of a grey band about zero; none if it is zero or not finite.
+        rule: Height of a dashed horizontal line.
         zero: True draws a thin line at zero.
-        least: The least range that is shown.
-        height: Relative to the other panels.
+        least: Values that the vertical range must include.
+        height: Height relative to the other panels.
         ribbons: Areas below everything else.
     """
 
@@ -79,17 +80,21 @@ def chart(
     *,
     same_scale: bool = False,
     x_names: tuple[str, ...] = (),
+    logarithmic: bool = False,
 ) -> str:
-    """Panels one above the other over one axis, as an SVG element.
+    """Panels above each other over one axis, as an SVG element.
 
     Args:
-        panels: From the top.
-        x_label: Of the horizontal axis, with its unit.
+        panels: Panels, from the top.
+        x_label: Label of the horizontal axis, with its unit.
         size: Width and height [inch].
         title: What the chart shows, for readers who cannot see it.
         same_scale: True gives all panels the same vertical range.
-        x_names: In place of numbers, at 0, 1, 2 and so on of the horizontal axis.
+        x_names: Names in place of numbers, at 0, 1, 2 and so on of the horizontal axis.
+        logarithmic: True makes both axes logarithmic; panels then hold curves alone.
     """
+    if logarithmic:
+        panels = tuple(_in_decades(panel) for panel in panels)
     width, height = (_POINTS * side for side in size)
     legend = [curve for curve in panels[0].curves if curve.label]
     top = _TOP if any(panel.title for panel in panels) else _LEGEND if legend else TICK + SMALL
@@ -107,7 +112,7 @@ def chart(
     for k, (panel, start, each, y_range) in enumerate(zip(panels, starts, heights, y_ranges, strict=False)):
         frame = Frame(x_range, y_range, (LEFT, width - _RIGHT), (start + each, start))
         last = k == len(panels) - 1
-        out.append(_panel(panel, frame, x_label if last else "", x_names))
+        out.append(_panel(panel, frame, x_label if last else "", x_names, logarithmic))
     return (
         f'<svg role="img" aria-label="{escape(title)}" xmlns="http://www.w3.org/2000/svg" width="{width:.4g}pt" '
         f'height="{height:.4g}pt" viewBox="0 0 {width:.4g} {height:.4g}" fill="{INK}" '
@@ -116,7 +121,7 @@ def chart(
 
 
 def short_name(name: str, length: int = 18) -> str:
-    """A name for an axis: long ones lose their middle."""
+    """A name for an axis; a long one loses its middle."""
     if len(name) <= length:
         return name
     kept = length - 1
@@ -124,7 +129,7 @@ def short_name(name: str, length: int = 18) -> str:
 
 
 def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
-    """Abscissae and ordinates of all that a panel has to hold."""
+    """Abscissae and ordinates of everything that must fit into a panel."""
     points = [(curve.x, curve.y) for curve in panel.curves]
     bars = [(curve, curve.half) for curve in panel.curves if curve.half is not None]
     points += [(curve.x, curve.y + side * half) for curve, half in bars for side in (1.0, -1.0)]
@@ -152,7 +157,29 @@ def _padded(limits: Range) -> Range:
     return low - _PADDING * wide, high + _PADDING * wide
 
 
-def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...]) -> str:
+def _in_decades(panel: Panel) -> Panel:
+    """The panel with decimal logarithms of its curves."""
+    curves = tuple(replace(curve, x=np.log10(curve.x), y=np.log10(curve.y)) for curve in panel.curves)
+    return replace(panel, curves=curves)
+
+
+def curve_over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
+    """A thinned curve over time, interrupted between recordings and in their gaps."""
+    # Gaps are found before thinning, which makes steps uneven.
+    begins = np.zeros(len(t), dtype=bool)
+    begins[gap_starts(t)] = True
+    # Values that are not finite divide a curve as well.
+    begins[1:] |= np.isfinite(y[1:]) & ~np.isfinite(y[:-1])
+    y = np.asarray(y, dtype=float)
+    kept = np.flatnonzero(np.isfinite(y))
+    chosen = kept[thinned(y[kept])]
+    piece = np.cumsum(begins)[chosen]
+    x, y = t[chosen], y[chosen]
+    starts = np.flatnonzero(np.diff(piece)) + 1
+    return Curve(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), colour, width, label, opacity)
+
+
+def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...], logarithmic: bool) -> str:
     (left, right), (bottom, top) = frame.across, frame.upwards
     out = []
     if np.isfinite(panel.band) and panel.band > 0.0:
@@ -167,7 +194,7 @@ def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...]) -
         level = float(frame.y(np.array([panel.rule]))[0])
         out.append(line(f"M{left:.1f} {level:.1f}H{right:.1f}", INK, 0.8, ' stroke-dasharray="4 2"'))
     out += [curve_svg(curve, frame) for curve in panel.curves]
-    out.append(axes(frame, numbered=bool(x_label), names=x_names))
+    out.append(axes(frame, numbered=bool(x_label), names=x_names, logarithmic=logarithmic))
     middle = 0.5 * (top + bottom)
     out.append(
         f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(panel.label)}</text>'

@@ -11,10 +11,10 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 INK = "currentColor"
 FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
-"""Sizes of text, length of a tick, and space left of the panels [pt]."""
+"""Sizes of text, length of a tick, and space to the left of the panels [pt]."""
 
 _DOT = 5.0  # diameter of a mark [pt]
-_EACH_X, _EACH_Y = 62.0, 26.0  # smallest distance of two ticks [pt]
+_EACH_X, _EACH_Y = 62.0, 26.0  # least distance between two ticks [pt]
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 Range = tuple[float, float]
 
@@ -60,7 +60,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Ribbon:
-    """The area between two lines over one axis: ``(n,)`` each."""
+    """Area between two lines: abscissa, lower and upper ordinate, ``(n,)`` each."""
 
     x: Float[Array, " n"]
     low: Float[Array, " n"]
@@ -78,11 +78,11 @@ class Frame:
     upwards: Range
 
     def x(self, values: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Places on the page from its left edge [pt]."""
+        """Positions from the left edge of the page [pt]."""
         return _placed(values, self.x_range, self.across)
 
     def y(self, values: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Places on the page from its top edge [pt]."""
+        """Positions from the top edge of the page [pt]."""
         return _placed(values, self.y_range, self.upwards)
 
 
@@ -91,7 +91,7 @@ def _placed(values: Float[Array, " n"], of: Range, to: Range) -> Float[Array, " 
 
 
 def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
-    """The area in a pale colour."""
+    """An area in a pale colour."""
     x = np.concatenate([ribbon.x, ribbon.x[::-1]])
     y = np.concatenate([ribbon.low, ribbon.high[::-1]])
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(frame.x(x), frame.y(y), strict=True))
@@ -99,7 +99,7 @@ def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
 
 
 def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
-    """Round numbers within a range, at most ``most``, and at least two where the range contains them."""
+    """Round numbers within a range, at most about ``most`` of them."""
     rough = (high - low) / max(most, 1)
     power = 10.0 ** np.floor(np.log10(rough))
     step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= rough * (1 - 1e-9))
@@ -107,7 +107,7 @@ def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
 
 
 def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
-    """Labels of the ticks, and the power of ten that they have to be multiplied by; empty without one."""
+    """Labels of ticks, and the power of ten by which they must be multiplied; empty if there is none."""
     largest = float(np.abs(values).max(initial=0.0))
     power = int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     power = 0 if -4 < power < 5 else power
@@ -118,15 +118,33 @@ def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
     return words, f"×10{str(power).translate(_SUPERSCRIPT)}" if power else ""
 
 
-def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = ()) -> str:
-    """Both axes of a panel with round numbers; the horizontal one with numbers, with names at 0, 1, 2, or without."""
+def decade_ticks(low: float, high: float, most: int) -> tuple[Float[Array, " n"], list[str]]:
+    """Ticks of a logarithmic axis and their labels: 1, 2 and 5 times powers of ten, or powers of ten alone.
+
+    Args:
+        low: Decimal logarithm of the lower end.
+        high: Decimal logarithm of the upper end.
+        most: Largest number of ticks.
+    """
+    powers = np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1)
+    every = np.add.outer(np.arange(np.floor(low), np.ceil(high) + 1), np.log10([1.0, 2.0, 5.0])).ravel()
+    every = every[(every >= low - 1e-9) & (every <= high + 1e-9)]
+    chosen = every if len(every) <= most else powers[:: -(-len(powers) // max(most, 1))]
+    return chosen, [f"{10.0**value:.3g}" for value in chosen]
+
+
+def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithmic: bool = False) -> str:
+    """Both axes of a panel with round numbers; the horizontal one may have names at 0, 1, 2, or no labels."""
     (left, right), (bottom, top) = frame.across, frame.upwards
-    x = ticks(*frame.x_range, int((right - left) / _EACH_X))
-    x_words, x_power = tick_words(x)
+    most_x, most_y = int((right - left) / _EACH_X), max(2, int((bottom - top) / _EACH_Y))
+    if logarithmic:
+        (x, x_words), (y, y_words) = decade_ticks(*frame.x_range, most_x), decade_ticks(*frame.y_range, most_y)
+        x_power = y_power = ""
+    else:
+        x, y = ticks(*frame.x_range, most_x), ticks(*frame.y_range, most_y)
+        (x_words, x_power), (y_words, y_power) = tick_words(x), tick_words(y)
     if names:
         x, x_words, x_power = *_named_places(names, right - left), ""
-    y = ticks(*frame.y_range, max(2, int((bottom - top) / _EACH_Y)))
-    y_words, y_power = tick_words(y)
     at_x, at_y = frame.x(x), frame.y(y)
     lines = [f"M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f}"]
     lines += [f"M{place:.1f} {bottom:.1f}v{TICK}" for place in at_x] + [
@@ -148,14 +166,14 @@ def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = ()) -> str:
 
 
 def _named_places(names: tuple[str, ...], width: float) -> tuple[Float[Array, " n"], list[str]]:
-    """As many names as fit on an axis, the first among them, and their places."""
+    """As many names as fit on an axis, beginning with the first, and their places."""
     each = 0.55 * SMALL * max(map(len, names)) + 8.0
     step = max(1, int(np.ceil(len(names) * each / width)))
     return np.arange(0.0, len(names), step), list(names[::step])
 
 
 def curve_svg(curve: Curve, frame: Frame) -> str:
-    """A curve as one path, and its marks as another."""
+    """A curve as one path, and its marks as another one."""
     x, y = frame.x(curve.x), frame.y(curve.y)
     whole = np.isfinite(x) & np.isfinite(y)
     begins = whole & ~np.concatenate([[False], whole[:-1]])
@@ -177,7 +195,7 @@ def curve_svg(curve: Curve, frame: Frame) -> str:
 
 
 def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Bool[Array, " n"]) -> str:
-    """Marks of a curve: one path, or one for each point where marks have tooltips."""
+    """Marks of a curve: one path, or one per point if marks have tooltips."""
     places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True)]
     more = ' stroke-linecap="round"'
     if not curve.tips:
@@ -190,7 +208,7 @@ def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Boo
 
 
 def cloud_svg(cloud: Cloud, frame: Frame) -> str:
-    """Dots as one path of relative steps in halves of a point; dots at the same place are drawn once."""
+    """Points as one path of relative steps in halves of a point; points at the same place are drawn once."""
     places = np.column_stack([frame.x(cloud.x), frame.y(cloud.y)])
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):
@@ -203,22 +221,23 @@ def cloud_svg(cloud: Cloud, frame: Frame) -> str:
 
 
 def legend_svg(curves: list[Curve]) -> str:
-    """Lines with their labels, in one row above the panels."""
+    """Samples of lines or marks with their labels, in one row above the panels."""
     out, left = [], LEFT
     for curve in curves:
-        out.append(line(f"M{left:.1f} 9h18", curve.colour, curve.width, f' opacity="{curve.opacity:g}"'))
+        more = f' opacity="{curve.opacity:g}"' + (f' stroke-dasharray="{curve.dashes}"' if curve.dashes else "")
+        out.append(line(f"M{left:.1f} 9h18", curve.colour, curve.width or _DOT, more))
         out.append(text(left + 23, 12.5, curve.label))
         left += 45 + 0.55 * FONT * len(curve.label)
     return "".join(out)
 
 
 def line(path: str, colour: str, width: float, more: str = "") -> str:
-    """A path that is drawn and not filled, with further attributes."""
+    """A path that is stroked and not filled, with further attributes."""
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"{more}/>'
 
 
 def text(x: float, y: float, words: str, anchor: str = "start", size: float = FONT) -> str:
-    """Words at a place of the page [pt]."""
+    """Words at a position on the page [pt]."""
     more = "" if anchor == "start" else f' text-anchor="{anchor}"'
     more += "" if size == FONT else f' font-size="{size:g}"'
     return f'<text x="{x:.1f}" y="{y:.1f}"{more}>{escape(words)}</text>'

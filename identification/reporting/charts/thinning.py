@@ -1,4 +1,4 @@
-"""Fewer samples for figures: thinned curves and clouds, eventful stretches, medians in bins."""
+"""Fewer samples for figures: thinned curves and clouds, stretches with large residuals, medians in bins."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-CURVE_POINTS = 500
-CLOUD_POINTS = 3000
-BINS = 48
+CURVE_POINTS = 500  # samples of a thinned curve
+CLOUD_POINTS = 3000  # samples of a cloud
+BINS = 48  # bins of a median
 LEAST_BINS = 8
-PER_BIN = 12  # samples on average, so that few bins are too empty for a median
-LEAST_IN_BIN = 5
+PER_BIN = 12  # least mean number of samples in a bin, so that few bins are too empty for a median
+LEAST_IN_BIN = 5  # least number of samples for a median
 
 
 def thinned(y: Float[Array, " N"], most: int = CURVE_POINTS) -> Int[Array, " n"]:
-    """Indices of at most `most` samples that keep the smallest and the largest of every stretch, so no spike is lost.
+    """Indices of at most `most` samples that include the extremes of every stretch, so that no spike is lost.
 
     Args:
         y: Samples of a curve, shape ``(N,)``.
-        most: Number of indices at most, at least 2.
+        most: Largest number of indices, at least 2.
 
     Returns:
         Increasing indices, shape ``(n,)``.
@@ -39,7 +39,7 @@ def thinned(y: Float[Array, " N"], most: int = CURVE_POINTS) -> Int[Array, " n"]
 
 
 def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
-    """Indices of the samples before which time jumps (another recording, or a stretch left out)."""
+    """Indices of samples before which time jumps, as another recording begins or a stretch was left out."""
     step = np.diff(t)
     if not len(step):
         return np.zeros(0, dtype=int)
@@ -49,11 +49,11 @@ def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
 def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
     """The stretch of one recording, at most `seconds` long, with the largest mean square of the residual.
 
-    Longer stretches go first: a short recording is chosen only where none lasts `seconds`.
+    A stretch of full length is preferred: a shorter recording is chosen only if none lasts `seconds`.
 
     Args:
         t: Time [s], shape ``(N,)``.
-        residual: Shape ``(N,)``.
+        residual: Residual of one joint, shape ``(N,)``.
         seconds: Length of the stretch [s].
 
     Returns:
@@ -78,7 +78,7 @@ def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], second
 
 
 def scatter_choice(finite: Bool[Array, " N"]) -> Int[Array, " n"]:
-    """Indices of some usable samples, drawn at random so that no period of the motion is favoured."""
+    """Indices of at most `CLOUD_POINTS` usable samples, drawn at random so that no period of the motion is favoured."""
     usable = np.flatnonzero(finite)
     if len(usable) <= CLOUD_POINTS:
         return usable
@@ -86,7 +86,7 @@ def scatter_choice(finite: Bool[Array, " N"]) -> Int[Array, " n"]:
 
 
 def binned_median(x: Float[Array, " N"], y: Float[Array, " N"]) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
-    """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes the two directions of motion.
+    """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes both directions of motion.
 
     Args:
         x: Abscissa, shape ``(N,)``, finite.
@@ -109,6 +109,6 @@ def binned_median(x: Float[Array, " N"], y: Float[Array, " N"]) -> tuple[Float[A
 
 
 def bin_numbers(x: Float[Array, " N"], bins: int = BINS) -> Int[Array, " N"]:
-    """Number of the bin of each sample: `bins` equal ones over the range of `x`, with an edge at zero."""
+    """Index of the bin of each sample: `bins` equal bins over the range of `x`, with an edge at zero."""
     span = float(np.ptp(x)) if len(x) else 0.0
     return np.zeros(len(x), dtype=int) if span == 0.0 else np.floor(x / (span / bins)).astype(int)

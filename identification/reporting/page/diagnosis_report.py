@@ -1,4 +1,4 @@
-"""The report: one self-contained page that says what differs between robot and model, how sure, and what to do."""
+"""The report: one self-contained page on what differs between robot and model, how certain it is, and what to do."""
 
 from __future__ import annotations
 
@@ -59,17 +59,17 @@ VERDICTS = {
     "no_gap": "No gap",
     "not_testable": "Not testable",
 }
-# Figures take time and room: of a robot with many joints those with the largest gap are drawn.
-_FIGURES = 20  # findings
-_CURVES = 12  # joints over time
-_CLOUDS = 6  # joints over velocity and position
-_SOME = 0.02  # share of the gap from which a joint's residual is drawn over velocity and position
-_OPEN_JOINTS = 2  # so many joints with the largest gap have their figures unfolded
+# Figures take time and space: if a robot has many joints, those with the largest gap are drawn.
+_FIGURES = 20  # findings with a figure
+_CURVES = 12  # joints drawn over time
+_CLOUDS = 6  # joints drawn over velocity and position
+_SOME = 0.02  # least share of the gap for which a joint's residual is drawn over velocity and position
+_OPEN_JOINTS = 2  # joints with the largest gap whose figures are unfolded
 
 
 @dataclass(frozen=True)
 class Card:
-    """One finding on the page: the parts of its sentence, its sizes, and its figure, empty without samples."""
+    """One finding on the page: name, share of the gap, sentences, sizes, and a figure that is empty without samples."""
 
     name: str
     share: str
@@ -80,9 +80,9 @@ class Card:
 
 @dataclass(frozen=True)
 class JointView:
-    """One joint on the page: name, share of the gap, figures over time and over its own motion, regimes.
+    """One joint on the page: name, share of the gap, figures over time and over its motion, regimes.
 
-    ``telling`` is False of a joint without a gap: its residual shows noise and tolerances.
+    ``telling`` is False for a joint without a gap, whose residual shows noise and tolerances only.
     """
 
     name: str
@@ -96,7 +96,7 @@ class JointView:
 
 @dataclass(frozen=True)
 class MotionView:
-    """Motion of one joint on the page: its name, its number among all, its figure, and whether that is unfolded."""
+    """Motion of one joint on the page: name, index, figure, and whether it is unfolded."""
 
     name: str
     number: int
@@ -109,9 +109,9 @@ class SceneView:
     """The robot in three dimensions on the page.
 
     Attributes:
-        script: The viewer.
-        figure: What it draws, as JSON that may stand in a script element.
-        legend: For each joint its name, share of the gap and colour.
+        script: Script of the viewer.
+        figure: Solids and labels as JSON for the script.
+        legend: Name, share of the gap and colour of each joint.
         from_meshes: False if the links are drawn as capsules.
         has_gap: False if no joint has a residual above its noise floor.
     """
@@ -125,19 +125,19 @@ class SceneView:
 
 @dataclass(frozen=True)
 class CurvesView:
-    """Torque over time on the page: the script that draws it, and the samples as JSON."""
+    """Torque over time on the page: the script that draws it, and its samples as JSON."""
 
     script: Markup
     figure: Markup
 
 
 def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tuple[str, ...] = ()) -> str:
-    """The whole page as text; everything it shows is inside it, and every name is escaped.
+    """The whole page as text. It is self-contained, and every name is escaped.
 
     Args:
-        diagnosis: What is shown.
-        robot: Drawn in three dimensions if it is given.
-        beside: Names of the files in the folder of the page, which are linked.
+        diagnosis: The diagnosis.
+        robot: If given, the robot is drawn in three dimensions.
+        beside: Names of files in the folder of the page, which the page links to.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -200,18 +200,18 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
 
 
 def _details(diagnosis: Diagnosis) -> list[str]:
-    """What the headline leaves out."""
+    """Sentences that the short headline leaves out."""
     whole = headline(diagnosis)
     return [*([] if whole == short_headline(diagnosis) else [whole]), *reservations(diagnosis)]
 
 
 def _on_model_files(said: Said) -> bool:
-    """True of notes on the corrected model's own files, which have a section of their own."""
+    """True for notes on the files of the corrected model, which have their own section."""
     return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
 
 
 def _closed(diagnosis: Diagnosis) -> str:
-    """What all findings close together, in a sentence; empty where there is no gap to close."""
+    """Sentence on what all findings close together; empty without a gap."""
     gap = diagnosis.gap
     if gap.closed is None or gap.interval is None:
         return ""
@@ -261,7 +261,7 @@ def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
 
 
 def _motion_views(diagnosis: Diagnosis) -> list[MotionView]:
-    """Joints whose simulated motion is drawn, those with the largest gap first."""
+    """Joints whose simulated motion is drawn, beginning with the largest gap."""
     if diagnosis.evidence.followed is None:
         return []
     ranked = np.argsort(-shares_of(diagnosis), kind="stable").tolist()[:_CURVES]
@@ -302,5 +302,5 @@ def _script(name: str) -> Markup:
 
 
 def _inside_script(json_text: str) -> Markup:
-    """JSON that may stand in a script element, whatever names it holds."""
+    """JSON made safe for a script element, whatever names it contains."""
     return Markup(json_text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))

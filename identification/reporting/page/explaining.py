@@ -1,6 +1,6 @@
-"""The variable that a residual is drawn over: the one that explains most of it, and its samples.
+"""The variable over which a residual is drawn: the one that explains most of it.
 
-Motion of the joints comes from the diagnosis; that of passive joints of a closed chain from the robot.
+The motion of joints comes from the diagnosis; that of passive joints of a closed chain is computed from the robot.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_CLEARLY = 0.03  # a later candidate has to explain this much more of the residual's variance
-_PRESLIDING_WIDTHS = 8.0  # of the breakaway displacement are shown to either side
+_CLEARLY = 0.03  # share of the residual's variance by which a later candidate must be better
+_PRESLIDING_WIDTHS = 8.0  # breakaway displacements that are shown to either side
 _MIDDLE = (0.5, 99.5)  # percentiles between which a derivative is drawn
-_TURNS = 1.5  # periods from which a position is folded into one of them
+_TURNS = 1.5  # least number of periods for which a position is folded into one
 
 
 @dataclass(frozen=True)
 class Variable:
-    """What a residual is drawn over.
+    """A variable over which a residual is drawn.
 
     Attributes:
         name: Label of the axis, without the unit.
-        unit: Its unit.
-        x: Samples, shape ``(N,)``; not finite where it has no value.
+        unit: Unit of the variable.
+        x: Samples, shape ``(N,)``; not finite where the variable has no value.
         by_direction: True if the residual has two branches, one for each direction of motion.
-        reach: Half of the range that is drawn, or None for all of it.
+        reach: Half of the range that is drawn; None for all of it.
     """
 
     name: str
@@ -47,10 +47,10 @@ class Variable:
 
 
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
-    """Row of the joint whose residual shows a finding: its own, else that of the joint that gained most.
+    """Index of the joint whose residual shows a finding: its own joint, else the joint that gained most.
 
-    Of a coupling it is that of the two joints that gained more; findings of the whole robot and of passive joints have
-    no row of their own.
+    For a coupling it is the one of the two joints that gained more. Findings of the whole robot and of passive joints
+    have no residual of their own.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:
@@ -66,10 +66,10 @@ def explaining_variable(
     """The variable of the finding's law that explains most of a residual.
 
     Args:
-        diagnosis: Its evidence gives the samples.
+        diagnosis: Gives the samples.
         motions: Motion of each joint by name.
-        finding: What explains the residual.
-        residual: Of the joint that shows the finding, shape ``(N,)``.
+        finding: The finding that explains the residual.
+        residual: Residual of the joint that shows the finding, shape ``(N,)``.
     """
     names = words_of(finding).shown_over
     forward = motions[diagnosis.joints[joint_of(diagnosis, finding.joint)].joint].v > 0
@@ -79,23 +79,23 @@ def explaining_variable(
 def strongest_variable(
     diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str, residual: Float[Array, " N"]
 ) -> Variable:
-    """Of everything that may explain a residual of unknown cause, what explains most of it."""
+    """The variable that explains most of a residual of unknown cause."""
     nameless = Finding("", joint, "everywhere", {}, 0.0, (0.0, 0.0), 0.0, (), "supported")
     variables = [_variable(name, diagnosis, motions, nameless) for name in ANY_VARIABLE]
     return _best(variables, residual, motions[joint].v > 0)
 
 
 def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[Array, " N"] | None = None) -> float:
-    """Share of the variance of `y` that its means in bins of `x` explain, for each direction of its own if given."""
+    """Share of the variance of `y` that its means in bins of `x` explain; with `forward`, in bins of each direction."""
     finite = np.isfinite(x) & np.isfinite(y)
     if np.count_nonzero(finite) < 2 or np.var(y[finite]) == 0:
         return 0.0
-    # A few extreme values would make all others one bin.
+    # Without the limits a few extreme values would put all others into one bin.
     bins = bin_numbers(np.clip(x[finite], *np.percentile(x[finite], _MIDDLE)))
     groups = np.unique(bins if forward is None else 2 * bins + forward[finite], return_inverse=True)[1]
     counts = np.bincount(groups)
     means = np.bincount(groups, y[finite]) / counts
-    # A mean of few samples follows their noise.
+    # A mean of few samples follows their noise, whose expected share is subtracted.
     spread = np.sum(counts * (means - y[finite].mean()) ** 2) - (len(counts) - 1) * np.var(y[finite])
     return float(np.clip(spread / (len(groups) * np.var(y[finite])), 0.0, 1.0))
 
@@ -103,9 +103,9 @@ def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[
 def displacement_by_recording(
     t: Float[Array, " N"], q: Float[Array, " N"], v: Float[Array, " N"]
 ) -> Float[Array, " N"]:
-    """How far a joint has gone since its velocity last changed sign; NaN before the first reversal of a recording.
+    """Displacement of a joint since its velocity last changed sign; NaN before the first reversal of a recording.
 
-    A joint that stops and goes on has not reversed.
+    A joint that stops and goes on in the same direction has not reversed.
     """
     out = np.full(len(t), np.nan)
     starts = np.concatenate([[0], gap_starts(t), [len(t)]]) if len(t) else np.zeros(0, dtype=int)
@@ -138,9 +138,9 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
     evidence, row = diagnosis.evidence, joint_of(diagnosis, finding.joint)
     gap = diagnosis.joints[row]
     linear = gap.unit in ("N", "m")
-    load = "N" if linear else "N m"  # at rest gaps are positions, and loads are torques still
+    load = "N" if linear else "N m"  # at rest gaps are positions, but loads are still torques
     torque, length = ("force" if linear else "torque"), ("m" if linear else "rad")
-    # A passive joint's friction follows its own motion and shows on the joint that moves it.
+    # The friction of a passive joint follows its own motion and shows on the joint that drives it.
     motion = motions.get(finding.joint or "", motions[gap.joint])
     after = f" of {finding.joint}" if finding.joint in motions and finding.joint != gap.joint else ""
     if name == "velocity":
@@ -165,7 +165,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
         return Variable(f"modelled {torque}", load, evidence.tau_before[:, row])
     transmitted = _transmitted(evidence, row)
     if name == "transmitted":
-        return Variable(f"{torque} that the transmission passes on", load, transmitted, by_direction=True)
+        return Variable(f"{torque} through the transmission", load, transmitted, by_direction=True)
     rate = _slope(evidence.t, transmitted)
     if name == "torque_rate":
         return Variable(f"rate of change of the {torque}", f"{load}/s", rate, reach=_most(rate))
@@ -174,7 +174,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
 
 
 def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
-    """Position within one period of the strongest order, where the motion goes through more than one."""
+    """Position within one period of the strongest order, if the motion covers more than one period."""
     orders, sizes = _all(finding, "order") or [1.0], _all(finding, "amplitude")
     order = orders[int(np.argmax(np.abs(sizes)))] if len(sizes) == len(orders) else orders[0]
     period = 2 * np.pi / abs(order) if order else np.inf
@@ -200,7 +200,7 @@ def _transmitted(evidence: Evidence, row: int) -> Float[Array, " N"]:
 
 
 def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
-    """Derivative in time; NaN at the ends of recordings, where there is none."""
+    """Derivative in time; NaN at the ends of recordings."""
     if len(t) < 3:
         return np.full(len(t), np.nan)
     out = np.gradient(x, t)
@@ -210,7 +210,7 @@ def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
 
 
 def _most(x: Float[Array, " N"]) -> float | None:
-    """Size that almost all values stay below."""
+    """Absolute value that almost all values stay below."""
     finite = np.abs(x[np.isfinite(x)])
     return float(np.percentile(finite, _MIDDLE[1])) if len(finite) else None
 
@@ -235,7 +235,7 @@ class JointMotion:
 
 
 def joint_motions(robot: Robot | None, diagnosis: Diagnosis) -> dict[str, JointMotion]:
-    """Motion of each joint by name; of passive joints only where the robot is given and a finding names one."""
+    """Motion of each joint by name; passive joints are included if the robot is given and a finding names one."""
     evidence = diagnosis.evidence
     out = {
         gap.joint: JointMotion(evidence.q[:, k], evidence.v[:, k], evidence.a[:, k])

@@ -1,4 +1,4 @@
-"""The first screen of the report: the gap of each joint before and after, and the findings, one kind together."""
+"""First screen of the report: the gap of each joint before and after, and the findings in groups."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent_sho
 from identification.words.verdict_words import group_name, grouped
 
 MOST_BARS = 8
-"""Joints on the first screen; of more those with the largest gap, as a screen has no room for all."""
+"""Largest number of joints on the first screen; if there are more, those with the largest gap are shown."""
 _MOST_SIZES = 4
-"""Parameters of one finding on the first screen; of more its card has the table."""
+"""Largest number of parameters of a finding on the first screen; its card has a table of all."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """Gap of one joint before and after and the noise floor, as widths [%] on the scale of all, and in words.
+    """Gap of one joint before and after and its noise floor, as widths of bars [%] and in words.
 
-    The scale is in noise floors, so that the mark of the floor is at one place and the largest gap stands out.
+    The widths are in noise floors, so that the floor is marked at the same place for all joints and the largest gap
+    stands out.
     """
 
     joint: str
@@ -35,15 +36,15 @@ class Bar:
 
 @dataclass(frozen=True)
 class Group:
-    """Findings of a kind on several joints, or of several kinds on the same joints, or a single one.
+    """One finding, findings of one effect on several joints, or findings of several effects on the same joints.
 
     Attributes:
-        findings: All of them.
+        findings: All findings of the group.
         name: Effects and places.
-        size: Of a single one its sizes, of several of one parameter the range; else empty.
-        share: Of the gap, together; empty if that is not known.
-        width: The same for a bar [%].
-        sure: The least sure of them.
+        size: Sizes of a single finding; the range of sizes of several with one parameter; else empty.
+        share: Share of the gap that the group closes; empty if it is not known.
+        width: The share as the width of a bar [%].
+        sure: Certainty of the least certain finding.
     """
 
     findings: tuple[Finding, ...]
@@ -55,7 +56,7 @@ class Group:
 
 
 def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
-    """A bar for each joint in the robot's order, at most eight, and how many joints are left out."""
+    """A bar for each joint in the robot's order, at most eight, and the number of joints that are left out."""
     gaps = diagnosis.joints
     sizes = np.array([_floors(gap, gap.without_findings) for gap in gaps])
     kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
@@ -64,7 +65,7 @@ def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
 
 
 def _floors(gap: JointGap, size: float) -> float:
-    """A residual in noise floors; nothing where that is no number."""
+    """A residual in noise floors; zero if that is not finite."""
     ratio = size / gap.noise_floor if gap.noise_floor else 0.0
     return ratio if np.isfinite(ratio) else 0.0
 
@@ -73,7 +74,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     sizes = (gap.without_findings, gap.rms_after, gap.noise_floor)
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
-    # What the correction takes away below the noise floor is no part of the gap.
+    # A correction below the noise floor is no part of the gap.
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     if gap.gives_way or (closed is None and gap.tolerated <= gap.allowed):
         closed = "no gap"
@@ -81,22 +82,22 @@ def _bar(gap: JointGap, largest: float) -> Bar:
 
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
-    """The findings, those of one effect on several joints together, and effects on the very same joints, too."""
+    """The findings in groups, see `grouped`."""
     return [_group(kinds, diagnosis) for kinds in grouped(diagnosis)]
 
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     findings = tuple(finding for found in kinds for finding in found)
-    # Of a single one without a share, what comes back when it is taken out.
+    # A single finding without a share counts with the gap that returns without it.
     shares = [one.gap_closed if one.share is None and len(diagnosis.findings) == 1 else one.share for one in findings]
     known = [share for share in shares if share is not None]
-    # What is taken away below the noise floor is no part of the gap.
+    # A correction below the noise floor is no part of the gap.
     share = min(sum(known), 1.0) if len(known) == len(shares) else None
     return Group(
         findings,
         words.capital(group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
-        # A share is a mean over orders, and of what the others explain better it is below nothing: no figure for here.
+        # A share is a mean over orders, and may be negative if others explain the same better: it is not shown here.
         "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
         words.sureness(min(finding.probability for finding in findings)),
@@ -123,12 +124,12 @@ def _size(findings: tuple[Finding, ...]) -> str:
 
 
 def _unbroken(value: Value) -> str:
-    """An estimate whose deviation and unit do not go to the next line."""
+    """An estimate that stays on one line with its deviation and unit."""
     return value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
 
 
 def share_curve(diagnosis: Diagnosis) -> str:
-    """Share of the gap that the largest findings account for together, against their number; empty below two findings.
+    """Share of the gap that the largest findings close together, over their number; empty for fewer than two findings.
 
     Shares are Shapley values, so that the curve ends at what all findings close.
     """

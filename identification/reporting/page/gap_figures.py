@@ -1,6 +1,6 @@
-"""The figures of the report as inline SVG, and the samples of its curves that the reader can zoom into.
+"""Figures of the report as inline SVG, and the samples of curves into which the reader can zoom.
 
-Text and axes take the colour of the page, so that dark pages work too.
+Text and axes have the colour of the page, so that dark pages work as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis
-from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
+from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart, curve_over_time
 from identification.reporting.charts.chart_marks import INK, Cloud, Curve
 from identification.reporting.charts.thinning import (
     binned_median,
@@ -33,28 +33,28 @@ from identification.reporting.page.explaining import (
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
-# Samples of which a median is drawn, each with the dashes of its line.
+# Groups of samples for which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
-_WINDOWS = 12  # of simulated motion that are seen at first, where they are short: each has to be seen
-_SWINGS = 6  # the same of swings of a leg, with what lies between them
-FEW_POINTS = 600  # fewer are drawn larger
-FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
+_WINDOWS = 12  # windows of simulated motion that are shown at first, if they are short
+_SWINGS = 6  # the same for swings of a leg, with the stances between them
+FEW_POINTS = 600  # clouds of fewer points have larger points
+FINER_FROM = 3.0  # ratio of residuals above which the corrected model's panel has its own scale
 
 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
-    """Torque measured and modelled over a stretch that shows something, and the residuals below it."""
+    """Measured and modelled torque over a stretch with a large residual, and the residuals below."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     rows = shown_stretch(evidence, joint)
     t = evidence.t[rows]
 
     tau = (
-        _over_time(t, evidence.tau_measured[rows, joint], INK, 1.8, "measured", 0.55),
-        _over_time(t, evidence.tau_before[rows, joint], BEFORE, 1.1, "given model"),
-        _over_time(t, evidence.tau_after[rows, joint], AFTER, 1.1, "corrected model"),
+        curve_over_time(t, evidence.tau_measured[rows, joint], INK, 1.8, "measured", 0.55),
+        curve_over_time(t, evidence.tau_before[rows, joint], BEFORE, 1.1, "given model"),
+        curve_over_time(t, evidence.tau_after[rows, joint], AFTER, 1.1, "corrected model"),
     )
     left = [
-        _over_time(t, residual(values, evidence, joint)[rows], colour, 0.9)
+        curve_over_time(t, residual(values, evidence, joint)[rows], colour, 0.9)
         for values, colour in ((evidence.tau_before, BEFORE), (evidence.tau_after, AFTER))
     ]
     top = Panel(torque_label(diagnosis, joint), tau, height=3.0)
@@ -64,7 +64,7 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def position_figure(diagnosis: Diagnosis, joint: int) -> str:
-    """Position measured, and simulated by both models from recorded states, and the errors of these below it."""
+    """Position measured, and simulated by both models from recorded states, and the errors of both below."""
     evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
     if followed is None:
         return ""
@@ -73,11 +73,11 @@ def position_figure(diagnosis: Diagnosis, joint: int) -> str:
         x[rows] for x in (evidence.t, evidence.q[:, joint], followed.before[:, joint], followed.after[:, joint])
     )
     places = (
-        _over_time(t, read, INK, 1.8, "measured", 0.55),
-        _over_time(t, given, BEFORE, 1.3, "given model"),
-        _over_time(t, corrected, AFTER, 1.3, "corrected model"),
+        curve_over_time(t, read, INK, 1.8, "measured", 0.55),
+        curve_over_time(t, given, BEFORE, 1.3, "given model"),
+        curve_over_time(t, corrected, AFTER, 1.3, "corrected model"),
     )
-    left = tuple(_over_time(t, read - q, colour, 1.1) for q, colour in ((given, BEFORE), (corrected, AFTER)))
+    left = tuple(curve_over_time(t, read - q, colour, 1.1) for q, colour in ((given, BEFORE), (corrected, AFTER)))
     name, unit = diagnosis.joints[joint].joint, position_unit(diagnosis, joint)
     top = Panel(f"position [{unit}]", places, height=3.0)
     bottom = Panel(f"error [{unit}]", left, height=2.0, zero=True)
@@ -85,7 +85,7 @@ def position_figure(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def shown_motion(evidence: Evidence, joint: int) -> slice:
-    """Rows of the stretch that is seen first: ten seconds, or a dozen windows, where the given model errs most."""
+    """Rows of the stretch shown at first, where the given model errs most: ten seconds, or a dozen short windows."""
     followed = evidence.followed
     if followed is None:
         return slice(0, len(evidence.t))
@@ -100,26 +100,26 @@ def position_unit(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def shown_stretch(evidence: Evidence, joint: int) -> slice:
-    """Rows of the stretch of ten seconds whose residual of the given model is largest: what is seen first."""
+    """Rows of the stretch shown at first: the ten seconds with the largest residual of the given model."""
     return eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
 
 
 def torque_label(diagnosis: Diagnosis, joint: int) -> str:
-    """Label of an axis over which torque is drawn, force of a linear joint, position where it is judged at rest."""
+    """Label of the axis of torque: force for a linear joint, position error if the joint is judged at rest."""
     unit = diagnosis.joints[joint].unit
     return f"{'error' if diagnosis.at_rest else 'force' if unit == 'N' else 'torque'} [{unit}]"
 
 
 def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
-    """Residual over the joint's own velocity, given model above, corrected model below."""
+    """Residual over the joint's own velocity, given model above and corrected model below."""
     unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
     return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]))
 
 
 def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
-    """Residual over the joint's own position, given model above, corrected model below, medians by direction.
+    """Residual over the joint's own position, given model above and corrected model below, medians by direction.
 
-    One median over both directions would jump between the two branches that friction makes.
+    One median over both directions would jump between the two branches that friction causes.
     """
     unit = position_unit(diagnosis, joint)
     q = diagnosis.evidence.q[:, joint]
@@ -127,7 +127,7 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
-    """Residual over the variable that explains a finding: without it above, with everything that was found below."""
+    """Residual over the variable that explains a finding: without the finding above, with all findings below."""
     evidence, finding = diagnosis.evidence, diagnosis.findings[index]
     row = joint_of(diagnosis, finding.joint)
     alone = bool(evidence.tau_without)
@@ -147,7 +147,7 @@ def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], jo
 
 
 def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
-    """Measured less modelled torque of one joint, NaN where its row is not used."""
+    """Measured minus modelled torque of one joint, shape ``(N,)``; NaN where a sample is not used."""
     return evidence.residual(tau)[:, joint]
 
 
@@ -170,7 +170,7 @@ def _residual_figure(
         within &= np.abs(variable.x) <= variable.reach
     groups: Groups = ((v > 0, ""), (v < 0, "5.4 2.7")) if variable.by_direction else ((within, ""),)
     reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
-    # What is left would be a flat line on the scale of a large gap.
+    # On the scale of a large gap the rest would be a flat line.
     finer = reach[0] > FINER_FROM * reach[1]
 
     colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
@@ -190,22 +190,6 @@ def _residual_figure(
     return chart(tuple(panels), f"{variable.name} [{variable.unit}]", (5.7, 4.2), title, same_scale=not finer)
 
 
-def _over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
-    """A thinned curve over time; between recordings, and in their gaps, the line is interrupted."""
-    # Before samples are left out: those that are kept are at uneven steps.
-    begins = np.zeros(len(t), dtype=bool)
-    begins[gap_starts(t)] = True
-    # What has no number in between is two curves.
-    begins[1:] |= np.isfinite(y[1:]) & ~np.isfinite(y[:-1])
-    y = np.asarray(y, dtype=float)
-    kept = np.flatnonzero(np.isfinite(y))
-    chosen = kept[thinned(y[kept])]
-    piece = np.cumsum(begins)[chosen]
-    x, y = t[chosen], y[chosen]
-    starts = np.flatnonzero(np.diff(piece)) + 1
-    return Curve(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), colour, width, label, opacity)
-
-
 def _cloud(x: Array, y: Array, colour: str) -> Cloud:
     chosen = scatter_choice(np.isfinite(x) & np.isfinite(y))
     return Cloud(x[chosen], y[chosen], colour, 1.8 if len(chosen) > FEW_POINTS else 3.0)
@@ -223,27 +207,25 @@ def _reach(residual: Float[Array, " N"]) -> float:
 
 
 SAMPLES = 30_000
-"""Of all joints together: ten bytes each, so that the page stays small."""
+"""Samples of all joints together, ten bytes each, so that the page stays small."""
 _OF_ONE = 6_000
-"""Samples of one joint at most: more than a screen has points, and several times over."""
+"""Largest number of samples of one joint: several times the points of a screen."""
 _STEPS = 32_767
-"""Steps of a curve from zero to its largest value: finer than a screen shows, even where it is looked at closer."""
+"""Steps of a curve from zero to its largest value: finer than a screen shows, even after zooming in."""
 
 
 def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
-    """Torque that was measured and that both models leave, over time, as JSON for ``curve_viewer.js``.
+    """Torque that was measured and the residuals of both models over time, as JSON for ``curve_viewer.js``.
 
-    Of legs the times are with them in which they stand.
-
-    Where motion was simulated, positions come first.
+    If motion was simulated, positions come first. For legs the times of stance are included.
 
     Args:
-        diagnosis: Holds the samples.
-        joints: Which joints are shown.
+        diagnosis: Gives the samples.
+        joints: Indices of the joints.
 
     Returns:
-        A list with one entry a joint: where on the page it is drawn, axis labels, noise band, the stretch that is shown
-        at first, and the curves, little-endian numbers in base64.
+        A list with one entry per joint: its place on the page, axis labels, noise band, the stretch that is shown at
+        first, and the curves as little-endian numbers in base64.
     """
     most = min(_OF_ONE, SAMPLES // max(len(joints), 1))
     moved = [] if diagnosis.evidence.followed is None else [_moved(diagnosis, joint, most) for joint in joints]
@@ -251,9 +233,9 @@ def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
 
 
 def _moved(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
-    """Position that was measured, and that both models reach in simulation; the stretch where the given one errs most.
+    """Position that was measured and its errors in simulation by both models; the stretch with the largest error.
 
-    Nothing was simulated between windows: there the curves of the models have gaps.
+    Nothing is simulated between windows, where the curves of the models have gaps.
     """
     evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
     assert followed is not None
@@ -269,7 +251,7 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
     measured = np.where(np.isfinite(before), evidence.tau_measured[:, joint], np.nan)
     rows = _kept((measured, before, after), (), most)
-    # At rest there are few samples, far apart.
+    # At rest there are few samples, far apart: all of them are shown.
     stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     said = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
@@ -279,7 +261,7 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
 
 
 def _stands(evidence: Evidence, joint: int) -> list[list[float]]:
-    """First and last time of every stretch in which the row of a joint is not used, as its leg stands."""
+    """First and last time of every stretch in which a joint is not judged because its leg stands."""
     if evidence.touched is None:
         return []
     t, there = evidence.t, evidence.touched[:, joint]
@@ -290,19 +272,19 @@ def _stands(evidence: Evidence, joint: int) -> list[list[float]]:
 def _numbers(
     t: Float[Array, " N"], stretch: Float[Array, " s"], rows: Int[Array, " n"], curves: tuple[Array, Array, Array]
 ) -> dict[str, Any]:
-    """The kept rows of a curve that was measured and of two errors, and the stretch that is shown first."""
+    """The kept samples of a measured curve and of two errors, and the stretch that is shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
     kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
     return {"view": view, "t": _packed(t[rows], "<f4"), "starts": _starts(t, rows, curves[0]), **kept}
 
 
 def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
-    """Rows, at most ``most`` or a few more, with the extremes of every curve and the ends of those with gaps.
+    """Indices of about ``most`` samples, with the extremes of every curve and the ends of curves with gaps.
 
     Args:
-        whole: Curves; rows where one of them has no number are left out.
+        whole: Curves; samples at which one of them is not finite are left out.
         parts: Curves that may have gaps.
-        most: How many rows.
+        most: Number of samples that is aimed at.
     """
     finite = np.flatnonzero(np.isfinite(np.column_stack(whole)).all(axis=1))
     if len(finite) <= most:
@@ -312,20 +294,20 @@ def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[
     there = [np.isfinite(part[finite]).astype(int) for part in parts]
     ends = [np.flatnonzero(np.diff(one))[:, None] + np.array([0, 1]) for one in there]
     within = [np.flatnonzero(one) for one in there]
-    # Where little was simulated, as in a few short swings, all of it is drawn.
+    # If little was simulated, as in a few short swings, all of it is drawn.
     ends += [one for one in within if len(one) <= most // len(curves)]
     return finite[np.unique(np.concatenate([*chosen, *(one.ravel() for one in ends)]))]
 
 
 def _starts(t: Float[Array, " N"], rows: Int[Array, " n"], measured: Float[Array, " N"]) -> list[int]:
-    """Which of the kept rows begin anew, behind a gap of all samples: of those alone steps are uneven."""
+    """Indices of the kept samples that follow a gap, which is found among all samples, as kept ones are uneven."""
     there = np.isfinite(measured)
     begins = [gap_starts(t), np.flatnonzero(there[1:] & ~there[:-1]) + 1]
     return np.unique(np.searchsorted(rows, np.concatenate(begins))).tolist()
 
 
 def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:
-    """A curve in whole steps: half the size of single precision; the lowest number stands for none."""
+    """A curve in whole steps, which takes half the size of single precision; the lowest number means none."""
     there = np.isfinite(values)
     step = float(np.abs(values[there]).max(initial=0.0)) / _STEPS or 1.0
     return {"step": step, "values": _packed(np.where(there, np.round(values / step), -_STEPS - 1), "<i2")}

@@ -1,4 +1,4 @@
-"""The report's section on measured poses: sentences, a table of findings, and a chart of the errors of the poses."""
+"""Section of the report on measured poses: sentences, a table of findings, and a chart of the errors of poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 
 Row = tuple[str, ...]
-_SOME = 400  # poses of a curve: more make the page large and the curve no clearer
+_SOME = 400  # poses of a curve: more would enlarge the page and not make the curve clearer
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class PosesView:
     """Measured poses on the page.
 
     Attributes:
-        sentences: What they say.
-        findings: Cause, size, share, certainty and what else explains it, a row each.
+        sentences: Verdict and causes.
+        findings: Cause, size, share, certainty and rivals of each finding.
         frames: Gap of each frame: given, corrected, noise.
-        fitted: Poses that the recordings do not give.
-        bounds: What would have been seen.
-        not_testable: What these poses cannot show, those of one reason together.
+        fitted: Poses that the recordings do not give and that were fitted.
+        bounds: Sizes that would have been seen.
+        not_testable: Numbers that these poses cannot show, grouped by reason.
         chart: Errors of the poses before and after.
     """
 
@@ -45,14 +45,14 @@ class PosesView:
 
 
 def poses_view(found: GeometryResult) -> PosesView:
-    """All that the page shows of measured poses."""
+    """The contents of the section on measured poses."""
     return PosesView(
         sentences=words.sentences(found),
         findings=[_finding(one) for one in (*found.findings, *found.minor)],
         frames=[_frame(one) for one in found.frames],
         fitted=[
             (
-                "Robot in the axes of what measured" if one.what == "base" else f"Target on {one.frame}",
+                "Robot in the axes of the measuring device" if one.what == "base" else f"Target on {one.frame}",
                 one.file,
                 ", ".join(f"{1e3 * x:.4g}" for x in one.pose[:3]),
                 ", ".join(f"{1e3 * x:.4g}" for x in one.pose[3:]),
@@ -94,7 +94,7 @@ def _unseen(found: GeometryResult) -> list[Row]:
 
 
 def _chart(evidence: PoseEvidence, frames: tuple[FrameGap, ...]) -> str:
-    """Error of each pose before and after, a panel a frame; over time for a motion, else over its number."""
+    """Errors of poses before and after, one panel per frame, over time for a motion and else over their number."""
     moving = bool(evidence.moving.all())
     panels = []
     for number, name in enumerate(evidence.frames):

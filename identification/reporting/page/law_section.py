@@ -1,4 +1,4 @@
-"""The section of the report on what is left: inputs, curves and the formula."""
+"""Section of the report on the residual: inputs, curves and the formula."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _ROWS = 8  # inputs and pairs that are shown
 
 @dataclass(frozen=True)
 class LawView:
-    """What the page shows of a law.
+    """Contents of the section on the law of the residual.
 
     Attributes:
-        joint: Where it acts.
-        sentences: Of the inputs and of the formula.
-        formula: With the unit of its value; empty without one.
+        joint: Joint of the residual.
+        sentences: Sentences on inputs and formula.
+        formula: Formula with its unit; empty if there is none.
         terms: Text, coefficient, interval and unit of each term, and how often it is chosen.
-        gains: Inputs, gain, interval and whether it is beyond chance.
-        chance: What chance foresees.
-        figures: Curves over each named input; of a frequency its gain and phase.
+        gains: Inputs, share that they predict, interval, and whether that is beyond chance.
+        chance: Share that is predicted by chance.
+        figures: Curves over each named input; gain and phase over frequency for a frequency.
     """
 
     joint: str
@@ -46,7 +46,7 @@ class LawView:
 
 
 def law_view(left: Unexplained) -> LawView | None:
-    """What the page shows of what is left, None where nobody looked."""
+    """The contents of the section on the residual; None if its law was not looked for."""
     found = left.dependence
     if found is None:
         return None
@@ -119,7 +119,7 @@ def _answer_figure(found: Dependence, answer: FrequencyAnswer) -> str:
         )
     ]
     words = input_words(base_of(answer.input), found.joint)
-    title = f"Answer of the torque on {found.joint} to {words} over the frequency"
+    title = f"Response of the torque on {found.joint} to {words} over the frequency"
     return chart(tuple(panels), f"frequency of {words} [Hz]", (5.7, 4.6), title)
 
 

@@ -1,4 +1,4 @@
-"""The tables of the report: every cell as text, ready to be escaped."""
+"""The tables of the report; every cell is text that is still to be escaped."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent, wi
 
 Row = tuple[str, ...]
 
-_STANDS_OUT = 1.5  # times its share of the time
-_STANDS_OUT_ALONE = 0.25  # share that stands out where the time is not known
-_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # of two halves the stronger: about so much by chance
-_LEAST = 0.1  # a smaller share of the energy never stands out
+_STANDS_OUT = 1.5  # ratio of the share of energy to the share of time above which a regime stands out
+_STANDS_OUT_ALONE = 0.25  # share of energy that stands out if the time is not known
+_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # by chance the stronger of two halves has about half
+_LEAST = 0.1  # least share of energy that stands out
 NOT_SHOWN = "not shown by this motion"
-"""In the place of a number that the recordings leave open."""
+"""Text in place of a number that the recordings do not determine."""
 
 
 @dataclass(frozen=True)
 class RegimeShare:
-    """Share of a joint's residual energy in one regime, as text; ``width`` is that share for a bar [%]."""
+    """Share of a joint's residual energy in one regime, as text, and as the width of a bar [%]."""
 
     regime: str
     share: str
@@ -40,7 +40,7 @@ class RegimeShare:
 
 @dataclass(frozen=True)
 class DetectableSize:
-    """Size from which one parameter of an effect would have been seen: in short, and place by place."""
+    """Size above which one parameter of an effect would have been seen: as a range, and for each place."""
 
     effect: str
     parameter: str
@@ -49,7 +49,7 @@ class DetectableSize:
 
 
 def parameter_rows(finding: Finding) -> list[Row]:
-    """Parameter, value with its standard deviation and unit, and what it means."""
+    """Name, value with standard deviation and unit, and meaning of each parameter."""
     return [
         (words.parameter_name(name), value_cell(value) if value.shown else NOT_SHOWN, meaning_of(finding, name))
         for name, value in finding.parameters.items()
@@ -57,12 +57,12 @@ def parameter_rows(finding: Finding) -> list[Row]:
 
 
 def gap_row(joint: JointGap, samples: int) -> Row:
-    """Joint, residual of the given, the tolerated and the corrected model, noise floor, unit, samples of all."""
+    """Joint, residuals of the given, tolerated and corrected model, noise floor, unit, held-out samples."""
     within = "–" if joint.rms_within_tolerance is None else number(joint.rms_within_tolerance)
     after, floor = number(joint.rms_after), number(joint.noise_floor)
     if joint.noise_floor_interval is not None:
         low, high = (number(end) for end in joint.noise_floor_interval)
-        # One line is as wide as this interval at least, and a line may end before it, but not within 8.6e-05.
+        # The cell is as wide as this interval, which must not break inside, also not at the minus of 8.6e-05.
         interval = f"({low} to {high})".replace(" ", NO_BREAK).replace("-", "\N{NON-BREAKING HYPHEN}")
         floor = f"{floor} {interval}"
     held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
@@ -70,7 +70,7 @@ def gap_row(joint: JointGap, samples: int) -> Row:
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
-    """Regimes of one joint that hold a part of the given model's residual energy, the largest share first."""
+    """Regimes of one joint that contain a part of the given model's residual energy, the largest share first."""
     evidence = diagnosis.evidence
     shares = evidence.regime_shares[joint] if joint < len(evidence.regime_shares) else {}
     times = evidence.regime_times[joint] if joint < len(evidence.regime_times) else {}
@@ -86,7 +86,7 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
 
 
 def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
-    """Joint with the error of a simulated motion before and after, of all recordings, then of each of several."""
+    """Errors of simulated motion before and after for each joint, over all recordings and then for each of several."""
     rollout = diagnosis.rollout or {}
     units = {joint.joint: "m" if joint.unit == "N" else "rad" for joint in diagnosis.joints}
     rows = []
@@ -101,7 +101,7 @@ def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
 
 
 def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
-    """Bounds gathered by effect and parameter, in the order of a report."""
+    """Bounds grouped by effect and parameter, in the order of a report."""
     groups: dict[tuple[str, str], list[Bound]] = {}
     for bound in sorted(bounds, key=lambda bound: report_order(bound.effect)):
         groups.setdefault((bound.effect, bound.parameter), []).append(bound)
@@ -117,7 +117,7 @@ def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
 
 
 def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ...]) -> list[Row]:
-    """Effects, places and reason, one row for each reason that holds at the same places."""
+    """Effects, places and reason, one row for effects with the same reason at the same places."""
     places: dict[tuple[str, str], list[NotTestable]] = {}
     for entry in sorted(entries, key=lambda entry: report_order(entry.effect)):
         places.setdefault((entry.effect, entry.why), []).append(entry)
@@ -138,7 +138,7 @@ def _places(effect: str, at: list[str | None], joints: tuple[JointGap, ...]) -> 
 
 
 def _range(bounds: list[Bound]) -> str:
-    """``0.002 to 0.01 rad (7 joints)``."""
+    """A range of sizes, as ``0.002 to 0.01 rad (7 joints)``."""
     sizes = [bound.below for bound in bounds]
     low, high = number(min(sizes)), number(max(sizes))
     size = with_unit(low if low == high else f"{low} to {high}", bounds[0].unit)
@@ -149,7 +149,7 @@ def _range(bounds: list[Bound]) -> str:
 
 
 def _bare(effect: str, joint: str | None) -> str:
-    """A place for a list: the names of joints without the word."""
+    """A place for a list, without the word joint."""
     return words.place(effect, joint).removeprefix("joints ").removeprefix("joint ")
 
 

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot in three dimensions, each joint coloured by its share of the gap, in postures of the recording.
+"""The robot in three dimensions, with each joint coloured by its share of the gap, in postures of the recording.
 
-One posture is that of the report's picture; a slider shows the others.
+The report's picture shows one posture, a slider the others.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shape
 
 EYE = (0.9, -1.09, 0.56)
 """Direction from which the robot is seen at first."""
-LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
+LIGHT = np.array([0.53, -0.8, 0.27])  # direction of the light, from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
-_WIDER = 1.3  # width of the viewer over its height, at least
-_LABELLED = 0.05  # joints with a smaller share of the gap have no label
+_WIDER = 1.3  # least ratio of width to height of the viewer
+_LABELLED = 0.05  # least share of the gap for which a joint has a label
 
 Colour = Float[Array, "3"]
 
 NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
-_GAMMA = 0.7  # a tenth of the largest share is still to be seen
+_GAMMA = 0.7  # makes a tenth of the largest share still visible
 SHOWN = 41
-"""Postures of the slider, the middle one among them: a robot of seven joints takes 15 kB of the page for them."""
-_SOLVED = 2000  # rows for which loops are closed: neighbours are near enough to stay on one branch
+"""Postures of the slider, including the middle one: for a robot of seven joints they take 15 kB of the page."""
+_SOLVED = 2000  # samples for which loops are closed, so dense that neighbours stay on one branch
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the page needs to draw the robot.
+    """Data that the page needs to draw the robot.
 
     Attributes:
         figure: Solids, labels and camera as JSON for ``robot_viewer.js``.
@@ -53,14 +53,14 @@ class Scene:
 
 
 def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
-    """The robot in a posture from the middle of the recording, and how it gets from there to others.
+    """The robot in a posture from the middle of the recording, and its motion to other postures.
 
     Args:
-        robot: The robot that the diagnosis is about.
-        diagnosis: Gap of each joint, and the recorded positions.
+        robot: The robot of the diagnosis.
+        diagnosis: Gives the gap of each joint and the recorded positions.
 
     Returns:
-        Its links and joints in the colour of their share; a passive joint has that of none.
+        Links and joints in the colour of their share; a passive joint has the colour of no share.
     """
     model = robot.model
     over_time = postures(robot, diagnosis)
@@ -76,7 +76,7 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     own = shares_of(diagnosis)
     shares = dict(zip((gap.joint for gap in diagnosis.joints), own.tolist(), strict=True))
     strengths = dict(zip(shares, relative(own).tolist(), strict=True))
-    # What bears a rail is the body before its joint.
+    # A rail is fixed to the body before its joint.
     fixed = [(0, links[0]), *((int(model.parents[joint]), mesh) for joint, mesh in rails.items())]
     solids = [_solid(body, mesh, "", share_colour(0.0)) for body, mesh in fixed if len(mesh.faces)]
     for k, (name, link, joint) in enumerate(zip(list(model.names)[1:], links[1:], joints, strict=True), start=1):
@@ -98,19 +98,19 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
 
 
 def _seen(over_time: Postures, bodies: list[tuple[int, Mesh]]) -> tuple[Float[Array, " 3"], float]:
-    """Middle [m] of what the robot reaches, and half the side of the cube that the viewer fits into its height."""
+    """Middle of the space that the robot reaches [m], and half the side of the cube that fits the viewer [m]."""
     turned, shift = over_time.moved_from_the_middle()
     now = joined([mesh for _, mesh in bodies]).points
     every = [mesh.points @ turned[k, body].T + shift[k, body] for body, mesh in bodies for k in range(len(turned))]
     points = np.concatenate(every)
     low, high = points.min(axis=0), points.max(axis=0)
-    # The viewer is wider than high.
+    # The viewer is wider than it is high.
     sides = (high - low) / np.array([_WIDER, _WIDER, 1.0])
     return (low + high) / 2, max(float(np.ptp(now, axis=0).max()) / 2, float(sides.max()) / 2, 1e-3)
 
 
 def _moves(over_time: Postures, middle: Float[Array, " 3"], half: float) -> dict | None:
-    """Rotation by rows and shift of each body at each instant, in the cube of the viewer; None for one posture."""
+    """Rotation (row by row) and shift of each body at each instant, in the viewer's cube; None for a single posture."""
     if len(over_time.t) < 2:
         return None
     turned, shift = over_time.moved_from_the_middle()
@@ -131,7 +131,7 @@ def extent(points: Float[Array, "P 3"]) -> float:
 
 
 def _rails(robot: Robot, diagnosis: Diagnosis, over_time: Postures) -> dict[int, Mesh]:
-    """For each linear joint, by its number, a thin rod along the way that it went, in the middle posture."""
+    """For each linear joint, by its index, a thin rod along its recorded travel, in the middle posture."""
     rails = {}
     for joint, row in zip(_active_joints(robot), range(robot.nv), strict=True):
         axis, linear = joint_axis(robot.model, joint)
@@ -149,7 +149,7 @@ def _active_joints(robot: Robot) -> list[int]:
 
 
 def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | int]:
-    """One solid as the page holds it: little-endian numbers in base64, three a point, a face and a colour."""
+    """One solid for the page: little-endian numbers in base64, three per point and face, and a colour per face."""
     return {
         "body": body,
         "text": text,
@@ -164,9 +164,9 @@ def _packed(values: Array, kind: str) -> str:
 
 
 def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
-    """Colour of each face, 0 to 255, in a light of our own, the same for both of its sides.
+    """Colour of each face from 0 to 255, shape ``(F, 3)``, under a light that treats both sides of a face alike.
 
-    Visual meshes do not agree on which side of a face is outside, and a light that asks leaves black patches.
+    Visual meshes do not agree on which side of a face is outside; other lighting would leave black patches.
     """
     a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -176,7 +176,7 @@ def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
 
 
 def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, float]) -> list[dict]:
-    """Names beside the joints that hold a part of the gap; beside all where none does and they are few."""
+    """Names beside the joints with a part of the gap; beside all joints if none has one and they are few."""
     names = list(model.names)[1:]
     shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
     return [
@@ -195,13 +195,13 @@ def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
 
 
 def shares_of(diagnosis: Diagnosis) -> Float[Array, " nv"]:
-    """Share of each joint in the gap; of a model that fits none, as what is left there is noise."""
+    """Share of each joint in the gap, shape ``(nv,)``; zero if the model fits, as only noise is left."""
     shares = gap_shares(diagnosis.joints)
     return np.zeros_like(shares) if diagnosis.verdict == "no_gap" else shares
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
-    """Share of each joint in the gap: what it leaves within its tolerances beyond the noise floor, in noise floors."""
+    """Share of each joint in the squared residual beyond its noise floor, both in noise floors, shape ``(nv,)``."""
     before = np.array([joint.tolerated for joint in joints])
     floor = np.array([joint.noise_floor for joint in joints])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -211,12 +211,12 @@ def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
 
 
 def share_colour(share: float, tint: float = 1.0) -> Colour:
-    """Red, green and blue from grey for nothing to orange for the largest share, 1; paler for a small tint."""
+    """Red, green and blue, from grey for no share to orange for a share of 1; paler for a small tint."""
     return NONE + (ALL - NONE) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
 
 
 def relative(shares: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Shares in terms of the largest, so that one joint always stands out; zero if there is no gap."""
+    """Shares relative to the largest, so that one joint always stands out; zero without a gap."""
     return shares / shares.max() if shares.size and shares.max() > 0 else shares
 
 
@@ -228,13 +228,13 @@ def joint_colours(shares: Float[Array, " nv"]) -> list[str]:
 
 @dataclass(frozen=True)
 class Postures:
-    """Where the joints are at some instants of a recording.
+    """Places of the joints at some instants of a recording.
 
     Attributes:
         t: Instants [s], shape ``(K,)``; several recordings follow each other.
-        rotation: Of each joint's frame in the world, shape ``(K, njoints, 3, 3)``.
-        place: Origin of each joint's frame [m], shape ``(K, njoints, 3)``.
-        middle: Number of the instant in the middle of the recording.
+        rotation: Rotation of each joint's frame in the world, shape ``(K, njoints, 3, 3)``.
+        place: Origin of each joint's frame in the world [m], shape ``(K, njoints, 3)``.
+        middle: Index of the instant in the middle of the recording.
         q: Positions of the joints at that instant [rad or m], shape ``(nv,)``; NaN without samples.
     """
 
@@ -245,15 +245,16 @@ class Postures:
     q: Float[Array, " nv"]
 
     def moved_from_the_middle(self) -> tuple[Float[Array, "K n 3 3"], Float[Array, "K n 3"]]:
-        """Rotation and shift that carry what each joint bears from the middle posture to the others."""
+        """Rotation and shift that move the body of each joint from the middle posture to the others."""
         turned = self.rotation @ np.swapaxes(self.rotation[self.middle], 1, 2)
         return turned, self.place - np.einsum("knij,nj->kni", turned, self.place[self.middle])
 
 
 def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
-    """Postures at even steps through the recording; the middle one alone where no others can be had.
+    """Postures at even steps through the recording.
 
-    Without samples it is the neutral posture. Others cannot be had where loops do not close along the recording.
+    It is the neutral posture alone if there are no samples, and the middle one alone if loops do not close along the
+    recording.
     """
     q, t = diagnosis.evidence.q, diagnosis.evidence.t
     finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)

@@ -1,6 +1,6 @@
 """The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/3``), report, models and proposed motion.
 
-All of them appear together, or none where one of them could not be written.
+All of them are written, or none if one of them cannot be written.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 
 INDEX, REPORT, NEXT = "diagnosis.json", "report.html", "next.csv"
 MODELS = (*ALWAYS, *OPTIONAL)
-"""Models and laws."""
+"""Names of the files of models and laws."""
 _NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
-    """The content of ``diagnosis.json``: plain types, nothing rounded, null where a number is not finite."""
+    """The content of ``diagnosis.json``: plain types, nothing rounded, null for numbers that are not finite."""
     frames, in_poses, geometry = ({}, [], {}) if diagnosis.geometry is None else _of_poses(diagnosis.geometry)
     return {
         "schema": SCHEMA,
@@ -91,7 +91,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
 
 
 def _of_poses(found: GeometryResult) -> tuple[dict[str, Json], list[Json], dict[str, Json]]:
-    """What poses add: the gap of each frame, findings behind those in torque (shares of that gap), and evidence."""
+    """Parts for poses: the gap of each frame, findings (with shares of that gap), and everything else."""
     from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 
     findings = [_plain(one) for one in findings_json(found.findings)]
@@ -104,7 +104,7 @@ def json_text(diagnosis: Diagnosis) -> str:
 
 
 def _finding(finding: Finding) -> Json:
-    # The words of a user's own effect are in the user's file, which a reader of this one may not have.
+    # The words of a user's own effect are in the user's file, which a reader of the JSON may not have.
     named = {} if finding.words is None else {"name": finding_name(finding)}
     law = {} if finding.law is None else {"law": finding.law}
     in_one = {} if finding.recording is None else {"recording": finding.recording}
@@ -126,7 +126,7 @@ def _finding(finding: Finding) -> Json:
 
 
 def _file(file: WrittenFile) -> Json:
-    """A file with what it leaves; one that was not written says why."""
+    """A model file with its errors; one that was not written has the reason."""
     out = {name: _plain(value) for name, value in asdict(file).items() if name != "refused"}
     return out | ({"refused": file.refused} if file.refused else {})
 
@@ -152,7 +152,7 @@ def _claim(claim: Claim[EffectAt]) -> Json:
         "effects": [_effect_at(at) for at in claim.effects],
         "gates": [_plain(asdict(result)) for result in claim.gates],
         "outcome": claim.outcome,
-        # What has no name in the catalogue is no effect for a reader.
+        # Structure without a name in the catalogue is no effect to a reader.
         "instead": [_effect_at(at) for at in claim.instead if at.effect not in _NAMELESS],
         "figures": _plain(claim.figures),
         "judged_by": claim.judged_by,
@@ -169,7 +169,7 @@ def _unexplained(unexplained: Unexplained) -> Json:
 
 
 def _dependence(found: Dependence) -> Json:
-    """What a rest depends on, without the model that has a file of its own."""
+    """The inputs of the residual, without the model that has its own file."""
     apart = ("gains", "curves", "answers", "terms", "model")
     out = {name: _plain(value) for name, value in vars(found).items() if name not in apart}
     curves = [
@@ -185,14 +185,14 @@ def _dependence(found: Dependence) -> Json:
 
 
 def _joint(joint: JointGap) -> Json:
-    """The gap of a joint; what is left by regime stands in ``corrected.yaml``, for the next diagnosis."""
+    """The gap of a joint. What is left by regime is in ``corrected.yaml``, for the next diagnosis."""
     content = asdict(joint)
     del content["left"]
     return _plain(content)
 
 
 def _plain(value: object) -> Json:
-    """Plain JSON types; a number that is not finite becomes null, because JSON has no word for it."""
+    """Plain JSON types; a number that is not finite becomes null, as JSON cannot express it."""
     if value is None or isinstance(value, str):
         return value
     if isinstance(value, bool | np.bool_):
@@ -209,15 +209,15 @@ def _plain(value: object) -> Json:
 
 
 def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str | Path | None] = ()) -> None:
-    """Refuse targets that cannot be written, or that are read, before any work is done.
+    """Refuse targets that cannot be written, or that are input files, before any work is done.
 
     Args:
-        out: Folder of the files, None for no folder.
-        json_file: Another place for the JSON, None for nowhere.
-        read: Files that are given.
+        out: Folder of the files; None for no folder.
+        json_file: Further file for the JSON; None for none.
+        read: Input files.
 
     Raises:
-        UsageError: If a target is of the wrong kind, is read, or its folder may not be written to.
+        UsageError: If a target is of the wrong kind, is an input file, or cannot be written to.
     """
     names = (INDEX, REPORT, NEXT, *MODELS)
     if out is not None:
@@ -228,7 +228,7 @@ def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str |
         require_kept(read, [json_file])
         if looks_like_log(json_file) or looks_like_robot(str(json_file)):
             raise UsageError(
-                f"--json {json_file} ends as a recording or a robot does, which would be written over: name a file "
+                f"--json {json_file} ends as a recording or a robot does, which would be overwritten: name a file "
                 "that ends in .json"
             )
 
@@ -246,26 +246,26 @@ def write_outputs(
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
-    The motion that is proposed next goes beside them as ``next.csv``, where there is one; so do the corrected model as
-    URDF and MJCF, ranges for training and a feedforward law, as far as they can be written. Those of an earlier run
-    that this one cannot write are removed, as they would pass for this one's.
+    The proposed motion, if there is one, is written as ``next.csv``; so are the corrected model as URDF and MJCF,
+    ranges for training and a feedforward law, as far as they can be written. Files of an earlier run that this run
+    cannot write are removed, so that they are not taken for this run's.
 
     Args:
-        diagnosis: What was found.
-        robot: The robot as it was given; its source and hash go into ``corrected.yaml``, its shape into the report.
-        out: The folder, made where it is missing; other files in it are kept. None: no folder.
-        json_file: Another place for the JSON. None: nowhere.
-        known: Effects that belong to the given model already.
-        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
-        tell: Called with a sentence for each file that could not be written, and for what model files do not hold.
-        completed: Adds what is to be recorded next, asked when the models are made; by default nothing.
+        diagnosis: The diagnosis.
+        robot: The given robot; its source and hash go into ``corrected.yaml``, its shape into the report.
+        out: The folder, which is made if it is missing; other files in it are kept. None: no folder.
+        json_file: Further file for the JSON. None: none.
+        known: Effects that are part of the given model already.
+        config: The ``robot.yaml`` that was given; None for the one beside the robot's file.
+        tell: Called with a sentence for each file that could not be written, and for what model files cannot hold.
+        completed: Adds the proposed experiment, after the models are made; by default nothing.
 
     Returns:
-        The files written.
+        Paths of the written files.
 
     Raises:
-        UsageError: If a target cannot be written; nothing is written then.
-        ParameterError: If a finding has a parameter that is not finite; nothing is written then.
+        UsageError: If a target cannot be written; then nothing is.
+        ParameterError: If a finding has a parameter that is not finite; then nothing is written.
     """
     check_targets(out, json_file)
     texts: dict[str, str] = {}
@@ -279,7 +279,7 @@ def write_outputs(
         beside = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
         texts = {REPORT: _report(diagnosis, robot, beside), **models}
         if diagnosis.next_motion is not None:
-            from identification.next_experiment.advise import reference_text  # with all that plans motions
+            from identification.next_experiment.advise import reference_text  # loads the planning of motions
 
             texts[NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
             diagnosis = _with_digest(diagnosis, texts[NEXT])
@@ -293,7 +293,7 @@ def write_outputs(
 def write_answer(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
     """Write ``diagnosis.json`` alone into a folder, and the JSON to a file; other files of an earlier run are removed.
 
-    Args, result and errors are those of `write_outputs`.
+    Arguments, result and errors are those of `write_outputs`.
     """
     check_targets(out, json_file)
     text = json_text(diagnosis)
@@ -301,7 +301,7 @@ def write_answer(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | No
 
 
 def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, json_content: str) -> tuple[Path, ...]:
-    """Write files into a folder and JSON to a file, all or none; their paths."""
+    """Write files into a folder and JSON to a file, all or none; returns their paths."""
     with ExitStack() as renamed:
         if json_file is not None:
             renamed.enter_context(temporary_beside(json_file)).write_text(json_content, encoding="utf-8")
@@ -312,7 +312,7 @@ def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, js
 
 
 def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
-    """The diagnosis with the SHA-256 of the proposed motion, whose file holds numbers alone and so no run."""
+    """The diagnosis with the SHA-256 of the proposed motion, whose file has no place for the id of the run."""
     if diagnosis.next_experiment is None:
         return diagnosis
     digest = hashlib.sha256(reference.encode()).hexdigest()
@@ -320,7 +320,7 @@ def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
 
 
 def _report(diagnosis: Diagnosis, robot: Robot, beside: tuple[str, ...]) -> str:
-    # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
+    # The report loads libraries for pages and figures, which the JSON alone does not need.
     from identification.reporting.page.diagnosis_report import report_html
 
     return report_html(diagnosis, robot, beside=beside)

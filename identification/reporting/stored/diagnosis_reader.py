@@ -36,20 +36,20 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 
 FILE = INDEX
 OLDER = ("gap-diagnosis/2",)
-"""Schemas of earlier versions that are read as well."""
+"""Schemas of earlier versions that can be read as well."""
 
 
 def read_diagnosis(path: str | Path) -> Diagnosis:
-    """The diagnosis that a file holds; numbers that were not finite are NaN.
+    """The diagnosis in a file; numbers that were not finite are NaN.
 
-    What the file does not hold is empty: the samples, the names of the recordings, the notes, the motion that is
-    proposed next, and in files of earlier versions the name of the robot.
+    The file does not contain samples, names of recordings, notes or the proposed motion, and files of earlier versions
+    not the name of the robot. These are empty.
 
     Args:
-        path: ``diagnosis.json``, or the folder that it is in.
+        path: ``diagnosis.json``, or the folder that contains it.
 
     Raises:
-        LogError: If there is no such file, or it is no diagnosis of this schema; one sentence says what to do.
+        LogError: If there is no such file, or if it is no diagnosis of this schema. The message says what to do.
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
@@ -60,7 +60,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         raise LogError(
             f"{path} cannot be read ({error.strerror}): give a {FILE}, or the folder that diagnose --out wrote."
         ) from error
-    except (ValueError, RecursionError) as error:  # the second for lists in one another without end
+    except (ValueError, RecursionError) as error:  # RecursionError: lists nested without end
         raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema not in (SCHEMA, *OLDER):
@@ -126,7 +126,7 @@ def _file(file: Mapping[str, Any]) -> WrittenFile:
 
 
 def no_evidence(nv: int) -> Evidence:
-    """Evidence of no samples for ``nv`` joints."""
+    """Evidence without samples for ``nv`` joints."""
     none = np.zeros((0, nv))
     return Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * nv)
 

@@ -1,4 +1,4 @@
-"""The kinds of value in ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), to refuse a damaged file at once."""
+"""Types of the values in ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), to refuse damaged files."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-_LARGEST = 1e150  # the square of a number is taken for its interval
+_LARGEST = 1e150  # intervals need the square of a number
 Number = Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]
 Pair = tuple[Number | None, Number | None]
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An unknown key is of another version."""
+    """A part of the document; an unknown key means another version."""
 
 
 class ValuePart(_Part, frozen=True):
-    """An estimate."""
+    """An estimate with its standard deviation and unit."""
 
     value: Number | list[Number | None] | None
     std: Number | list[Number | None] | None
@@ -34,7 +34,7 @@ class EffectPart(_Part, frozen=True):
 
 
 class RivalPart(_Part, frozen=True):
-    """What explains the same."""
+    """An alternative to a finding."""
 
     effects: list[EffectPart]
     probability: Number | None
@@ -93,7 +93,7 @@ class FramePart(_Part, frozen=True):
 
 
 class PoseBoundPart(_Part, frozen=True):
-    """What would have been seen in poses."""
+    """Size of a geometric error above which poses would have shown it."""
 
     effect: str
     joint: str | None
@@ -103,7 +103,7 @@ class PoseBoundPart(_Part, frozen=True):
 
 
 class UnseenPart(_Part, frozen=True):
-    """What poses cannot show."""
+    """A geometric error that poses cannot show."""
 
     effect: str
     joint: str | None
@@ -112,7 +112,7 @@ class UnseenPart(_Part, frozen=True):
 
 
 class FittedPart(_Part, frozen=True):
-    """A pose that was fitted, as the recordings do not give it."""
+    """A pose that the recordings do not give and that was fitted."""
 
     what: str
     file: str
@@ -121,7 +121,7 @@ class FittedPart(_Part, frozen=True):
 
 
 class LatenessPart(_Part, frozen=True):
-    """Time by which poses are late."""
+    """Delay of measured poses."""
 
     file: str
     delay: Number
@@ -129,7 +129,7 @@ class LatenessPart(_Part, frozen=True):
 
 
 class GeometryPart(_Part, frozen=True):
-    """What measured poses say."""
+    """Result of measured poses."""
 
     verdict: str
     closed: Number | None
@@ -146,14 +146,14 @@ class GeometryPart(_Part, frozen=True):
 
 
 class GapPart(_Part, frozen=True):
-    """What all findings close."""
+    """Share of the gap that all findings close."""
 
     closed: Number | None
     interval: Pair | None
 
 
 class AdjustedPart(_Part, frozen=True):
-    """A move within tolerance."""
+    """A modelled quantity that moved within its tolerance."""
 
     quantity: str
     change: Number | None
@@ -162,7 +162,7 @@ class AdjustedPart(_Part, frozen=True):
 
 
 class WherePart(_Part, frozen=True):
-    """Where something is left."""
+    """Joint, regime and times of the residual."""
 
     joint: str | None
     regime: str | None
@@ -170,7 +170,7 @@ class WherePart(_Part, frozen=True):
 
 
 class LawPart(_Part, frozen=True):
-    """The law of what is left on one joint."""
+    """The law of the residual on one joint."""
 
     joint: str
     inputs: list[str]
@@ -182,7 +182,7 @@ class LawPart(_Part, frozen=True):
 
 
 class InputGainPart(_Part, frozen=True):
-    """What inputs foresee."""
+    """Share of the residual that inputs predict."""
 
     inputs: list[str]
     gain: Number | None
@@ -227,7 +227,7 @@ class LawTermPart(_Part, frozen=True):
 
 
 class DependencePart(_Part, frozen=True):
-    """What a rest depends on."""
+    """Inputs of the residual."""
 
     joint: str
     unit: str
@@ -242,7 +242,7 @@ class DependencePart(_Part, frozen=True):
 
 
 class UnexplainedPart(_Part, frozen=True):
-    """What is left."""
+    """What is left unexplained."""
 
     fraction_of_explainable: Number | None
     structured: bool
@@ -252,7 +252,7 @@ class UnexplainedPart(_Part, frozen=True):
 
 
 class BoundPart(_Part, frozen=True):
-    """What would have been seen."""
+    """Size of an effect above which it would have been seen."""
 
     effect: str
     joint: str | None
@@ -263,7 +263,7 @@ class BoundPart(_Part, frozen=True):
 
 
 class NotTestablePart(_Part, frozen=True):
-    """What this recording cannot show."""
+    """An effect that this recording cannot show."""
 
     effect: str
     joint: str | None
@@ -271,7 +271,7 @@ class NotTestablePart(_Part, frozen=True):
 
 
 class FilePart(_Part, frozen=True):
-    """What a written file leaves, or why it was not written."""
+    """A model file: its errors and contents, or why it was not written."""
 
     file: str
     rms_left: dict[str, Number | None]
@@ -282,7 +282,7 @@ class FilePart(_Part, frozen=True):
 
 
 class GatePart(_Part, frozen=True):
-    """What a gate said."""
+    """Result of a gate."""
 
     gate: str
     value: Number | None
@@ -330,18 +330,18 @@ class Document(_Part, frozen=True):
 
 
 def require_document(content: dict[str, Any]) -> None:
-    """Refuse content that is not of the schema.
+    """Refuse content that does not match the schema.
 
     Raises:
-        ValueError: The text says which value is wrong and what was wanted, and where.
+        ValueError: If it does not. The message says which value is wrong, where it is, and what was wanted.
     """
     found = msgspec.convert(content, Document)
     for finding in (*found.findings, *found.minor):
         for name, value in finding.parameters.items():
             if _length(value.value) != _length(value.std):
-                raise ValueError(f"{name} of {finding.effect} has not as many deviations as values")
+                raise ValueError(f"{name} of {finding.effect} has not as many standard deviations as values")
 
 
 def _length(value: float | list[float | None] | None) -> int | None:
-    """Of a list; None for a number."""
+    """Length of a list; None for a number."""
     return len(value) if isinstance(value, list) else None

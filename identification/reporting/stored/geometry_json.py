@@ -1,6 +1,6 @@
-"""What measured poses say as plain data of ``diagnosis.json``, and read back from it.
+"""Result of measured poses as plain data of ``diagnosis.json``, and read back from it.
 
-``frames`` and the findings stand beside those of the torques, as the contract has it; ``geometry`` has all the rest.
+As the contract requires, ``frames`` and findings are beside those of the torques; ``geometry`` has the rest.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _BESIDE = ("frames", "findings", "evidence", "warnings", "claims")
 
 
 def frames_json(found: GeometryResult) -> list[dict[str, Any]]:
-    """Gaps of the frames, with the keys of those of the joints."""
+    """Gaps of the frames, with the keys of the gaps of joints."""
     return [asdict(frame) | {"rms_torque": None, "rms_within_tolerance": frame.rms_before} for frame in found.frames]
 
 
 def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
-    """Findings with the keys of those in torque; ``measured`` says that they are of poses."""
+    """Findings with the keys of findings in torque; ``measured`` says that they are of poses."""
     return [
         {
             "effect": one.effect,
@@ -57,7 +57,7 @@ def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
 
 
 def geometry_json(found: GeometryResult) -> dict[str, Any]:
-    """The entry ``geometry``: all but frames and findings, which are beside those of the torques."""
+    """The entry ``geometry``: everything but frames and findings, which are beside those of the torques."""
     rest = {name: value for name, value in vars(found).items() if name not in _BESIDE}
     lists = ("bounds", "not_testable", "fitted", "delays")
     return (
@@ -71,11 +71,7 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
 
 
 def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:
-    """Results on poses in a ``diagnosis.json``, without the errors of single poses; None where there are none.
-
-    Args:
-        content: Of the whole file.
-    """
+    """Result of poses in the content of a ``diagnosis.json``, without errors of single poses; None if it has none."""
     rest = content.get("geometry")
     if rest is None:
         return None

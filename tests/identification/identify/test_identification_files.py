@@ -361,8 +361,8 @@ def test_what_a_recording_lacks_is_what_other_motion_could_part(bases):
     [
         ("column.m", "no motion of this robot makes it produce torque"),
         ("tilt.viscous_friction.coefficient", "it produces no torque in this recording"),
-        ("beam.Ixz", "in this recording it is only seen within .*; another motion can separate them"),
-        ("beam.Izz", "in every motion of this robot it is only seen within"),
+        ("beam.Ixz", "in this recording it shows only within .*; another motion can separate them"),
+        ("beam.Izz", "in every motion of this robot it shows only within"),
     ],
 )
 def test_the_reason_is_the_robot_or_the_recording(bases, name, why):

@@ -173,7 +173,7 @@ def test_above_thirty_percent_a_joint_is_missed(relative, said):
 def test_the_sentence_names_the_joints_the_worst_first():
     (sentence,) = missed_sentences((error("a", 0.4), error("b", 0.1), error("c", 1.97)), ())
     assert sentence.startswith("The torque error on held-out data is above 30 % on c (197\N{NO-BREAK SPACE}%), a (40")
-    assert "rely on neither the parameters nor the model files there" in sentence
+    assert "do not rely on the parameters or the model files there" in sentence
 
 
 def test_the_sentence_on_two_joints_names_what_would_mend_them():
@@ -239,7 +239,7 @@ def test_none_is_no_term():
     [
         (["vicous"], "unknown term 'vicous', the terms are viscous, .*; did you mean viscous?"),
         (["coulomb", "coulomb_friction"], "names coulomb twice"),
-        (["direction_dependent", "viscous"], "names viscous beside direction_dependent, which holds"),
+        (["direction_dependent", "viscous"], "names viscous beside direction_dependent, which includes"),
         (["viscous", "none"], "unknown term 'none'|none beside"),
         ([""], "unknown term ''"),
     ],

@@ -99,10 +99,7 @@ def test_what_is_left_within_the_interval_of_the_noise_may_be_no_gap(made_up):
     first = dataclasses.replace(made.joints[0], **wide)
     text = " ".join(summary(dataclasses.replace(made, joints=(first, made.joints[1]))).split())
     # The root of the sum of squares of 0.16 and 0.12 is 0.2.
-    assert (
-        "What is left on joint j1 may be no gap: noise, and what a sound model may be wrong by, are up to 0.2 N m"
-        in text
-    )
+    assert "What is left on joint j1 may be no gap: noise and the errors of a sound model reach up to 0.2 N m" in text
     assert "may be no gap" not in summary(made)
     closed = dataclasses.replace(first, closed=0.95)
     assert "may be no gap" not in summary(dataclasses.replace(made, joints=(closed, made.joints[1])))

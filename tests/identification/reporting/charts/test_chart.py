@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 from identification.reporting.charts.chart import Panel, chart
-from identification.reporting.charts.chart_marks import Cloud, Curve, Frame, cloud_svg, curve_svg, tick_words, ticks
-from identification.reporting.charts.svg import inline_svg
+from identification.reporting.charts.chart_marks import (
+    Cloud,
+    Curve,
+    Frame,
+    cloud_svg,
+    curve_svg,
+    decade_ticks,
+    tick_words,
+    ticks,
+)
 from identification.reporting.charts.thinning import (
     binned_median,
     eventful_stretch,
@@ -133,12 +141,28 @@ def test_names_stand_in_place_of_numbers_and_only_as_many_as_there_is_room_for()
     assert {"before", "after"} <= set(texts(two))
 
 
-def test_text_of_an_element_is_never_rewritten():
-    raw = '<svg width="1"><g id="u"/><use href="#u"/><text x="1.23456">d="0.123456" id="u" #010203</text></svg>'
-    assert inline_svg(raw, "k", "t") == (
-        '<svg role="img" aria-label="t" width="1"><g id="k-u"/><use href="#k-u"/>'
-        '<text x="1.2">d="0.123456" id="u" #010203</text></svg>'
-    )
+@pytest.mark.parametrize(
+    ("low", "high", "most", "words"),
+    [
+        (0.0, 1.0, 5, ["1", "2", "5", "10"]),
+        (-1.1, 2.2, 5, ["0.1", "1", "10", "100"]),
+        (-3.0, 3.0, 4, ["0.001", "0.1", "10", "1e+03"]),
+    ],
+)
+def test_ticks_of_a_logarithmic_axis_are_round(low, high, most, words):
+    # By hand.
+    places, found = decade_ticks(low, high, most)
+    assert found == words
+    np.testing.assert_allclose(10.0**places, [float(word) for word in words])
+
+
+def test_a_power_law_is_a_straight_line_on_logarithmic_axes():
+    # Closed form: y = x^2 through 1, 10 and 100, so that the second point is half-way in both directions.
+    panel = Panel("y", (line((1, 1), (10, 100), (100, 10000)),))
+    svg = chart((panel,), "x", (6.0, 4.0), "one", logarithmic=True)
+    (path,) = re.findall(r'd="M([\d. L]+)" fill="none" stroke="red"', svg)
+    points = np.array([part.split() for part in path.split("L")], dtype=float)
+    np.testing.assert_allclose(points[1], (points[0] + points[2]) / 2, atol=0.1)
 
 
 def test_a_thinned_curve_keeps_a_spike_of_one_sample():

@@ -140,7 +140,7 @@ def test_notes_on_corrected_files_are_folded_away_and_others_are_not(made_up):
     diagnosis = dataclasses.replace(
         made_up(("j1",), findings=0, samples=400), notes=("corrected: mind the gap.", lacking)
     )
-    before, _, folded = report_html(diagnosis).partition("What the corrected files hold, and what they cannot say (1)")
+    before, _, folded = report_html(diagnosis).partition("What the corrected files hold, and what they cannot hold (1)")
     assert "corrected: mind the gap." in before
     assert "corrected.urdf: it has no place for lags [s]: j1 0.1." in folded
     assert "corrected.urdf: it has no place." not in before

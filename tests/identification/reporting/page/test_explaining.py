@@ -52,7 +52,7 @@ def test_every_effect_has_a_variable_of_as_many_samples_as_there_are(shown, effe
         ("stribeck_friction", "velocity"),
         ("temperature_dependent_friction", "velocity"),
         ("presliding_friction", "displacement since reversal"),
-        ("load_dependent_friction", "torque that the transmission passes on"),
+        ("load_dependent_friction", "torque through the transmission"),
         ("input_delay", "rate of change of the torque"),
         ("rotor_inertia", "acceleration"),
         ("torque_saturation", "commanded torque"),
@@ -227,7 +227,7 @@ def test_the_report_has_formula_range_and_terms(lawful):
 
 def test_the_report_says_which_inputs_are_beyond_chance(lawful):
     page = report_html(lawful)
-    rows = page.split("What the rest depends on")[1]
+    rows = page.split("What the residual depends on")[1]
     assert (
         rows.index("The velocity and the position of j1") < rows.index("yes") < rows.index("Time") < rows.index("no<")
     )

@@ -64,7 +64,7 @@ def test_motion_is_the_first_section_behind_the_answer_and_torque_comes_later(mo
 def test_without_simulated_motion_torque_stands_in_its_place_and_that_is_said(made_up):
     page = report_html(made_up(findings=1, samples=400))
     assert re.findall(r"<h2[^>]*>(.*?)</h2>", page)[0] == "Residuals joint by joint"
-    assert "No motion was simulated, so torque over time stands here." in page
+    assert "No motion was simulated; torque over time is shown instead." in page
 
 
 def test_the_errors_are_those_of_both_models_and_nothing_stands_between_windows(moved):

@@ -178,7 +178,7 @@ def test_fewer_deviations_than_values(refused):
         value = next(iter(content["findings"][0]["parameters"].values()))
         value.update(value=[1.0, 2.0], std=[0.1])
 
-    assert "has not as many deviations as values" in refused(change)
+    assert "has not as many standard deviations as values" in refused(change)
 
 
 def test_lists_in_one_another_without_end(tmp_path):
