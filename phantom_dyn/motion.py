@@ -135,3 +135,8 @@ def side_by_side(columns: Sequence[Float[Array, " N"]]) -> Float[Array, "N k"]:
             out[rows, k] = column[rows]
     out.flags.writeable = False
     return out
+
+
+def minimum_jerk(s: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]:
+    """Minimum-jerk transition 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, and its first two derivatives."""
+    return s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)

@@ -1,7 +1,7 @@
-"""Postures in which the loops of a closed chain close, and their distance from a singularity.
+"""Postures in which the loops of a closed chain can be closed, and their distance from a singularity.
 
-Loops are closed along trajectories, and from one independent posture to the next a linkage may be unable to move. So
-the start of the chain is put between them: each posture is reached from there.
+Loops are closed along trajectories, and a linkage may be unable to move directly from one independent posture to the
+next. So the start of the chain is inserted between them, and each posture is reached from there.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ CLEAR = 0.25
 """Distance from a singularity that a designed motion keeps: that of a four-bar at a transmission angle of 20 degrees,
 below which linkages are known to jam."""
 _POSTURES = 100
-"""Postures that stand for all that a chain reaches."""
+"""Number of postures that represent the workspace of a chain."""
 _DRAWN = 20
-"""Draws for each of them."""
+"""Draws per posture, as many of them cannot be used."""
 _REACH = (np.pi, 0.5)
 """Largest distance of a drawn posture from the start, per joint [rad; m for linear joints]."""
 
@@ -30,33 +30,33 @@ def solved_numerically(robot: Robot) -> bool:
 
 
 def closable(robot: Robot, q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
-    """True for postures [rad or m] that the robot's loops allow; all where none is closed numerically."""
+    """True for postures [rad or m] in which the robot's loops close; all of them if none is closed numerically."""
     if not solved_numerically(robot):
         return np.ones(len(q), dtype=bool)
     return np.isfinite(_distances(robot, q))
 
 
 def with_start_between(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "M nv"]:
-    """A trajectory through postures [rad or m] that goes back to the start of the chain between each two of them."""
+    """A trajectory through postures [rad or m] that returns to the start of the chain before each of them."""
     out = np.empty((2 * len(q), robot.nv))
     out[0::2], out[1::2] = _start(robot), q
     return out
 
 
 def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ nv"]:
-    """The start of a chain, then postures [rad or m] all over what it reaches, ``count`` at most.
+    """The start of a chain, then postures [rad or m] from its whole workspace, at most ``count``, shape ``(n, nv)``.
 
     They keep the limits of all joints and are clear of a singularity.
 
     Args:
         robot: A chain whose loops are closed numerically.
-        count: How many are wanted.
+        count: Largest number of postures.
     """
     start, rng = _start(robot), random_stream("ordinary postures of a chain")
     reach = np.where(robot.prismatic, _REACH[1], _REACH[0])
     lower, upper = tree_position_limits(robot.model)
     rows, size = list(robot.tree_rows), (_DRAWN * count, robot.nv)
-    # Half of the draws are less than half as far from the start: what a linkage reaches may be small.
+    # Half of the draws are less than half as far from the start, as the workspace of a linkage may be small.
     drawn = start + rng.uniform(size=(size[0], 1)) * rng.uniform(-reach, reach, size)
     drawn = np.clip(drawn, lower[rows], upper[rows])
     clear = drawn[_distances(robot, drawn) >= CLEAR][: 2 * count]
@@ -66,12 +66,12 @@ def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ n
 
 
 def configurations_in(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
-    """Pinocchio's configurations in postures [rad or m] that are no trajectory."""
+    """Pinocchio's configurations in postures [rad or m] that form no trajectory, shape ``(N, nq)``."""
     return robot.configuration(with_start_between(robot, q))[1::2]
 
 
 def largest_slope(robot: Robot) -> Float[Array, "np nv"]:
-    """How fast each passive joint turns at most per velocity of each active one, clear of a singularity."""
+    """Largest speed of each passive joint per speed of each active one, clear of a singularity."""
     chain = robot.chain
     if chain is None:
         return np.zeros((0, robot.nv))
@@ -87,7 +87,7 @@ def _start(robot: Robot) -> Float[Array, " nv"]:
 
 
 def _distances(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, " N"]:
-    """Distance of postures from a singularity, NaN where the loops do not close."""
+    """Distance of postures from a singularity, shape ``(N,)``; NaN where the loops do not close."""
     if robot.chain is None:
         return np.full(len(q), np.inf)
     return distance_from_singularity(closed_each(robot.model, robot.chain, q, robot.arrays))

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Bodies of a robot that have to stay apart: convex hulls of the collision shapes of its file, through coal."""
+"""Bodies of a robot that must not touch: convex hulls of the collision shapes of its file, checked by coal."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from phantom_dyn.random_streams import random_stream
 from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 
 CLEARANCE = 0.01
-"""Distance [m] that bodies keep by default: hulls lie outside of the shapes, robots do not track perfectly."""
+"""Distance that bodies keep by default [m], as robots do not track perfectly."""
 _POSTURES = 100
-_NEAR = 0.05  # pairs further apart than this beyond their clearance [m] do not bind, and get no slope
+_NEAR = 0.05  # pairs further apart than this beyond their clearance [m] do not restrict the motion, and get no slope
 _TOUCHING = 0.5
-"""Pairs that touch in this share of random postures touch by design: shapes of neighbours overlap at their joint."""
+"""Pairs that touch in this share of random postures touch by design, as shapes of neighbours overlap at their joint."""
 
 
 @dataclass(frozen=True)
 class Collisions:
-    """Pairs of bodies that stay ``clearance`` [m] apart.
+    """Pairs of bodies that must stay ``clearance`` [m] apart.
 
     Attributes:
         shapes: Convex shapes with their pairs.
         clearance: Smallest distance [m].
-        notes: Sentences about what is not seen.
+        notes: Sentences on shapes that are not checked.
     """
 
     shapes: pin.GeometryModel
@@ -54,41 +54,41 @@ class Collisions:
 def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
     """Pairs of bodies of a robot that are not neighbours, from the collision shapes of its file.
 
-    Shapes that the file does not have, or whose mesh is missing, are not seen: a note says so.
+    A note says so if the file has no shapes or a mesh is missing; these are not checked.
 
     Args:
         robot: Gives file and joints.
-        clearance: Distance that they keep [m].
+        clearance: Distance that bodies keep [m].
     """
     model, out = robot.model, pin.GeometryModel()
     try:
         full, shapes = _shapes(find_robot(robot.source))
     except (ValueError, RuntimeError) as problem:
         reason = str(problem).partition("\n")[0].strip().rstrip(".")
-        return Collisions(out, clearance, (f"Collisions are not looked at, as the shapes cannot be read ({reason}).",))
+        return Collisions(out, clearance, (f"Collisions are not checked, as the shapes cannot be read ({reason}).",))
     names = list(model.names)
     for shape in shapes.geometryObjects:
         joint, placement = shape.parentJoint, shape.placement
-        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
+        # The robot lacks joints that are locked: their links move with the joint before them.
         while joint and full.names[joint] not in names:
             placement, joint = full.jointPlacements[joint] * placement, full.parents[joint]
         index = names.index(full.names[joint]) if joint else 0
         out.addGeometryObject(pin.GeometryObject(shape.name, index, placement, _hull(shape.geometry)))
     if not len(out.geometryObjects):
-        return Collisions(out, clearance, (f"{robot.name} has no collision shapes: collisions are not looked at.",))
+        return Collisions(out, clearance, (f"{robot.name} has no collision shapes: collisions are not checked.",))
     return Collisions(_with_pairs(robot, out), clearance)
 
 
 def distances(
     model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Distance of each pair [m], negative where they overlap, and its slope in the joint velocities where small."""
+    """Distance of each pair [m], negative for overlap, and its slope in the joint velocities if it is small."""
     shapes = collisions.shapes
     data, placed = model.createData(), shapes.createData()
     pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
     joints = [shape.parentJoint for shape in shapes.geometryObjects]
     out = np.empty((len(configuration), len(pairs)))
-    near: list[tuple[int, int, float]] = []  # sample, pair, and the side on which a body moves
+    near: list[tuple[int, int, float]] = []  # sample, pair, and sign of the body that moves
     points, normals, jacobians = [], [], []
     for k, q in enumerate(configuration):
         pin.computeDistances(model, data, shapes, placed, q)
@@ -103,7 +103,7 @@ def distances(
                 if joints[body]:
                     near.append((k, m, side))
                     points.append(np.array(point))
-                    normals.append(np.array(result.normal))  # a copy: the next sample writes over it
+                    normals.append(np.array(result.normal))  # a copy, as the next sample overwrites it
                     jacobians.append(pin.getJointJacobian(model, data, joints[body], pin.ReferenceFrame.WORLD))
     if not slopes:
         return out, None
@@ -126,7 +126,7 @@ def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
 
 
 def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """A convex shape about a mesh: its distances are cheap, and never larger than those of the mesh."""
+    """A convex hull of a mesh: its distances are fast to compute, and never larger than those of the mesh."""
     if isinstance(geometry, coal.BVHModelBase):
         geometry.buildConvexRepresentation(False)
         return geometry.convex

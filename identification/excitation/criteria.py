@@ -1,7 +1,7 @@
-"""What makes a motion a good experiment: figures of its information matrix, with their exact slopes.
+"""Criteria of a good experiment: functions of its information matrix, with their exact slopes.
 
-The information matrix is that of the base parameters, :math:`G = W^T W` per sample, recordings made before included,
-each column in units of its size in an ordinary motion.
+The information matrix is that of the base parameters, :math:`G = W^T W` per sample, with earlier recordings included.
+Each column is in units of its size in an ordinary motion.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 
-_NOTHING = 1e-200  # square of the norm of a column of a motion that does not move: its inverse is no overflow
+_NOTHING = 1e-200  # least squared norm of a column, whose inverse does not overflow
 _ZERO = 1e-15
-"""Eigenvalues of a correlation matrix below this are rounding: condition numbers above 3e7 are not distinguished."""
+"""Eigenvalues of a correlation matrix below this are rounding: condition numbers above 3e7 cannot be distinguished."""
 
 
 @runtime_checkable
 class Criterion(Protocol):
-    """A cost that a better experiment has less of."""
+    """A cost that is lower for a better experiment."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
-        """Cost and its slope, symmetric, in the entries of the information matrix."""
+        """Cost, and its symmetric slope in the entries of the information matrix."""
         ...
 
 
@@ -32,8 +32,8 @@ class Criterion(Protocol):
 class DOptimality:
     """Mean logarithm of the parameters' standard deviations, ``-log det(G + regularisation) / (2 r)``.
 
-    ``regularisation`` is the information that is there already, relative to that of an ordinary motion: with it, a
-    motion that does not excite everything has a finite cost and a slope.
+    ``regularisation`` stands for prior information, relative to that of an ordinary motion. With it, a motion that does
+    not excite everything has a finite cost and a slope.
     """
 
     regularisation: float = 1e-6
@@ -52,9 +52,9 @@ class DOptimality:
 class ConditionNumber:
     """Logarithm of the condition number of the regressor, each column divided by its norm.
 
-    The largest and the smallest eigenvalue are taken as power means of order ``sharpness``: where eigenvalues meet, the
-    condition number itself has no slope. ``information`` is the weight of D-optimality beside it, which decides where
-    the condition number cannot, as for a robot with one parameter.
+    The largest and the smallest eigenvalue are replaced by power means of order ``sharpness``, as the condition number
+    itself has no slope where eigenvalues meet. ``information`` is the weight of D-optimality, which is added to decide
+    where the condition number cannot, as for a robot with one parameter.
     """
 
     sharpness: float = 6.0
@@ -84,7 +84,7 @@ class ConditionNumber:
 def condition_number(G: Float[Array, "r r"]) -> float:
     """Condition number of the regressor whose information matrix is G, each column divided by its norm.
 
-    Infinite if a column is zero or a combination of the others; nan where there is no column.
+    It is infinite if a column is zero or a combination of the others, and NaN if there is no column.
     """
     if not len(G):
         return float("nan")

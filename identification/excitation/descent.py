@@ -1,7 +1,7 @@
-"""Search for a good motion within its limits: starts, and descent from them.
+"""Search for a good motion within its limits: random starts, and descent from them.
 
-Starts are random motions about postures in which all limits are kept. The descent is an augmented Lagrangian, each
-round by L-BFGS with exact slopes.
+Starts are random motions about postures in which all limits are kept. The descent is an augmented Lagrangian method;
+each of its rounds is L-BFGS with exact slopes.
 """
 
 from __future__ import annotations
@@ -21,36 +21,36 @@ from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
 
 MARGIN = 0.01
-"""Share of a bound's size that is kept free: motions peak between samples, and a round ends a little outside."""
-_FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess, and its growth from round to round
-_CORRECTIONS = 30  # pairs of steps and slopes that L-BFGS keeps
+"""Share of a bound's size that is kept free, as motions peak between samples and a round ends slightly outside."""
+_FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess in the first round, and its growth per round
+_CORRECTIONS = 30  # corrections that L-BFGS stores
 
 
 @dataclass(frozen=True)
 class Penalty:
-    """What excess over bounds costs: mean over samples of ``(max(0, multiplier + weight excess)^2) / (2 weight)``."""
+    """Cost of excess over bounds: mean over samples of ``max(0, multiplier + weight excess)^2 / (2 weight)``."""
 
     bounds: Bounds
     weight: float
     multipliers: Float[Array, "2 N m"]
 
     def __call__(self, values: Float[Array, "N m"]) -> tuple[float, Float[Array, "N m"]]:
-        """Cost of values and its slope."""
+        """Cost of values, and its slope."""
         push = self.pushes(values)
         paid = 0.5 * float((push**2).sum() - (self.multipliers**2).sum()) / (self.weight * len(values))
         return paid, (push[1] - push[0]) / (self.bounds.size * len(values))
 
     def pushes(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
-        """What the multipliers become in the next round."""
+        """Multipliers of the next round."""
         return np.maximum(0.0, self.multipliers + self.weight * self.bounds.excess(values))
 
 
 class _Cost:
-    """Cost of weights for a line search, which may step to where loops cannot be closed and no cost exists.
+    """Cost of weights for a line search, which may step to weights whose loops cannot be closed.
 
-    There the cost is that of a parabola with the cost and slope at which the line begins, whose least value lies at a
-    quarter of the step: the next trial is shorter by about that. A cost that is merely large would shorten the step to
-    nothing, and end the descent.
+    There the cost is replaced by a parabola with the cost and slope of the start of the line, and its minimum at a
+    quarter of the step, so that the next trial is about that much shorter. A cost that is merely large would shorten
+    the step to nothing and end the descent.
     """
 
     def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):
@@ -64,22 +64,22 @@ class _Cost:
         except ChainError:
             begin, value, slope = self._begin
             step = x - begin
-            fall = float(slope @ step)  # below zero: lines go downhill
+            fall = float(slope @ step)  # negative, as lines go downhill
             return value - fall, -3.0 * fall / float(step @ step) * step
         return self._last[1:]
 
     def accept(self, _: Array) -> None:
-        """Begin the next line where the last cost was found."""
+        """Begin the next line at the last weights whose cost was computed."""
         self._begin = self._last
 
     @property
     def accepted(self) -> Array:
-        """Where the last line ended; a minimiser that gives up within a line may return a worse place."""
+        """Weights at which the last line ended; a minimiser that stops within a line may return worse ones."""
         return self._begin[0]
 
     @property
     def value(self) -> float:
-        """Cost there."""
+        """Cost of the accepted weights."""
         return self._begin[1]
 
 
@@ -94,23 +94,23 @@ def descend(
     criterion: Criterion | None = None,
     progress: Progress = lambda _: None,
 ) -> Float[Array, "K nv"]:
-    """Weights of a motion that is better by the criterion, and about within the limits.
+    """Weights of a motion that is better by the criterion, and nearly within the limits.
 
     Args:
-        problem: What is designed.
+        problem: The design problem.
         grid: Samples at which criterion and limits are computed.
-        weights: Start; of a chain one along which its loops can be closed.
-        rounds: Of multipliers.
-        first: Number of the first round: the weight of excess grows with it. A descent that only repairs a motion
-            begins with a late one, and stays near.
-        iterations: Of L-BFGS in each.
-        criterion: In place of the problem's own.
-        progress: Takes the stages.
+        weights: Start, shape ``(K, nv)``; a chain's loops must close along it.
+        rounds: Number of rounds of multipliers.
+        first: Number of the first round, with which the weight of excess grows. A descent that only repairs a motion
+            begins with a late round and stays near the start.
+        iterations: L-BFGS iterations per round.
+        criterion: Replaces the problem's own criterion.
+        progress: Called after each round.
     """
     from scipy.optimize import minimize
 
     sizes = joint_sizes(problem)
-    # In units of what each joint may do, every weight is of about one size.
+    # In units of each joint's range, all weights are of similar size.
     unit = np.repeat(sizes.speed[None], len(weights), axis=0)
     unit[0] = sizes.half
     bounds = problem.bounds.inside(MARGIN)
@@ -136,12 +136,12 @@ def descend(
 
 
 POSTURES = 300
-"""Random postures that are tried."""
+"""Number of random postures that are tried."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
-"""Sizes of a motion about its posture that are tried, the largest first, 16 per cent apart."""
+"""Sizes of a motion about its posture that are tried, the largest first, each 16 % smaller than the one before."""
 
-_TRIED = 6  # postures from which a descent starts where none keeps the limits
-# Two samples of a motion that is one posture: its only shape is the constant one.
+_TRIED = 6  # postures from which a descent starts if none keeps the limits
+# Two samples of a motion at standstill: its only shape is the constant one.
 _STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
 
 
@@ -151,9 +151,9 @@ def standstill(q: Float[Array, "N nv"]) -> Motion:
 
 
 def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
-    """How far each sample lies outside the bounds, narrowed by a margin, in units of their sizes; 0 or less: inside.
+    """Largest excess of each sample over the bounds, in units of their sizes, shape ``(N,)``; at most 0 inside.
 
-    Infinite for all samples where loops cannot be closed along the motion.
+    Bounds are narrowed by the margin. It is infinite for all samples if loops cannot be closed along the motion.
     """
     try:
         values = problem.limited(motion, problem.regressor(motion))
@@ -163,18 +163,18 @@ def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) ->
 
 
 def posture_excess(problem: DesignProblem, q: Float[Array, "n nv"], margin: float) -> Float[Array, " n"]:
-    """As `worst_excess`, of postures [rad or m] that are no motion: each is reached from where a chain starts."""
+    """As `worst_excess`, for independent postures [rad or m]: in a chain each is reached from the chain's start."""
     if not solved_numerically(problem.robot):
         return worst_excess(problem, standstill(q), margin)
     return worst_excess(problem, standstill(with_start_between(problem.robot, q)), margin)[1::2]
 
 
 def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """The middle of the joints' ranges, then random postures; of a chain those in which its loops can be closed."""
+    """The middle of the joints' ranges, then random postures; for a chain only those in which its loops close."""
     sizes, robot = joint_sizes(problem), problem.robot
     spread = rng.uniform(-1.0, 1.0, (POSTURES, robot.nv))
     if solved_numerically(robot):
-        # Half of the postures are less than half as far from the middle: what a linkage reaches may be small.
+        # Half of the postures are less than half as far from the middle, as the workspace of a linkage may be small.
         spread = spread * rng.uniform(size=(POSTURES, 1))
         tried = np.concatenate([ordinary_postures(robot, 1), sizes.middle + spread * sizes.half])
         return tried[closable(robot, tried)]
@@ -182,7 +182,7 @@ def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[A
 
 
 def constant_weights(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
-    """Weights of a motion that stays in a posture."""
+    """Weights of a motion that stays in a posture, shape ``(K, nv)``."""
     weights = np.zeros((shapes, len(posture)))
     weights[0] = posture
     return weights
@@ -191,12 +191,12 @@ def constant_weights(posture: Float[Array, " nv"], shapes: int) -> Float[Array, 
 def random_motion(
     problem: DesignProblem, grid: Grid, posture: Float[Array, " nv"], rng: np.random.Generator
 ) -> Float[Array, "K nv"]:
-    """Weights of a motion about a posture, random and as large as the limits let it be.
+    """Weights of a random motion about a posture, as large as the limits allow, shape ``(K, nv)``.
 
     Args:
         problem: Gives the limits.
         grid: Samples at which limits are checked.
-        posture: One that keeps them at rest.
+        posture: A posture that keeps the limits at rest [rad or m], shape ``(nv,)``.
         rng: Draws normal weights of the shapes, and the speed of each joint relative to the others.
     """
     moving = random_weights(problem, grid, rng)
@@ -204,12 +204,12 @@ def random_motion(
 
 
 def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
-    """Random weights about zero whose joints reach a random part of their largest speed, or of their acceleration.
+    """Random weights about zero, with which each joint reaches a random share of its largest speed or acceleration.
 
     Args:
-        problem: Gives the limits of each joint; no others are kept.
+        problem: Gives the limits of each joint; other limits are not checked.
         grid: Samples at which limits are checked.
-        rng: Draws the weights and the parts.
+        rng: Draws the weights and the shares.
     """
     moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
     moving[0] = 0.0
@@ -226,7 +226,7 @@ def largest_within_limits(
     posture: Float[Array, " nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The largest motion between a posture and the given one that keeps all limits; the posture if none does."""
+    """The largest motion between a posture and the given motion that keeps all limits; else the posture."""
     return farthest_within_limits(problem, grid, weights, constant_weights(posture, len(weights)), shares)
 
 
@@ -237,7 +237,7 @@ def farthest_within_limits(
     kept: Float[Array, "K nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The motion nearest to the given one, on the way from ``kept`` to it, that keeps all limits; else ``kept``."""
+    """The motion nearest to the given one, on the line from ``kept`` to it, that keeps all limits; else ``kept``."""
     for share in shares:
         between = kept + share * (weights - kept)
         if worst_excess(problem, grid.motion(between)).max() <= 0:
@@ -247,7 +247,7 @@ def farthest_within_limits(
 
 @dataclass(frozen=True)
 class AnyMotion:
-    """A criterion that is the same for every motion: a descent then only looks for the limits."""
+    """A criterion that is the same for every motion, with which a descent only meets the limits."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Zero, and no slope."""
@@ -258,7 +258,7 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
     """Postures in which the robot can stand still, at least one, with a margin to every limit.
 
     Raises:
-        ParameterError: If none is found: the sentence names the limit that is broken most, and the excess over it.
+        ParameterError: If none is found. The message names the limit with the largest excess.
     """
     tried = random_postures(problem, rng)
     excess = posture_excess(problem, tried, MARGIN)
@@ -269,13 +269,13 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
         for posture in tried[np.argsort(excess)[:_TRIED]]
     ]
     found = np.concatenate(led)
-    # A descent ends at the edge of the margin, from outside.
+    # A descent ends at the edge of the margin, on its outside.
     excess = posture_excess(problem, found, 0.5 * MARGIN)
     if (excess <= 0).any():
         return found[excess <= 0]
     best = standstill(found[[int(np.argmin(excess))]])
     values = problem.limited(best, problem.regressor(best))
     raise ParameterError(
-        f"{problem.robot.name} can rest in no posture that was found: in the best one {problem.bounds.worst(values)}; "
+        f"No posture was found in which {problem.robot.name} can rest: in the best one {problem.bounds.worst(values)}; "
         "widen that limit, or another that prevents it."
     )

@@ -1,6 +1,6 @@
 """The design of an excitation as a function of its weights: cost, limited quantities, and exact slopes of both.
 
-The cost is of base parameters: of those that the motions of a robot can determine, in units of their sizes, with the
+The cost is that of base parameters: those that motions of the robot can determine, in units of their sizes, with the
 information of earlier recordings.
 """
 
@@ -31,7 +31,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, ReadOnlyArrays
 from phantom_dyn.random_streams import random_stream
 
-_ORDINARY = 400  # samples that any motion is compared to
+_ORDINARY = 400  # samples of the ordinary motion that gives the sizes
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class Base(ReadOnlyArrays):
     """Columns of the regressor that are designed for.
 
     Attributes:
-        columns: The r independent ones of the standard parameters.
-        sizes: Their root mean square in an ordinary motion.
-        noise: Torque noise that each joint's rows are divided by, shape ``(nv,)``.
-        known: Information per planned sample of what was recorded before, in these units, shape ``(r, r)``.
+        columns: Indices of the r independent columns among the standard parameters.
+        sizes: Root mean square of these columns in an ordinary motion, shape ``(r,)``.
+        noise: Torque noise by which each joint's rows are divided, shape ``(nv,)``.
+        known: Information of earlier recordings per planned sample, in these units, shape ``(r, r)``.
     """
 
     columns: tuple[int, ...]
@@ -51,11 +51,11 @@ class Base(ReadOnlyArrays):
     known: Float[Array, "r r"]
 
     def rows(self, W: Float[Array, "N nv p"]) -> Float[Array, "M r"]:
-        """Rows of a regressor, in units of noise and of ordinary size."""
+        """Rows of a regressor in units of noise and ordinary size."""
         return ((W / self.noise[:, None])[:, :, list(self.columns)] / self.sizes).reshape(-1, len(self.columns))
 
     def pulled_back(self, W: Float[Array, "N nv p"], of_information: Float[Array, "r r"]) -> Float[Array, "N nv p"]:
-        """Slope in each entry of a regressor of a scalar with the given slope in its information matrix."""
+        """Slope of a scalar in each entry of a regressor, from its slope in the information matrix."""
         out = np.zeros_like(W)
         slope = 2.0 / len(W) * self.rows(W) @ of_information
         out[:, :, list(self.columns)] = slope.reshape(*W.shape[:2], -1) / self.sizes / self.noise[:, None]
@@ -72,13 +72,13 @@ def base_of(
     """Base parameters of a robot.
 
     Args:
-        robot: Gives the rigid body.
-        planned: Samples that the new recording will have; they weigh against those of ``earlier``.
+        robot: Gives the rigid bodies.
+        planned: Number of samples of the new recording, for its weight against ``earlier``.
         noise: Torque noise [N m or N] of each joint, or one number; 1 by default.
-        earlier: Triangular factor of the regressor of what was recorded, see `earlier_factor`.
+        earlier: Triangular factor of the regressor of earlier recordings, see `earlier_factor`.
 
     Raises:
-        ParameterError: If a shape or a value cannot be.
+        ParameterError: If the factor is of another robot, or the noise is not positive.
     """
     sigma = _noise(robot, noise)
     names = parameter_names(robot)
@@ -99,11 +99,11 @@ def base_of(
 
 
 def earlier_factor(robot: Robot, motions: Iterable[Motion]) -> Float[Array, "k p"]:
-    """Triangular factor of the regressor of motions that were recorded, to design what they do not show.
+    """Triangular factor of the regressor of recorded motions, shape ``(k, p)``, to design what they do not show.
 
     Args:
-        robot: Gives the rigid body.
-        motions: All samples count: thin a recording out where its rate is far above that of its noise.
+        robot: Gives the rigid bodies.
+        motions: Recorded motions, all of whose samples count: thin out those sampled much faster than their noise.
     """
     return r_factor(rigid_body_regressor(robot, motion) for motion in motions)
 
@@ -118,7 +118,7 @@ def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, 
 
 
 def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
-    """Regressor of independent samples that excite everything; those of a chain each reached from where it starts."""
+    """Regressor of independent samples that excite everything; in a chain each is reached from the chain's start."""
     motion = _ordinary_motion(robot)
     if not solved_numerically(robot):
         return rigid_body_regressor(robot, motion)
@@ -129,7 +129,7 @@ def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
 
 
 def _ordinary_motion(robot: Robot) -> Motion:
-    """Independent samples that excite everything a motion can: any posture, about 1 rad/s and 1 rad/s^2."""
+    """Independent samples that excite all parameters: any posture, about 1 rad/s and 1 rad/s^2."""
     rng = random_stream("ordinary motion")
     q = rng.uniform(-np.pi, np.pi, (_ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
     v, a = rng.normal(size=(2, _ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
@@ -138,36 +138,36 @@ def _ordinary_motion(robot: Robot) -> Motion:
 
 
 _REACH = (np.pi, 0.5)
-"""Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""
+"""Half of the range of a joint without position limits [rad; m for linear joints]."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Shapes at N times: ``values`` has position, velocity and acceleration of each shape, ``(3, N, K)``."""
+    """Shapes at N times: ``values`` holds position, velocity and acceleration of each shape, ``(3, N, K)``."""
 
     t: Float[Array, " N"]
     values: Float[Array, "3 N K"]
 
     @classmethod
     def of(cls, shapes: Shapes, samples: int) -> Grid:
-        """A grid of equal steps with both ends."""
+        """A grid of equal steps that includes both ends."""
         t = np.linspace(0.0, shapes.duration, samples)
         return cls(t, shapes.values(t))
 
     def motion(self, weights: Float[Array, "K nv"]) -> Motion:
-        """The motion whose joints have the given weights of the shapes."""
+        """The motion whose joints are sums of the shapes with the given weights."""
         return Motion(self.t, *(self.values @ weights))
 
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """What is to be designed.
+    """A robot, a criterion and the limits of a motion.
 
     Attributes:
         robot: A plain robot or a closed chain.
-        base: Its base parameters, and what is known of them.
-        criterion: What makes the experiment good.
-        limits: What the motion keeps.
+        base: Its base parameters, and the information on them.
+        criterion: Criterion of a good experiment.
+        limits: Limits that the motion keeps.
     """
 
     robot: Robot
@@ -177,7 +177,7 @@ class DesignProblem:
 
     @cached_property
     def bounds(self) -> Bounds:
-        """Bounds of everything that is limited."""
+        """Bounds of all limited quantities."""
         return bounds_of(self.robot, self.limits)
 
     @cached_property
@@ -185,11 +185,11 @@ class DesignProblem:
         return tree_friction(self.robot)[0]
 
     def _driven(self, tree: TreeMotion) -> Float[Array, "N nt"]:
-        """Torque of rotors and viscous friction on the joints of the tree."""
+        """Torque of rotors and viscous friction on the joints of the tree, shape ``(N, nt)``."""
         return np.asarray(self.robot.model.armature) * tree.a + self._viscous * tree.v
 
     def information(self, W: Float[Array, "N nv p"]) -> Float[Array, "r r"]:
-        """Information matrix of a motion's regressor together with what is known."""
+        """Information matrix of a motion's regressor, with earlier information added."""
         rows = self.base.rows(W)
         return self.base.known + rows.T @ rows / len(W)
 
@@ -198,7 +198,7 @@ class DesignProblem:
         return rigid_body_regressor(self.robot, motion)
 
     def limited(self, motion: Motion, W: Float[Array, "N nv p"]) -> Float[Array, "N m"]:
-        """Everything that is limited, in the order of the bounds."""
+        """All limited quantities in the order of the bounds, shape ``(N, m)``."""
         return self._limited(motion, W, slopes=False)[0]
 
     def _limited(
@@ -219,16 +219,16 @@ class DesignProblem:
         penalty: Callable[[Float[Array, "N m"]], tuple[float, Float[Array, "N m"]]],
         criterion: Criterion | None = None,
     ) -> tuple[float, Float[Array, "K nv"]]:
-        """Criterion and penalty of a motion, and the slope of their sum in the weights.
+        """Criterion and penalty of a motion, and the slope of their sum in the weights, shape ``(K, nv)``.
 
         Args:
-            grid: Where the motion is looked at.
-            weights: Of the shapes, for each joint.
-            penalty: Of everything that is limited, with its slope.
-            criterion: In place of the problem's own.
+            grid: Samples at which the motion is evaluated.
+            weights: Weights of the shapes for each joint, shape ``(K, nv)``.
+            penalty: Penalty of the limited quantities, with its slope.
+            criterion: Replaces the problem's own criterion.
 
         Raises:
-            ChainError: If the motion leads where a loop cannot be closed or is singular.
+            ChainError: If a loop cannot be closed along the motion, or is singular.
         """
         motion = grid.motion(weights)
         W = self.regressor(motion)
@@ -261,7 +261,7 @@ class DesignProblem:
     def _pull_of_slopes(
         self, tree: TreeMotion, S: Float[Array, "N nv p"], of_tau: Float[Array, "N nv"]
     ) -> Float[Array, "N nt nv"]:
-        """Slope in ``G`` of what is projected with it: the regressor of the tree, and the torque of its drives."""
+        """Slope in ``G`` through what is projected with it: the regressor of the tree, and the torque of its drives."""
         model, arrays = self.robot.model, self.robot.arrays
         W = rigid_body.regressor(model, arrays, tree.configuration, tree.v, tree.a)
         return np.einsum("ntp,nip->nti", W, S, optimize=True) + self._driven(tree)[:, :, None] * of_tau[:, None]
@@ -269,7 +269,7 @@ class DesignProblem:
 
 @dataclass(frozen=True)
 class JointSizes:
-    """Middle and half range of each active joint's position [rad or m], and its largest speed."""
+    """Middle and half range of each active joint's position [rad or m], and its largest speed, each ``(nv,)``."""
 
     middle: Float[Array, " nv"]
     half: Float[Array, " nv"]
@@ -277,9 +277,9 @@ class JointSizes:
 
 
 def joint_sizes(problem: DesignProblem) -> JointSizes:
-    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn.
+    """Sizes from the limits; a joint that can turn more than half a turn in both directions stays within one turn.
 
-    It is placed about zero, or about the start of a chain whose loops are closed numerically.
+    That turn is about zero, or about the start of a chain whose loops are closed numerically.
     """
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])

@@ -1,7 +1,7 @@
 """Design of a motion that makes a robot's inertial parameters visible, within its limits (optimal excitation).
 
-Random motions about postures within the limits are tried, the best one is improved by a descent, and the result is
-checked at ten times the samples of the descent.
+Random motions about postures within the limits are tried, a descent improves the best one, and the result is checked at
+ten times the samples of the descent.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from phantom_dyn.motion import Motion, ReadOnlyArrays
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10
-"""Samples of the last check per sample of the design."""
+"""Samples of the final check per sample of the design."""
 _FINER = (2, 4)
-"""Finer samplings, per sample of the design, with which a descent is repeated where limits break between samples."""
+"""Samples per sample of the design, with which a descent is repeated if limits are exceeded between samples."""
 _LOST = 0.05
-"""Rise of the criterion that is accepted where a design is made smaller to keep limits between samples."""
+"""Accepted increase of the criterion when a design is made smaller to keep limits between samples."""
 _ROWS = 5_000_000
-"""Most rows of a reference: more are a slip of the rate or the duration."""
+"""Largest number of rows of a reference; more are a mistake in rate or duration."""
 # Sizes of a motion about its posture that are tried after a descent, the largest first.
 _REPAIRS = (1.0, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.89, 0.84, 0.78, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02)
 
@@ -49,10 +49,9 @@ class PlannedRecording:
     """The recording that a motion is designed for.
 
     Attributes:
-        rate_hz: Its rate; its samples weigh against those of earlier recordings.
-        noise: Torque noise [N m or N] of each joint, or one number, to weigh joints by; None: all alike.
-        earlier: Triangular factor of recordings made before, see `earlier_factor`: the motion adds what they do not
-            show.
+        rate_hz: Sample rate [Hz], which gives the weight of its samples against those of earlier recordings.
+        noise: Torque noise [N m or N] of each joint, or one number, by which joints are weighted; None: all equally.
+        earlier: Triangular factor of earlier recordings, see `earlier_factor`; the motion adds what they do not show.
     """
 
     rate_hz: float = 100.0
@@ -65,13 +64,13 @@ class Excitation(ReadOnlyArrays):
     """A designed motion.
 
     Attributes:
-        robot: What moves.
+        robot: The robot that moves.
         shapes: Family of the motion.
-        weights: Of each shape for each joint, shape ``(K, nv)``.
+        weights: Weight of each shape for each joint, shape ``(K, nv)``.
         rank: Number of base parameters.
-        condition: Condition number of their regressor over motion and earlier recordings, columns scaled to one norm.
-        start: Condition number of the best random motion within the limits, at which the descent began.
-        reached: Limits that the motion comes near to.
+        condition: Condition number of the base regressor over motion and earlier recordings, columns of norm one.
+        start: Condition number of the best random motion within the limits, from which the descent started.
+        reached: Limits that the motion nearly reaches.
         notes: Sentences for the user.
     """
 
@@ -85,10 +84,10 @@ class Excitation(ReadOnlyArrays):
     notes: tuple[str, ...]
 
     def motion(self, rate_hz: float) -> Motion:
-        """The motion from rest to rest, in equal steps; the rate is the nearest to ``rate_hz`` that samples its end.
+        """The motion from rest to rest in equal steps, at the rate nearest to ``rate_hz`` that includes its end.
 
         Raises:
-            ParameterError: If the rate cannot show the motion.
+            ParameterError: If the rate is too low for the motion.
         """
         return Grid.of(self.shapes, _count(self.shapes, rate_hz)).motion(self.weights)
 
@@ -101,7 +100,7 @@ class Excitation(ReadOnlyArrays):
         return out
 
     def summary(self) -> str:
-        """Two sentences: the condition number that is reached, and the limits that prevent a lower one."""
+        """Two sentences, on the condition number and on the limits that prevent a lower one."""
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
@@ -122,21 +121,21 @@ def excite(
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> Excitation:
-    """The best motion found by a criterion that keeps all limits, checked at ten times the samples of the design.
+    """The best motion by a criterion that was found within all limits, checked at ten times the samples of the design.
 
     Args:
         robot: A plain robot or a closed chain.
         shapes: Family of the motion, see `identification.excitation.motion_shapes`.
         limits: By default those that the robot states, see `limits_of`.
         criterion: By default the condition number.
-        planned: The recording that is to be made: its rate and noise, and what was recorded before; by default 100 Hz.
-        starts: Random motions; the best one is improved.
-        seed: Of the random motions.
-        progress: Takes the stages.
+        planned: The recording to be made: rate, noise, and earlier recordings; by default 100 Hz.
+        starts: Number of random motions; the best one is improved.
+        seed: Seed of the random motions.
+        progress: Called with each stage.
 
     Raises:
-        ParameterError: If no motion keeps the limits (the sentence names the one that is broken most, and the excess),
-            or an argument is out of its range.
+        ParameterError: If no motion keeps the limits (the message names the one with the largest excess), or an
+            argument is out of its range.
         RobotError: If the robot has a joint that no reference can drive.
     """
     if starts < 1:
@@ -162,7 +161,7 @@ def excite(
     designed = descend(problem, grid, start, progress=progress)
     found = [start, *_within(problem, dense, designed, start, posture)]
     for finer in _FINER:
-        # Little is lost by keeping the limits between the samples, too: no finer descent is needed.
+        # If keeping the limits between the samples costs little, no finer descent is needed.
         lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
         if lost <= _LOST:
             break
@@ -185,12 +184,12 @@ def excite(
 
 
 def criterion_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
-    """The criterion of a motion."""
+    """The criterion's value for a motion."""
     return problem.criterion.cost(problem.information(problem.regressor(grid.motion(weights))))[0]
 
 
 def condition_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
-    """Condition number of the regressor of a motion and of earlier recordings, columns of one norm."""
+    """Condition number of the base regressor of a motion and of earlier recordings, columns of norm one."""
     return condition_number(problem.information(problem.regressor(grid.motion(weights))))
 
 
@@ -201,10 +200,10 @@ def _within(
     start: Float[Array, "K nv"],
     posture: Float[Array, " nv"],
 ) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
-    """Motions close to the given one that keep every limit also between the samples that it was made from.
+    """Motions close to the given one that keep every limit, also between the samples of its design.
 
     One is the given motion made smaller about the posture of the start. The other lies between the given motion and the
-    start: a linkage may move about another posture by now, and the way back to the first may pass a singularity.
+    start, as a linkage may now move about another posture, from which the way to the first may pass a singularity.
     """
     return (
         largest_within_limits(problem, dense, weights, posture, _REPAIRS),
@@ -215,7 +214,7 @@ def _within(
 def _require_motion(
     problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
 ) -> None:
-    """Refuse a start that does not move, as the smallest motion about its posture breaks a limit: say which one."""
+    """Refuse a start that does not move because the smallest motion about its posture exceeds a limit."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
     rng = random_stream("sizes of a design")
@@ -228,7 +227,7 @@ def _require_motion(
 
 
 def _count(shapes: Shapes, rate_hz: float) -> int:
-    """Samples of a recording with both ends."""
+    """Number of samples of a recording, both ends included."""
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise ParameterError(f"A rate of {rate_hz:g} Hz was given: give more than 0.")
     if shapes.duration * rate_hz > _ROWS:

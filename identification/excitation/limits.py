@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Limits that an exciting motion keeps: of joints, of a frame's place, of distances between bodies.
+"""Limits that an exciting motion keeps: of joints, of the place of frames, of distances between bodies.
 
-A robot's file and configuration state limits; the user may add lower ones. A robot that no motion can be designed for
-(a joint without drive) is refused. All that is limited makes one row of quantities, with their bounds.
+A robot's file and configuration state limits; the user may give lower ones. A robot with a joint without drive is
+refused, as no motion can be designed for it. All limited quantities form one row, with their bounds.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import ReadOnlyArrays, linear_joints
 
-_HUGE = 1e6  # files write numbers of this size, up to the largest of all, for "none"
+_HUGE = 1e6  # files write numbers of this size or larger for "none"
 
 SPEED = {False: 1.0, True: 0.25}
-"""Speed [rad/s, or m/s where True: linear] that a joint keeps whose robot file states none."""
+"""Speed limit of a joint whose robot file states none [rad/s; m/s for linear joints, True]."""
 
 
 @dataclass(frozen=True)
 class StatedLimits:
-    """Limits of the joints of the tree (of drives: of the active joints); infinite where none is stated.
+    """Limits of the joints of the tree, and of drives for the active joints; infinite if none is stated.
 
     Attributes:
-        names: Joints of the tree.
-        linear: True for linear joints.
-        lower, upper: Positions [rad or m].
-        velocity: Largest speed.
-        torque: Largest drive torque of the active joints.
+        names: Names of the joints of the tree.
+        linear: True for linear joints, shape ``(nt,)``.
+        lower, upper: Limits of position [rad or m], shape ``(nt,)``.
+        velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
+        torque: Largest drive torque of the active joints [N m or N], shape ``(nv,)``.
         notes: Sentences for the user.
     """
 
@@ -49,7 +49,7 @@ class StatedLimits:
 
 
 def stated_limits(robot: Robot) -> StatedLimits:
-    """Limits that a robot states; one of zero or beyond a million counts as none, as do those of a continuous joint."""
+    """Limits that a robot states; zero, numbers beyond a million, and those of a continuous joint count as none."""
     model = robot.model
     joints = list(model.joints)[1:]
     names = tuple(model.names)[1:]
@@ -72,7 +72,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
             )
     if not np.isfinite(torque).all():
         unlimited = [name for name, limit in zip(robot.joint_names, torque, strict=True) if not np.isfinite(limit)]
-        notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: none is kept there.")
+        notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: the torque is not limited there.")
     linear = linear_joints(model)
     return StatedLimits(names, linear, lower, upper, _or_none(np.array(model.velocityLimit)), torque, tuple(notes))
 
@@ -87,7 +87,7 @@ def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
 
 
 def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
-    """Refuse what no motion can be designed for.
+    """Refuse a robot or a frame for which no motion can be designed.
 
     Raises:
         RobotError: If a joint has no drive, or a frame is unknown.
@@ -110,7 +110,7 @@ def _or_none(limit: Float[Array, " n"]) -> Float[Array, " n"]:
 
 @dataclass(frozen=True)
 class FrameBox(ReadOnlyArrays):
-    """A box along the axes of the base [m] that the origin of a frame stays in; infinite where it is open."""
+    """A box along the axes of the base [m] that the origin of a frame must not leave; infinite sides are open."""
 
     frame: str
     lower: Float[Array, "3"]
@@ -127,20 +127,20 @@ class FrameBox(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Limits(ReadOnlyArrays):
-    """What a motion must keep; infinite where there is no limit.
+    """Limits of a motion; infinite if there is none.
 
-    Positions and velocities are of all joints of the tree, passive ones included; accelerations and drive torques of
-    the active joints.
+    Limits of position and velocity are for all joints of the tree, passive ones included; those of acceleration and
+    drive torque for the active joints.
 
     Attributes:
-        lower, upper: Positions [rad or m], shape ``(nt,)``.
+        lower, upper: Limits of position [rad or m], shape ``(nt,)``.
         velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
         acceleration: Largest acceleration [rad/s^2 or m/s^2], shape ``(nv,)``.
         torque: Largest drive torque [N m or N], shape ``(nv,)``.
-        boxes: Where frames stay.
-        collisions: Bodies that stay apart.
-        notes: Sentences about limits that are not stated.
-        clear: Least distance of loops that are closed numerically from a singularity, see
+        boxes: Boxes that frames must not leave.
+        collisions: Bodies that must stay apart.
+        notes: Sentences on limits that are not stated.
+        clear: Least distance from a singularity of loops that are closed numerically, see
             `phantom_dyn.loops.solver`.
     """
 
@@ -182,12 +182,12 @@ def limits_of(
     """Limits that a robot states, and further ones.
 
     Args:
-        robot: Gives position, velocity and torque limits; ``torque_limit`` of its drives goes before the file's.
-        velocity: Largest speed [rad/s or m/s], one number or one per active joint; lowers what the robot states.
-        acceleration: Largest acceleration [rad/s^2 or m/s^2], likewise; without it there is no limit.
-        share: Part of the velocity and torque limits that is used, above 0 and at most 1.
-        boxes: Where frames stay.
-        collisions: Bodies that stay apart.
+        robot: Gives limits of position, velocity and torque; ``torque_limit`` of its drives overrides the file's.
+        velocity: Largest speed [rad/s or m/s], one number or one per active joint; it lowers what the robot states.
+        acceleration: Largest acceleration [rad/s^2 or m/s^2], one number or one per active joint; by default no limit.
+        share: Share of the velocity and torque limits that is used, above 0 and at most 1.
+        boxes: Boxes that frames must not leave.
+        collisions: Bodies that must stay apart.
         clear: Least distance of the loops from a singularity, above 0 and below 1.
 
     Raises:
@@ -214,7 +214,7 @@ def limits_of(
             if (linear == kind)[unlimited].any()
         )
         notes.append(
-            f"The robot states no velocity limit of {names}: {kept} is kept; give another velocity to change it."
+            f"The robot states no velocity limit of {names}: {kept} is used; give another velocity to change it."
         )
         speed[unlimited] = np.where(linear, SPEED[True], SPEED[False])[unlimited]
     return Limits(
@@ -248,12 +248,12 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
 NEAR = 0.01
 """A limit counts as reached within this share of its size."""
 _SINGULAR = "distance of the loops from a singularity"
-_APART = 0.1  # size [m] that distances are measured in
+_APART = 0.1  # size in whose units excess of distances is measured [m]
 
 
 @dataclass(frozen=True)
 class Bounds(ReadOnlyArrays):
-    """Lower and upper bounds of m quantities: what they are, their unit, and a size to measure excess in."""
+    """Lower and upper bounds of m quantities, with labels, units, and sizes in whose units excess is measured."""
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
@@ -262,7 +262,7 @@ class Bounds(ReadOnlyArrays):
     size: Float[Array, " m"]
 
     def excess(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
-        """How far values lie below and above their bounds, in units of their size; negative inside."""
+        """Excess of values below and above their bounds, in units of their size, ``(2, N, m)``; negative inside."""
         return np.stack([self.lower - values, values - self.upper]) / self.size
 
     def inside(self, margin: float) -> Bounds:
@@ -272,12 +272,12 @@ class Bounds(ReadOnlyArrays):
         )
 
     def reached(self, values: Float[Array, "N m"]) -> tuple[str, ...]:
-        """Labels of the bounds that values come near."""
+        """Labels of the bounds that the values nearly reach."""
         worst = self.excess(values).max(axis=(0, 1))
         return tuple(label for label, share in zip(self.labels, worst, strict=True) if share > -NEAR)
 
     def worst(self, values: Float[Array, "N m"]) -> str:
-        """The bound that is broken most and the excess over it, as half a sentence."""
+        """The bound with the largest excess, as half a sentence."""
         excess = self.excess(values).max(axis=1)
         side, m = np.unravel_index(int(np.argmax(excess)), excess.shape)
         column = values[:, m]
@@ -292,14 +292,13 @@ class Bounds(ReadOnlyArrays):
 
 
 def bounds_of(robot: Robot, limits: Limits) -> Bounds:
-    """Bounds of position and velocity of the tree, acceleration and torque of the active joints, and of places.
+    """Bounds of position and velocity of the tree, then of acceleration and torque of the active joints.
 
-    Of loops that are closed numerically the distance from a singularity comes next; then boxes and distances.
-
-    The torque bound leaves out the modelled Coulomb friction, which adds to the torque of any motion at most itself.
+    The distance of numerically closed loops from a singularity comes next, then boxes and distances of bodies. The
+    bounds of torque are lowered by the modelled Coulomb friction, as it adds at most this to the torque of any motion.
 
     Raises:
-        ParameterError: If the limits are of another robot, or friction alone takes the torque.
+        ParameterError: If the limits are of another robot, or friction alone needs the whole torque.
     """
     tree = tuple(robot.model.names)[1:]
     units = ["m" if linear else "rad" for linear in linear_joints(robot.model)]
@@ -349,7 +348,7 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
 
 
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:
-    """Largest torque that the modelled Coulomb friction can take from each drive, passive joints' included."""
+    """Largest torque that the modelled Coulomb friction, passive joints included, can take from each drive."""
     own = np.array(robot.coulomb_friction)
     if robot.chain is None or not robot.chain.coulomb_friction.any():
         return own
@@ -359,13 +358,13 @@ def _coulomb(robot: Robot) -> Float[Array, " nv"]:
 def places(
     model: pin.Model, limits: Limits, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Coordinates [m] of the frames that have a box, then the distance [m] of each pair that must not collide.
+    """Coordinates [m] of frames that have a box, then the distance [m] of each pair that must not collide.
 
     Args:
         model: The tree.
         limits: Names frames and pairs.
-        configuration: Pinocchio's, N samples.
-        slopes: True if the slope is wanted too, else None.
+        configuration: Pinocchio's configurations, shape ``(N, nq)``.
+        slopes: True if the slope is wanted; without it None is returned.
 
     Returns:
         Values, and their slope in the joint velocities of the tree.

@@ -1,9 +1,9 @@
-"""Families of motions from rest to rest: shape functions whose sums, with any weights, begin and end at rest.
+"""Families of motions from rest to rest: shape functions whose weighted sums begin and end at rest.
 
-A joint's motion is a sum of a family's shapes; the first is the constant one, its posture. Weights are what excitation
-designs, and the motion is linear in them, so that slopes pass through as matrix products. Waves in closed form, which
-need not begin at rest, serve as references of other experiments: triangles move at constant speeds, which excites
-friction and gravity; sines accelerate, which excites inertia.
+A joint's motion is a sum of a family's shapes; the first one is constant, the joint's posture. Excitation chooses the
+weights. The motion is linear in them, so that slopes are matrix products. Waves in closed form, which need not begin at
+rest, serve as references of other experiments: triangles move at constant speeds, which excites friction and gravity;
+sines accelerate, which excites inertia.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 
 SAMPLES_PER_PERIOD = 30
-"""Of the fastest part of a motion: between two of them a sine rises half a per cent above the larger one."""
+"""Samples per period of the fastest part of a motion: a sine exceeds two neighbours by at most half a per cent."""
 
 
 @runtime_checkable
@@ -34,7 +34,7 @@ class Wave(Protocol):
 
 @dataclass(frozen=True)
 class Sine:
-    """``amplitude`` times the sine of ``frequency`` [Hz] times t plus ``phase`` [periods]."""
+    """A sine of an ``amplitude``, a ``frequency`` [Hz] and a ``phase`` [periods]."""
 
     amplitude: float
     frequency: float
@@ -52,10 +52,10 @@ class Sine:
 
 @dataclass(frozen=True)
 class Triangle:
-    """Constant speeds to and fro between ``-amplitude`` and ``amplitude``, from the middle upwards.
+    """Constant speeds to and fro between ``-amplitude`` and ``amplitude``, at first upwards from the middle.
 
-    A corner would take an infinite torque: within ``turn`` of a period (0 to 0.5) the velocity goes through a half
-    cosine at either end, so that position, velocity and acceleration are all continuous.
+    A corner would take infinite torque. Within a ``turn`` (share of a period, 0 to 0.5) at either end the velocity
+    follows a half cosine, so that position, velocity and acceleration are all continuous.
     """
 
     amplitude: float
@@ -77,7 +77,7 @@ class Triangle:
 
     @property
     def _rise(self) -> float:
-        # Way of half a period at unit speed [periods].
+        # Distance in half a period at unit speed [periods].
         return 0.5 - self.turn + 2 * self.turn / np.pi
 
     def motion(self, t: Float[Array, " N"]) -> Float[Array, "3 N"]:
@@ -103,9 +103,9 @@ def wave_motion(
     """Motion in which every joint follows the sum of its waves.
 
     Args:
-        t: Time [s].
-        joints: Waves of each joint; a joint without waves stays at its center.
-        center: Position that each joint moves about [rad or m]; zero by default.
+        t: Times [s], shape ``(N,)``.
+        joints: Waves of each joint; a joint without waves stays at its centre.
+        center: Position about which each joint moves [rad or m], shape ``(nv,)``; zero by default.
     """
     parts = [sum((wave.motion(t) for wave in waves), np.zeros((3, len(t)))) for waves in joints]
     q, v, a = np.stack(parts, axis=2)
@@ -128,29 +128,29 @@ class Shapes(Protocol):
 
     @property
     def samples(self) -> int:
-        """Samples over the duration that show the motion's extremes to within a per cent."""
+        """Number of samples over the duration that show the motion's extremes to within a per cent."""
         ...
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
-        """Position, velocity and acceleration of each shape; the first shape is one, at rest."""
+        """Position, velocity and acceleration of each shape, shape ``(3, N, K)``; the first shape is constantly one."""
         ...
 
 
 @dataclass(frozen=True)
 class FourierSeries:
-    """Sines and cosines of the first ``harmonics`` multiples of one over ``duration``: periodic, it can be repeated."""
+    """Sines and cosines of the first ``harmonics`` multiples of 1/``duration``: periodic, it can be repeated."""
 
     duration: float
     harmonics: int = 5
 
     def __post_init__(self):
         _require_duration(self.duration)
-        # Two weights of each harmonic, less two for being at rest.
+        # Each harmonic has two weights, of which rest takes two in all.
         _require_count(self.harmonics, "harmonics", 2)
 
     @property
     def samples(self) -> int:
-        """Samples that show the extremes."""
+        """Number of samples that show the extremes."""
         return SAMPLES_PER_PERIOD * self.harmonics
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -161,7 +161,7 @@ class FourierSeries:
 
 @dataclass(frozen=True)
 class BSplines:
-    """Splines of degree five over ``pieces`` equal stretches of time: local, smooth up to the fourth derivative."""
+    """Splines of degree five over ``pieces`` equal stretches of time: local, and smooth up to the fourth derivative."""
 
     duration: float
     pieces: int = 10
@@ -172,7 +172,7 @@ class BSplines:
 
     @property
     def samples(self) -> int:
-        """Samples that show the extremes: a piece holds about half a swing."""
+        """Number of samples that show the extremes: a piece holds about half a swing."""
         return SAMPLES_PER_PERIOD * max(self.pieces // 2, 4)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -183,7 +183,7 @@ class BSplines:
         def part(times: Array) -> Array:
             inside = np.clip(times, 0.0, self.duration)
             values = np.stack([spline(inside), spline.derivative(1)(inside), spline.derivative(2)(inside)])
-            # The constant shape stands for the first three, which alone are not at rest at the start; about unit speed.
+            # The first three, which alone are not at rest at the start, are left to the constant. Speed about one.
             return values[:, :, 3:] * self.duration / self.pieces
 
         return _from_rest(part(t), part(_ends(self)))
@@ -193,8 +193,8 @@ class BSplines:
 class TrianglesAndSines:
     """Triangles of one to ``triangles`` periods, and sines of up to ``harmonics``.
 
-    Triangles run at constant speed between their turns, which shows friction over speed; sines show inertia.
-    ``turn`` is the part of a triangle's period in which its velocity changes sign.
+    Triangles have constant speed between their turns, which shows friction over speed; sines show inertia. ``turn`` is
+    the share of a triangle's period in which its velocity changes sign.
     """
 
     duration: float
@@ -210,7 +210,7 @@ class TrianglesAndSines:
 
     @property
     def samples(self) -> int:
-        """Samples that show the extremes: ten and more in each turn."""
+        """Number of samples that show the extremes: ten or more in each turn."""
         return max(SAMPLES_PER_PERIOD * self.harmonics, int(np.ceil(12 * self.triangles / self.turn)))
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
@@ -222,7 +222,7 @@ class TrianglesAndSines:
         return np.concatenate([_harmonics(t, self.duration, self.harmonics), np.stack(waves, axis=2)], axis=2)
 
     def _triangle(self, periods: int) -> Triangle:
-        # From the lower turn, where its velocity is zero, and of a unit of speed.
+        # From the lower turn, where its velocity is zero, and with unit speed.
         shape = Triangle(1.0, periods / self.duration, -0.25, self.turn)
         return Triangle(1.0 / shape.speed, periods / self.duration, -0.25, self.turn)
 
@@ -242,11 +242,11 @@ def _harmonics(t: Array, duration: float, harmonics: int) -> Array:
 
 
 def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> Float[Array, "3 N K"]:
-    """The constant shape, and an orthonormal set of those sums of ``parts`` that are at rest at both ends."""
+    """The constant shape, and an orthonormal basis of the sums of ``parts`` that are at rest at both ends."""
     moving = at_ends[1:].reshape(4, -1)
     size = np.linalg.norm(moving, axis=1, keepdims=True)
     _, singular, rows = np.linalg.svd(moving / np.where(size > 0, size, 1.0))
-    rank = int((singular > 1e-9).sum())  # a periodic family meets the same conditions at both ends
+    rank = int((singular > 1e-9).sum())  # a periodic family has the same conditions at both ends
     constant = np.zeros((3, parts.shape[1], 1))
     constant[0] = 1.0
     return np.concatenate([constant, parts @ rows[rank:].T], axis=2)

@@ -1,8 +1,8 @@
-r"""How a scalar of the motion of a chain's tree depends on the motion of its active joints.
+r"""Slopes of a scalar in the motion of a chain's tree, converted to slopes in the motion of its active joints.
 
 With :math:`x(q)`, :math:`v_t = G v` and :math:`a_t = G a + d`, slopes in the tree's motion are pulled back through the
-loops. Where ``G`` is constant that is a product with it; where loops are closed numerically ``G``, ``d`` and the
-distance from a singularity change with the posture, which central differences in each active joint show.
+loops. If ``G`` is constant this is a product with it. If loops are closed numerically, ``G``, ``d`` and the distance
+from a singularity change with the posture, which is computed by central differences in each active joint.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _DIFFERENCE = 1e-5
 
 @dataclass(frozen=True)
 class TreePulls:
-    """Slopes of a scalar in what the tree does at N samples.
+    """Slopes of a scalar in the motion of the tree at N samples.
 
     Attributes:
-        q: In its positions, ``(N, nt)``.
-        v: In its velocities.
-        a: In its accelerations.
-        G: In the slope of its positions in the active ones, ``(N, nt, nv)``.
-        clear: In the distance of the loops from a singularity, ``(N,)``.
+        q: Slope in the positions, ``(N, nt)``.
+        v: Slope in the velocities, ``(N, nt)``.
+        a: Slope in the accelerations, ``(N, nt)``.
+        G: Slope in ``G``, the derivative of its positions by the active ones, ``(N, nt, nv)``.
+        clear: Slope in the distance of the loops from a singularity, ``(N,)``.
     """
 
     q: Float[Array, "N nt"]
@@ -42,7 +42,7 @@ class TreePulls:
 
 
 def clear_of(robot: Robot, motion: Motion) -> Float[Array, "N c"]:
-    """Distance of loops that are closed numerically from a singularity, one column; without such loops none."""
+    """Distance of numerically closed loops from a singularity, as one column; no column without such loops."""
     if not solved_numerically(robot):
         return np.zeros((len(motion.q), 0))
     return distance_from_singularity(robot.solutions.at(motion.q).inverse)[:, None]
@@ -51,13 +51,13 @@ def clear_of(robot: Robot, motion: Motion) -> Float[Array, "N c"]:
 def pulled_to_active(
     robot: Robot, motion: Motion, tree: TreeMotion, pulls: TreePulls
 ) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """The slopes in positions, velocities and accelerations of the active joints.
+    """Slopes in positions, velocities and accelerations of the active joints, each ``(N, nv)``.
 
     Args:
         robot: Gives the loops.
-        motion: Of the active joints.
-        tree: That of the tree.
-        pulls: Slopes in the latter.
+        motion: Motion of the active joints.
+        tree: Motion of the tree.
+        pulls: Slopes in the motion of the tree.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular next to a sample.
@@ -68,14 +68,14 @@ def pulled_to_active(
     for joint in range(robot.nv):
         beside = _both_sides(robot, motion, pulls, joint)
         of_q[:, joint] += (beside[0] - beside[1]) / (2 * _DIFFERENCE)
-        # The drift is quadratic in the velocity: its difference is exact.
+        # The drift is quadratic in the velocity, so that its central difference is exact.
         faster, slower = (_drift(robot, motion, joint, sign) for sign in (1.0, -1.0))
         of_v[:, joint] += 0.5 * (pulls.a * (faster - slower)).sum(axis=1)
     return of_q, of_v, of_a
 
 
 def _both_sides(robot: Robot, motion: Motion, pulls: TreePulls, joint: int) -> list[Float[Array, " N"]]:
-    """What depends on the posture beside that of the tree itself, a step ahead and a step behind."""
+    """The scalar's dependence on the posture through velocities, accelerations, G and distance, a step to each side."""
     out = []
     for sign in (1.0, -1.0):
         q = np.array(motion.q)
@@ -89,7 +89,7 @@ def _both_sides(robot: Robot, motion: Motion, pulls: TreePulls, joint: int) -> l
 
 
 def _drift(robot: Robot, motion: Motion, joint: int, more: float) -> Float[Array, "N nt"]:
-    """Accelerations of the tree without those of the active joints, one of which is faster."""
+    """Accelerations of the tree at zero acceleration of the active joints, with one joint faster by ``more``."""
     v = np.array(motion.v)
     v[:, joint] += more
     tree = tree_motion(robot, replace(motion, v=v))

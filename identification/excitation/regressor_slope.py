@@ -2,14 +2,14 @@
 r"""Exact gradient of a scalar made of the rigid-body regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
 
 Every criterion of excitation, and every torque, is such a scalar to first order. One pass over the bodies gives its
-slope in all positions, velocities and accelerations, at the cost of about two regressors and with no difference taken.
+slope in all positions, velocities and accelerations, at the cost of about two regressors and without differences.
 
 In the frame of body b, let :math:`J_i` be the axes of the joints that carry it, V and A its velocity and acceleration
 (gravity included), and :math:`I^{(i)}` the inertia whose parameters are row i of S. Then
 
 .. math:: L = \sum_b \sum_i J_i \cdot f_i, \qquad f_i = I^{(i)} A + V \times^* I^{(i)} V .
 
-Moving joint j moves, as seen from body b, only what lies before j: with l the parent of j and
+As seen from body b, a motion of joint j moves only what lies before j. With l the parent of j and
 :math:`D_j = V_l \times J_j`, it is :math:`\delta J_i = J_i \times J_j` for i before j, :math:`\delta V = D_j`, and
 :math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
 """
@@ -41,13 +41,13 @@ def regressor_slope(
     a: Float[Array, "N nt"],
     S: Float[Array, "N nt p"],
 ) -> tuple[float, Slope]:
-    r""":math:`\sum_k \mathrm{tr}(S_k^T Y_k)` and its slope in the motion, S held.
+    r""":math:`\sum_k \mathrm{tr}(S_k^T Y_k)` and its slope in the motion, with S constant.
 
     Args:
         model: A tree of joints with one velocity each.
-        q: Joint positions [rad or m]; a continuous joint by its angle.
-        v: Velocities.
-        a: Accelerations.
+        q: Joint positions [rad or m], shape ``(N, nt)``; a continuous joint by its angle.
+        v: Joint velocities, shape ``(N, nt)``.
+        a: Joint accelerations, shape ``(N, nt)``.
         S: Weight of each entry of the regressor, columns as in `phantom_dyn.dynamics.dynamics.rigid_body_regressor`.
 
     Returns:

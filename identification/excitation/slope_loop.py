@@ -1,7 +1,7 @@
 r"""Compiled loop over samples for the slope of a regressor, see `identification.excitation.regressor_slope`.
 
-A spatial vector is six numbers, linear part first. What a body carries for each joint before it is J, D and M, with
-:math:`M_j = A_l \times J_j - D_j \times V_l`: all of them motions, which go from body to body in the same way.
+A spatial vector is six numbers, linear part first. For each joint before it a body carries J, D and M, with
+:math:`M_j = A_l \times J_j - D_j \times V_l`. All three are motions, which transform alike from body to body.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
 
 @inlined
 def add_motion_cross(x: Array, y: Array, size: float, out: Array) -> None:
-    """Add how the motion ``y`` changes when it is carried along by the motion ``x``, times a size."""
+    """Add the change of a motion ``y`` that is carried along by the motion ``x``, times ``size``."""
     out[0] += size * (x[4] * y[2] - x[5] * y[1] + x[1] * y[5] - x[2] * y[4])
     out[1] += size * (x[5] * y[0] - x[3] * y[2] + x[2] * y[3] - x[0] * y[5])
     out[2] += size * (x[3] * y[1] - x[4] * y[0] + x[0] * y[4] - x[1] * y[3])
@@ -36,7 +36,7 @@ def add_motion_cross(x: Array, y: Array, size: float, out: Array) -> None:
 
 @inlined
 def add_force_cross(x: Array, f: Array, size: float, out: Array) -> None:
-    """Add how the force ``f`` changes when ``x`` carries it along, times a size."""
+    """Add the change of a force ``f`` that is carried along by the motion ``x``, times ``size``."""
     out[0] += size * (x[4] * f[2] - x[5] * f[1])
     out[1] += size * (x[5] * f[0] - x[3] * f[2])
     out[2] += size * (x[3] * f[1] - x[4] * f[0])
@@ -47,7 +47,7 @@ def add_force_cross(x: Array, f: Array, size: float, out: Array) -> None:
 
 @inlined
 def add_momentum(pi: Array, x: Array, size: float, out: Array) -> None:
-    """Add inertia times motion, times a size; parameters are ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``."""
+    """Add inertia times motion, times ``size``; parameters are ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``."""
     out[0] += size * (pi[0] * x[0] - (pi[2] * x[5] - pi[3] * x[4]))
     out[1] += size * (pi[0] * x[1] - (pi[3] * x[3] - pi[1] * x[5]))
     out[2] += size * (pi[0] * x[2] - (pi[1] * x[4] - pi[2] * x[3]))
@@ -77,14 +77,14 @@ def turn(twist: Array, angle: float, R: Array) -> None:
 
 @fused
 def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Array, state: Array) -> None:
-    """Write what a body carries, from what its parent does.
+    """Write J, D, M, V and A of a body from those of its parent.
 
     Args:
-        b: Which body.
-        tree: Parents, rotations, translations, twists and number of joints of `slope_loop`.
+        b: Index of the body.
+        tree: Parents, rotations, translations, twists and numbers of joints, as in `slope_loop`.
         carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
-        turned: Room for two rotations, ``(2, 3, 3)``.
-        at: Its position, velocity and acceleration, ``(3,)``.
+        turned: Space for two rotations, ``(2, 3, 3)``.
+        at: Position, velocity and acceleration of the body's joint, ``(3,)``.
         state: V and A of each body, ``(n, 2, 6)``.
     """
     parents, rotations, translations, twists, counts = tree
@@ -119,17 +119,17 @@ def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Ar
 def add_slope(
     b: int, count: int, joints: Array, carried: Array, state: Array, S: Array, room: Array, slope: Array
 ) -> float:
-    """Add what one body gives to the slope at a sample; returns its part of the sum.
+    """Add the contribution of one body to the slope at a sample; returns its part of the sum.
 
     Args:
-        b: Which body.
+        b: Index of the body.
         count: Number of joints that carry it.
-        joints: Which these are, the base's first, ``(n, n)``.
+        joints: Indices of these joints, from the base on, ``(n, n)``.
         carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
         state: V and A of each body, ``(n, 2, 6)``.
         S: Weights of the ten parameters on each row of each body, ``(n - 1, n - 1, 10)``.
-        room: For five spatial vectors and one for each of its joints, ``(5 + n, 6)``.
-        slope: Is added to, ``(3, n - 1)``.
+        room: Space for five spatial vectors and one for each joint, ``(5 + n, 6)``.
+        slope: Slope to which is added, ``(3, n - 1)``.
     """
     h, f, to_A, to_V, x = room[0], room[1], room[2], room[3], room[4]
     V, A = state[b, 0], state[b, 1]
@@ -160,7 +160,7 @@ def add_slope(
         slope[0, row] += inner(D, to_V) + inner(x, to_A) - inner(J, pulled)
         for i in range(6):
             x[i] = 2.0 * D[i]
-            # The pull on axes before j when j turns.
+            # Force on the axes before j as j turns.
             pulled[i] += room[5 + j, i]
         add_motion_cross(J, V, 1.0, x)
         slope[1, row] += inner(J, to_V) + inner(x, to_A)
@@ -173,14 +173,14 @@ def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: A
     """Write the slope of the sum of a weighted regressor; returns the sum.
 
     Args:
-        tree: For each body of a tree, the root first: parent, ``(n,)``; rotation, ``(n, 3, 3)``, and place [m],
+        tree: For each body of the tree, the root first: parent, ``(n,)``; rotation, ``(n, 3, 3)``, and place [m],
             ``(n, 3)``, of its joint in the frame of the parent; velocity in its own frame per velocity of its joint,
             ``(n, 6)``; number of joints that carry it, ``(n,)``.
-        joints: Which these are, the base's first, ``(n, n)``.
-        gravity: A spatial vector [m/s^2], ``(6,)``.
+        joints: Indices of the joints that carry each body, from the base on, ``(n, n)``.
+        gravity: Gravity as a spatial vector [m/s^2], ``(6,)``.
         motion: Positions, velocities and accelerations, ``(N, n - 1, 3)``.
         S: Weights, ``(N, n - 1, n - 1, 10)``: row, then body.
-        slope: Receives the slopes in the three, ``(N, 3, n - 1)``; zero before.
+        slope: Receives the slopes in positions, velocities and accelerations, ``(N, 3, n - 1)``; zero before.
     """
     counts = tree[4]
     n = len(counts)

@@ -1,1 +1,1 @@
-"""T-optimal design of the next recording, so that it separates effects that one recording cannot."""
+"""T-optimal design of the next recording, which separates effects that one recording cannot."""

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Proposes the recording that separates the rivals of a diagnosis.
 
-Motions are scored by how well they separate rivals (T-optimal design): as they are, with a known mass, or with softer
-gains. A known mass separates what scales the whole torque from what adds to one body. Softer position controllers
-separate delays from friction. The proposal is a sentence and a reference motion, which is written as a CSV file.
+Motions are scored by how well they separate rivals (T-optimal design), on their own, with a known mass, or with softer
+gains. A known mass separates effects on the whole torque from effects on one body. Softer position controllers separate
+delays from friction. The proposal is a sentence and a reference motion, which is written as a CSV file.
 """
 
 from __future__ import annotations
@@ -51,22 +51,23 @@ from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 
 SHARES = (0.5, 0.2, 0.1, 0.05)
-"""Known masses in the order of trial, as shares of the mass of the link that carries them, to one digit."""
+"""Known masses in the order of trial, as shares of the mass of the link that carries them, rounded to one digit."""
 GAINS = (0.5, 0.25)
 """Softer controllers, as shares of the stated gains; larger gains may shake a robot."""
-# Motions drawn, and variations of the best one: ``_WORK / nv^2`` within these, as many as take a second or two.
+# Number of motions that are drawn, and of variations of the best one: ``_WORK / nv^2`` within these limits, as many as
+# take a second or two.
 _WORK, _FEWEST, _MOST = 120, 12, 40
-# Number of the best motions that are scored with a known mass and with softer gains too, where possible.
+# Number of the best motions that are also scored with a known mass and with softer gains, if possible.
 _CHANGED = 3
-# Probability above which a further difference counts by its size.
+# Probability of separation above which motions are compared by the distance of rivals instead.
 _SURE = 0.995
-# Least gain in the probability that no rival is left, for which a mass or other gains are worth their burden.
+# Least gain in the probability that no rival is left, for which a mass or other gains are worth the effort.
 _BURDEN = 0.1
 
 
 @dataclass(frozen=True)
 class KnownMass:
-    """A point mass [kg] with its centre [m], as ``recordings.yaml`` states it, and the frame that this counts from."""
+    """A point mass [kg] with its centre [m], as in ``recordings.yaml``, and the frame of the centre."""
 
     mass: float
     center: tuple[float, float, float]
@@ -74,9 +75,9 @@ class KnownMass:
 
 
 def known_mass(robot: Robot, share: float) -> KnownMass:
-    """A share of the mass of the link that carries it.
+    """A point mass that is a share of the mass of the link that carries it.
 
-    It is at the payload frame that is stated, else at the frame ``tip``, else at twice the way to the link's centre.
+    It is at the stated payload frame, else at the frame ``tip``, else at twice the distance of the link's centre.
     """
     body = payload_body(robot)
     inertia = robot.model.inertias[body]
@@ -84,13 +85,13 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
     if robot.payload_frame is not None:
         return KnownMass(mass, (0.0, 0.0, 0.0), f"frame {robot.payload_frame}")
     tip = tip_of(robot)
-    # To a millimetre, so that the sentence says the numbers that were tried; a zero has no sign.
+    # Rounded to a millimetre, so that the sentence has the tried numbers; + 0.0 removes the sign of zero.
     x, y, z = (round(float(c), 3) + 0.0 for c in (2.0 * inertia.lever if tip is None else tip))
     return KnownMass(mass, (x, y, z), f"the frame of joint {robot.model.names[body]}")
 
 
 def carried(robot: Robot, mass: KnownMass) -> Robot:
-    """The robot with the mass on it."""
+    """The robot with the mass attached."""
     return with_payload(robot, KnownPayload(mass.mass, mass.center))
 
 
@@ -99,15 +100,15 @@ def _one_digit(x: float) -> float:
 
 
 def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
-    """The motion of the given model along a reference, ``kp`` and ``kd`` of all its controllers at a share.
+    """The motion of the given model along a reference, with all gains of its controllers reduced to a share.
 
     Args:
-        robot: The given model; the delays of its controllers are left out.
-        reference: What is asked for, from rest.
-        share: Of the gains that the robot states.
+        robot: The given model; the delays of its controllers are ignored.
+        reference: Reference motion, from rest.
+        share: Share of the stated gains.
 
     Returns:
-        None if a joint states no controller, or the robot does not follow.
+        The motion; None if a joint states no controller, or the robot does not follow.
     """
     controllers = [drive.controller for drive in robot.actuators]
     stated = [controller for controller in controllers if controller is not None and controller.kp > 0]
@@ -128,11 +129,11 @@ class Trial:
 
     Attributes:
         candidate: The motion.
-        mass: Carried along it; None for nothing.
-        gains: Share of the stated gains that the position controllers have then; None for all of them.
-        power: Probability that each pair is separated.
-        gain: Squared distance of each pair.
-        resolved: Probability that a finding loses its hardest rival, on average over the findings.
+        mass: Mass that is carried along it; None for none.
+        gains: Share of the stated gains that the position controllers have; None for the stated gains.
+        power: Probability of separation of each pair, shape ``(p,)``.
+        gain: Squared distance of each pair, shape ``(p,)``.
+        resolved: Probability that a finding loses its hardest rival, averaged over the findings.
     """
 
     candidate: Candidate
@@ -144,12 +145,12 @@ class Trial:
 
     @property
     def separates(self) -> bool:
-        """True if it separates any pair."""
+        """True if it separates at least one pair."""
         return bool((self.power >= rules.SEPARATED).any())
 
     @property
     def worth(self) -> tuple[bool, float, float]:
-        """Sort key: separates a pair, probability that no rival is left, smallest squared distance it separates."""
+        """Sort key: separates a pair, probability that no rival is left, least distance of separated pairs."""
         separated = self.gain[self.power >= rules.SEPARATED] if self.separates else self.gain
         return (self.separates, min(self.resolved, _SURE), float(separated.min(initial=np.inf)))
 
@@ -157,7 +158,7 @@ class Trial:
 def ranked_trials(
     robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...], duration: float
 ) -> tuple[Trial, ...]:
-    """Score motions by their separation of the pairs, the best first; with a mass or softer gains where these help.
+    """Motions scored by their separation of the pairs, the best first, with a mass or softer gains if these help.
 
     Raises:
         ParameterError: If no motion keeps the limits.
@@ -180,13 +181,13 @@ def ranked_trials(
         *islice(_there(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
         *islice(_there(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
     )
-    # A mass is a burden, and so are other gains: they have to separate more than the best motion without them does.
+    # A mass and other gains are an effort: they must separate more than the best motion without them.
     more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
 def _is_best(trials: list[Trial]) -> bool:
-    """True if no variation of the best motion can be noticeably better: each pair is separated, or by no motion."""
+    """True if no variation of the best motion can be much better: each pair is separated, or no motion separates it."""
     never = np.max([trial.power for trial in trials], axis=0) < contract_levels.LISTED
     return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
 
@@ -206,7 +207,7 @@ def loaded_trial(
 def softer_trial(
     candidate: Candidate, robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...]
 ) -> Trial | None:
-    """The motion as a reference of softer controllers, the better share; None if the robot states no controllers."""
+    """The motion as a reference of softer controllers, at the better share of gains; None without controllers."""
     out = []
     for share in GAINS:
         motion = followed(robot, candidate.motion(lab.band.rate_hz), share)
@@ -225,7 +226,7 @@ def trial_of(
     gains: float | None = None,
     motion: Motion | None = None,
 ) -> Trial:
-    """Score a candidate on all pairs; ``motion`` is the motion that follows from it, if that differs."""
+    """A candidate scored on all pairs; ``motion`` is the motion that results, if it differs from the candidate's."""
     planned = lab.products(candidate.motion(lab.band.rate_hz) if motion is None else motion, robot)
     each = [separation(rivalry, planned) for rivalry in rivalries]
     power, gain = (np.concatenate(values) for values in ([one.power for one in each], [one.gain for one in each]))
@@ -233,7 +234,7 @@ def trial_of(
 
 
 def keeps(robot: Robot, limits: Limits, motion: Motion) -> bool:
-    """True if the drives of a loaded or softly controlled robot keep their limits along a motion."""
+    """True if the drives of a loaded or softly controlled robot keep their torque limits along a motion."""
     usable = bounds_of(robot, limits)
     rows = [usable.labels.index(f"torque of {joint}") for joint in robot.joint_names]
     torque = inverse_dynamics(robot, motion)
@@ -252,20 +253,20 @@ def _there(trials: Iterable[Trial | None]) -> Iterator[Trial]:
 
 
 REFERENCE = "next.csv"
-# Findings whose rivals are to be separated, the largest first.
+# Largest number of findings whose rivals are to be separated, the largest findings first.
 _FINDINGS = 3
-# Length of a proposed recording [s]: that of those at hand, within these.
+# Limits of the length of a proposed recording [s], which is otherwise that of the recordings.
 _SHORTEST, _LONGEST = 8.0, 20.0
-# Rows per second of a reference: those of the recordings, no more than a controller's clock.
+# Largest number of rows per second of a reference, which is otherwise that of the recordings: a controller's clock.
 _RATE_HZ = 1000.0
 
 
 def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposal:
-    """The recording to make next, where a finding has rivals that a motion can separate.
+    """The recording to make next, if a finding has rivals that a motion can separate.
 
     Args:
-        explanation: All effects that the search has found, those too that are not shown.
-        findings: What is shown.
+        explanation: All effects that the search has found, also those that are not shown.
+        findings: Findings that are shown.
     """
     chosen = with_all_findings(explanation.search, explanation.chosen, findings)
     search = explanation.search.of(chosen)
@@ -288,9 +289,9 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
 
 
 def length_of(logs: tuple[Log, ...]) -> float:
-    """Length of a recording to be proposed [s]: that of those at hand, neither very short nor very long.
+    """Length of a proposed recording [s]: that of the recordings, but neither very short nor very long.
 
-    It is long enough for their band, however slowly they are sampled.
+    It is long enough for the filter of their band, however low their sample rate is.
     """
     seconds = float(np.mean([log.motion.t[-1] - log.motion.t[0] for log in logs]))
     fewest = max(shortest_recording(log.band) for log in logs)
@@ -326,9 +327,9 @@ class Proposal:
     """The recording to make next.
 
     Attributes:
-        experiment: Entry of ``diagnosis.json``; None where nothing is proposed.
+        experiment: Entry of ``diagnosis.json``; None if nothing is proposed.
         motion: The reference motion.
-        notes: On what no recording would separate.
+        notes: Notes on rivals that no recording would separate.
     """
 
     experiment: dict | None = None
@@ -337,19 +338,19 @@ class Proposal:
 
 
 def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
-    """One sentence: which motion to record, and which rivals it separates."""
+    """One sentence on the motion to record and on the rivals that it separates."""
     load = stated = ""
     if trial.mass is not None:
         load, stated = f" with {_mass_words(trial.mass)}", f", write {_entry(trial.mass)}"
     if trial.gains is not None:
         load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
         stated = ", write these gains as its controller"
-    # What is known of a recording counts only where it is written down.
+    # A mass or gains count in a diagnosis only if they are written down.
     stated += " beside its file name in recordings.yaml," if stated else ""
     motion = f"{trial.candidate.shapes.duration:g} s, {trial.candidate.kind}"
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
-        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at){stated} and "
+        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not checked){stated} and "
         f"diagnose it together with this recording: with a probability of {percent(power)} it separates "
         f"{pairs_words(_effects_of(separated))}."
     )
@@ -370,12 +371,12 @@ def _mass_words(mass: KnownMass) -> str:
 
 
 def _entry(mass: KnownMass) -> str:
-    """The mass as ``recordings.yaml`` states it."""
+    """The mass as an entry of ``recordings.yaml``."""
     return f"payload: {{mass: {mass.mass:g}, center: [{', '.join(f'{x:g}' for x in mass.center)}]}}"
 
 
 def reference_text(motion: Motion, joint_names: tuple[str, ...]) -> str:
-    """CSV with ``t``, ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``; nothing is rounded."""
+    """CSV with ``t``, ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``, not rounded."""
     names = ["t", *(f"{kind}.{joint}" for kind in ("q_ref", "v_ref", "a_ref") for joint in joint_names)]
     rows = np.column_stack([motion.t, motion.q, motion.v, motion.a])
     out = io.StringIO()

@@ -1,7 +1,7 @@
 """Candidate motions of the next experiment: random Fourier series, triangles and small reversals within safe limits.
 
-The limits are what the robot states, and not much more than it was recorded to do. Holds in several postures, with
-small reversals about each, excite friction and play.
+The limits are those that the robot states, narrowed to little more than what the recordings contain. Rests in several
+postures, with small reversals about each, excite friction and play.
 """
 
 from __future__ import annotations
@@ -21,37 +21,37 @@ from identification.excitation.moved_tree import clear_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import Motion, minimum_jerk
 
-# A joint goes at most this share of its recorded range beyond either end of it.
+# Largest share of its recorded range by which a joint may go beyond either end of it.
 _BEYOND = 0.5
-# Times the largest recorded speed, acceleration and torque.
+# Largest ratio to the largest recorded speed, acceleration and torque.
 _FASTER, _SHARPER, _STRONGER = 2.0, 3.0, 2.0
-# A joint that was held may not move at all: this much [rad or m] is none.
+# Least range [rad or m] of a joint, so that limits of one that was held leave some room.
 _HELD = 1e-4
-# Part of a stop that goes to the next posture.
+# Share of a stop in which the robot moves to the next posture.
 _TRAVEL = 0.3
-# Part of the remainder of a stop in which its reversals grow, and fade again.
+# Share of the rest of a stop in which its reversals grow, and in which they fade.
 _FADE = 0.15
-# Largest slope and curvature of the way, from zero to one in a unit of time.
+# Largest slope and curvature of the transition from zero to one in a unit of time.
 _STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
 # Share of a period in which a triangle turns.
 _TURN = 0.2
 # Sizes of a motion about its posture, as shares of the largest, in the order of trial.
 _SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
-# Periods of slow triangles, which cover their range at little speed: what falls with speed shows there.
+# Number of periods of slow triangles, which cover their range at low speed and show effects that decrease with speed.
 _SLOW = (1, 4)
-# Amplitudes of small reversals, as a share of half the range. Of smaller ones a joint with friction follows a part, and
-# stands for the rest: what they would tell by the plan does not come.
+# Amplitudes of small reversals, as shares of half the range. With smaller ones a joint with friction stands still for a
+# part of the time, so that the recording would show less than planned.
 _SMALL = (0.1, 0.5)
-# Deviation of the logarithm of a joint's size from one variation to the next; single shapes vary by a third of it.
+# Standard deviation of the logarithm of a joint's size between variations; single shapes vary by a third of it.
 _VARIED = 0.5
-# A motion is left out whose joints have less than three quarters, on average, of this share of their largest speed:
-# joints that creep stick and slip, which no law of friction predicts, and what a plan promises of them does not come.
+# A motion is used only if the speeds of its joints, over this share of their largest speed, are at least this on
+# average: joints that creep stick and slip, which no law of friction predicts, so that a plan would not come true.
 _LIVELY, _JOINTS = 0.125, 0.75
-# Of the exciting motion: harmonics, random motions of which the best one is improved, and rounds and steps of that.
+# Exciting motion: harmonics, random motions of which the best one is improved, rounds and steps of the descent.
 _HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
-# Draws for each motion that is wanted, as many are not lively.
+# Draws per motion that is wanted, as many are not lively.
 _DRAWS = 4
 
 
@@ -70,7 +70,7 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
     lower[rows] = np.maximum(lower[rows], q.min(axis=0) - _BEYOND * reach)
     upper[rows] = np.minimum(upper[rows], q.max(axis=0) + _BEYOND * reach)
     velocity[rows] = np.minimum(velocity[rows], _FASTER * _largest([log.motion.v for log in logs]))
-    # Of a joint that was held, the recorded torque says nothing: it may at least overcome its friction.
+    # The recorded torque of a joint that was held shows nothing; its limit lets it at least overcome its friction.
     shown = np.maximum(
         _STRONGER * _largest([log.band(log.tau) for log in logs]), 2.0 * np.array(robot.coulomb_friction)
     )
@@ -80,27 +80,27 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
 
 
 def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
-    """Distance of the loops from a singularity that a motion keeps: less where the robot was recorded nearer to one."""
+    """Distance of the loops from a singularity that a motion keeps; less if the recordings were nearer to one."""
     recorded = [clear_of(robot, log.motion) for log in logs]
     return float(np.clip(min(float(each.min(initial=CLEAR)) for each in recorded), 0.01, CLEAR))
 
 
 def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:
-    """Largest size of each column but for the few samples that are noise; above zero."""
+    """Largest absolute value of each column, without the few samples that are noise; above zero."""
     return np.maximum(np.percentile(np.abs(np.concatenate(series)), 99.5, axis=0), _HELD)
 
 
 @dataclass(frozen=True)
 class SmallReversals:
-    """Shapes from rest to rest: one moves to each posture but the first, and two shake about each posture.
+    """Shapes from rest to rest: one moves to each posture but the first, and two oscillate about each posture.
 
-    Of the two, one has ``reversals`` periods of a triangle and the other half as many: joints that take different ones
-    go through zero at different times.
+    Of these two, one has ``reversals`` periods of a triangle and the other half as many. Joints that use different ones
+    reverse at different times.
 
     Attributes:
-        duration: Length [s].
-        stops: Postures.
-        reversals: Periods of the faster triangle at each.
+        duration: Duration [s].
+        stops: Number of postures.
+        reversals: Periods of the faster triangle at each posture.
     """
 
     duration: float
@@ -117,12 +117,12 @@ class SmallReversals:
 
     @property
     def samples(self) -> int:
-        """Samples that show the extremes."""
+        """Number of samples that show the extremes."""
         return 20 * self.reversals * self.stops
 
     @property
     def stop(self) -> float:
-        """Length of one stop, the way to it included [s]."""
+        """Duration of one stop, with the way to it [s]."""
         return self.duration / self.stops
 
     @property
@@ -131,12 +131,12 @@ class SmallReversals:
         return (1.0 - _TRAVEL) * self.stop / self.reversals
 
     def farthest(self, velocity: Float[Array, " nv"], acceleration: Float[Array, " nv"]) -> Float[Array, " nv"]:
-        """How far the next posture may be at most [rad or m] for joints with these limits."""
+        """Largest distance of the next posture [rad or m] for joints with these limits, shape ``(nv,)``."""
         length = _TRAVEL * self.stop
         return np.minimum(velocity * length / _STEEPEST, acceleration * length**2 / _SHARPEST)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
-        """Position, velocity and acceleration: the constant, then for each stop its way and its two triangles."""
+        """Position, velocity and acceleration of the constant, and of each stop's way and triangles, ``(3, N, K)``."""
         constant = np.stack([np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))])
         shapes = [constant]
         for k in range(self.stops):
@@ -147,12 +147,12 @@ class SmallReversals:
         return np.stack(shapes, axis=2)
 
     def weights(self, postures: Float[Array, "s nv"], sizes: Float[Array, "s nv"], slow: Array) -> Float[Array, "K nv"]:
-        """Weights of a motion through postures.
+        """Weights of a motion through postures, shape ``(K, nv)``.
 
         Args:
-            postures: One for each stop.
-            sizes: Amplitudes of the reversals at each [rad or m].
-            slow: True for joints that take the slower triangle, ``(nv,)``.
+            postures: Posture of each stop [rad or m], shape ``(s, nv)``.
+            sizes: Amplitudes of the reversals at each stop [rad or m], shape ``(s, nv)``.
+            slow: True for joints that use the slower triangle, shape ``(nv,)``.
         """
         rows = [postures[0]]
         for k in range(self.stops):
@@ -162,7 +162,7 @@ class SmallReversals:
         return np.array(rows)
 
     def _shake(self, t: Float[Array, " N"], start: float, count: int) -> Float[Array, "3 N"]:
-        """Triangles of unit amplitude that grow from nothing and fade again."""
+        """Triangles of unit amplitude that grow from zero and fade again."""
         length = (1.0 - _TRAVEL) * self.stop
         periods = count if count > 0 else max(1, self.reversals // 2)
         wave = Triangle(1.0, periods / length, 0.0, _TURN).motion(t - start)
@@ -172,19 +172,13 @@ class SmallReversals:
 
 
 def _rise(t: Float[Array, " N"], start: float, length: float) -> Float[Array, "3 N"]:
-    """From zero to one with rest at both ends: a polynomial of degree five."""
-    x = np.clip((t - start) / length, 0.0, 1.0)
-    return np.stack(
-        [
-            x**3 * (10.0 - 15.0 * x + 6.0 * x**2),
-            30.0 * x**2 * (1.0 - x) ** 2 / length,
-            60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / length**2,
-        ]
-    )
+    """Minimum-jerk transition from zero to one, with its derivatives."""
+    x, v, a = minimum_jerk(np.clip((t - start) / length, 0.0, 1.0))
+    return np.stack([x, v / length, a / length**2])
 
 
 def _product(f: Float[Array, "3 N"], g: Float[Array, "3 N"]) -> Float[Array, "3 N"]:
-    """Value and two derivatives of a product."""
+    """A product of two functions and its first two derivatives, from those of its factors."""
     return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
 
 
@@ -193,9 +187,9 @@ class Candidate:
     """A motion from rest to rest.
 
     Attributes:
-        kind: What it is, in words.
-        shapes: Its family.
-        weights: Of the shapes, ``(K, nv)``.
+        kind: Description in words.
+        shapes: Family of the motion.
+        weights: Weights of the shapes, shape ``(K, nv)``.
     """
 
     kind: str
@@ -203,20 +197,20 @@ class Candidate:
     weights: Float[Array, "K nv"]
 
     def motion(self, rate_hz: float) -> Motion:
-        """The motion in equal steps, as near to the rate as ends on the last one."""
+        """The motion in equal steps that include its end, at the rate nearest to ``rate_hz``."""
         return Grid.of(self.shapes, round(self.shapes.duration * rate_hz) + 1).motion(self.weights)
 
 
 def candidates(
     problem: DesignProblem, *, duration: float, count: int, rng: np.random.Generator
 ) -> tuple[Candidate, ...]:
-    """Random motions: Fourier series, fast and slow triangles, holds with small reversals, in turn.
+    """Random motions in turn: Fourier series, fast triangles, slow triangles, rests with small reversals.
 
     Args:
-        problem: What moves within which limits, see `design_of`.
-        duration: Length of each [s].
-        count: How many at most; those that creep are left out, see `lively`.
-        rng: Draws them.
+        problem: Robot and limits, see `design_of`.
+        duration: Duration of each motion [s].
+        count: Largest number of motions; those that creep are left out, see `lively`.
+        rng: Draws the motions.
 
     Raises:
         ParameterError: If the robot cannot rest anywhere within its limits.
@@ -234,13 +228,13 @@ def candidates(
 
 
 def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) -> Candidate:
-    """The motion that tells most of the inertial parameters, which rivals among them differ by.
+    """The motion with most information on the inertial parameters, by which rivals among them can be separated.
 
-    Random motions hardly ever come near it: where a base, a load or an inertia is in doubt it separates best.
+    Random motions are rarely close to it. If a base, a load or an inertia is in doubt, it separates best.
 
     Args:
-        problem: What moves within which limits.
-        duration: Length [s].
+        problem: Robot and limits.
+        duration: Duration [s].
         rng: Draws the motions of which the best one is improved.
 
     Raises:
@@ -259,17 +253,17 @@ def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) 
 
 
 def _information(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
-    """What a motion tells of the inertial parameters: more by so much of its logarithm for each of them."""
+    """Information of a motion on the inertial parameters: the mean logarithm of their precision."""
     return -DOptimality().cost(problem.information(problem.regressor(grid.motion(weights))))[0]
 
 
 def design_of(robot: Robot, limits: Limits) -> DesignProblem:
-    """Design problem of the motions; make it once, as the base parameters of a large robot take a while."""
+    """Design problem of the motions. Make it once, as the base parameters of a large robot take a while."""
     return DesignProblem(robot, base_of(robot), ConditionNumber(), limits)
 
 
 def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> Candidate:
-    """A motion with other sizes of each joint and slightly other shapes, as large as the limits let it be."""
+    """A variation of a motion, with other sizes of each joint and slightly other shapes, as large as limits allow."""
     nv = problem.robot.nv
     grid = Grid.of(one.shapes, one.shapes.samples)
     posture = grid.motion(one.weights).q.mean(axis=0)
@@ -305,7 +299,7 @@ def _slow_triangles(problem: DesignProblem, postures: Array, duration: float, rn
 
 
 def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.random.Generator) -> Float[Array, "K nv"]:
-    """Random weights about the middle or about a random posture, each joint as large as its own limits let it be."""
+    """Random weights about the middle or about a random posture, each joint as large as its own limits allow."""
     grid, sizes = Grid.of(shapes, shapes.samples), joint_sizes(problem)
     if rng.random() < 0.5:
         posture = postures[rng.integers(len(postures))]
@@ -327,12 +321,12 @@ def _reversals(problem: DesignProblem, postures: Array, duration: float, rng: np
     sizes = joint_sizes(problem)
     nv = problem.robot.nv
     places = postures[rng.integers(len(postures), size=shapes.stops)]
-    # The way to the next posture keeps the speed and acceleration of each joint.
+    # The way to the next posture keeps the limits of speed and acceleration of each joint.
     steps = np.maximum(np.abs(np.diff(places, axis=0)).max(axis=0), 1e-12)
     farthest = shapes.farthest(sizes.speed, problem.limits.acceleration)
     places = places[0] + np.minimum(1.0, 0.9 * farthest / steps) * (places - places[0])
     grid = Grid.of(shapes, shapes.samples)
-    # So do the reversals, with room for the way to them.
+    # So do the reversals, with room for the way.
     fastest, sharpest = (np.abs(grid.values[k, :, 1]).max() for k in (1, 2))
     small = np.exp(rng.uniform(*np.log(_SMALL), size=(shapes.stops, nv))) * sizes.half
     small = np.minimum(small, 0.5 * np.minimum(sizes.speed / fastest, problem.limits.acceleration / sharpest))

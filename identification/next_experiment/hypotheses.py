@@ -1,4 +1,4 @@
-"""A finding and its rivals as fitted models, which predict the torque of another recording."""
+"""A finding and its rivals as fitted models that predict the torque of another recording."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.array_types import Array, Float, Int
 
-# Shapes of one law that are kept: a rival may take another one to fit what another has made.
+# Number of shapes of one law that are kept, as a rival may need another shape to fit what the truth causes.
 _VARIANTS = 3
 # A shape is kept if it costs at most this much more than the best one, in squared standard deviations.
 _CLOSE = 8.0
-# Combinations of shapes of one set of effects that are looked at.
+# Largest number of combinations of shapes of one set of effects that are fitted.
 _COMBINATIONS = 60
-# Hypotheses of one finding that are compared, the likeliest first.
+# Largest number of hypotheses of one finding that are compared, the most probable first.
 _MOST = 5
 
 
@@ -31,8 +31,8 @@ class Variant:
 
     Attributes:
         terms: All effects of the model.
-        fitted: Coefficients.
-        score: Loss in sample with the price of the parameters.
+        fitted: Fit of the model.
+        score: In-sample loss, with the price of the parameters.
     """
 
     terms: frozenset[Term]
@@ -45,9 +45,9 @@ class Hypothesis:
     """One explanation of what a finding explains.
 
     Attributes:
-        effects: What it blames in the finding's place.
-        probability: Its share of bootstrap wins.
-        variants: Its fits, the best first.
+        effects: Effects in the place of the finding.
+        probability: Share of bootstrap replicates that it wins.
+        variants: Fits, the best first.
     """
 
     effects: tuple[EffectAt, ...]
@@ -55,7 +55,7 @@ class Hypothesis:
     variants: tuple[Variant, ...]
 
     def contains(self, other: Hypothesis) -> bool:
-        """True if the other one is a special case of this one."""
+        """True if the other hypothesis is a special case of this one."""
         mine, theirs = self.variants[0].terms, other.variants[0].terms
         return any(contains(rich, simple) for rich in mine - theirs for simple in theirs - mine)
 
@@ -65,14 +65,14 @@ class Model:
     """A fitted variant as ``basis @ y + shift`` among the columns ``union``, with the cost ``prior @ y**2``.
 
     Attributes:
-        theta: Its coefficients, ``(u,)``.
-        basis: Of what a fit may move, ``(u, n)``.
-        shift: What no fit moves, ``(u,)``.
-        prior: Precision of each number, ``(n,)``.
-        lower, upper: Bounds of each number, ``(n,)``.
-        moves: Which of the numbers are moves within the tolerances, ``(n,)``.
-        score: Held-out loss of the variant, see `Variant`.
-        columns: Places of its effects' columns in the union.
+        theta: Coefficients of the columns, ``(u,)``.
+        basis: Columns per parameter of the fit, ``(u, n)``.
+        shift: Part of the coefficients that is constant, ``(u,)``.
+        prior: Precision of each parameter, ``(n,)``.
+        lower, upper: Bounds of each parameter, ``(n,)``.
+        moves: True for parameters that are moves within the tolerances, ``(n,)``.
+        score: In-sample loss of the variant, see `Variant`.
+        columns: Indices of its effects' columns in the union.
     """
 
     theta: Float[Array, " u"]
@@ -87,7 +87,7 @@ class Model:
 
     @property
     def y(self) -> Float[Array, " n"]:
-        """Parameters of the fit."""
+        """Parameters of the fit, shape ``(n,)``."""
         return self.theta[self._rows]
 
     @property
@@ -96,12 +96,12 @@ class Model:
 
 
 def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> tuple[Hypothesis, ...]:
-    """The finding and its rivals, the likeliest first; empty if it is not one of the chosen effects or has no rival.
+    """The finding and its rivals, the most probable first; empty without rivals, or if it is no chosen effect.
 
     Args:
-        search: Knows all effects and fits them.
-        chosen: The set that the diagnosis has found.
-        finding: One of them, as the diagnosis states it.
+        search: Has all effects and fits them.
+        chosen: The set that the search has chosen.
+        finding: A finding of the diagnosis.
     """
     place = (finding.effect, finding.joint)
     term = next((other for other in chosen if other.place == place), None)
@@ -118,15 +118,15 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
 
 
 def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ...]) -> frozenset[Term]:
-    """The set that the search has found, with every finding of the diagnosis in it.
+    """The set that the search has chosen, changed so that it includes every finding of the diagnosis.
 
-    Where a rival leads in the diagnosis, it is the finding in the place of what the search had found; without this no
-    fits would compare its own rivals.
+    If a rival leads in the diagnosis, it is the finding in place of the effect that the search chose. Only with it in
+    the set can its own rivals be compared with it.
 
     Args:
-        search: Knows all effects and fits them.
-        chosen: What it has found.
-        findings: Those of the diagnosis.
+        search: Has all effects and fits them.
+        chosen: The set that the search has chosen.
+        findings: Findings of the diagnosis.
     """
     found_places = {(finding.effect, finding.joint) for finding in findings}
     for finding in findings:
@@ -146,15 +146,15 @@ def with_all_findings(search: Search, chosen: frozenset[Term], findings: tuple[F
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
-    """All columns that any hypothesis uses and all moves of the model, which come first."""
+    """All columns that any hypothesis uses, and all moves of the model, which come first."""
     fits = [variant.fitted for one in hypotheses for variant in one.variants]
-    # What no recording so far has shown may show in the next one.
+    # All moves are included, as the next recording may show one that no recording so far has shown.
     used = {int(k) for found in fits for k in (*range(found.problem.nuisances), *found.active)}
     return np.array(sorted(used), dtype=int)
 
 
 def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model:
-    """A variant among the columns of a union."""
+    """A variant expressed in the columns of a union."""
     problem, found = search.problem, variant.fitted
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand
@@ -163,7 +163,7 @@ def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model
     basis[:all_moves, :all_moves] = np.eye(all_moves)
     basis[at[fitted:], all_moves:] = expand[fitted:, fitted:]
     theta = found.theta[union]
-    # The first unit entry of a column is the coefficient that its number is.
+    # The first unit entry of a column marks the coefficient that is equal to the parameter.
     rows = np.argmax(basis == 1.0, axis=0)
     columns = union[rows]
     effects = {column for term in variant.terms for column in term.columns}

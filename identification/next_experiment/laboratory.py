@@ -1,4 +1,4 @@
-"""Gram matrices of the columns over a planned motion, whitened and weighted as the recordings are."""
+"""Products of the columns over a planned motion, whitened and weighted as those of the recordings."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Samples per period of the band's edge that a planned motion is looked at with.
+# Samples of a planned motion per period of the band's edge.
 _SAMPLES = 4.0
 
 
 @dataclass(frozen=True)
 class Laboratory:
-    """Sampling, filters and noise of a planned recording: those of the recordings at hand.
+    """Sampling, filters and noise of a planned recording, which are those of the recordings.
 
     Attributes:
         problem: Columns and weights of the fits.
-        like: Columns of the recordings, those only that are asked for.
-        union: Which of them the products are of.
-        band: Filter of a planned motion, with the samples of the recordings' one.
+        like: Columns of the recordings, restricted to those that are needed.
+        union: Indices of the columns whose products are computed.
+        band: Filter of a planned motion, with as many samples as that of the recordings.
         kernels: Filters that whiten the noise of each row.
-        variance: Of the noise that they leave on each row [torque unit^2], ``(nv,)``.
-        trust: Mean share of the noise in noise and doubt together, on each row of the recordings, ``(nv,)``.
-        found: What the diagnosis has found.
+        variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
+        trust: Mean share of the noise in the sum of noise and doubt, on each row of the recordings, ``(nv,)``.
+        found: Effects that the diagnosis has found.
     """
 
     problem: Problem
@@ -53,9 +53,9 @@ class Laboratory:
         return self.problem.session.robot
 
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
-        """Weighted products over a motion at the band's rate, of a robot that may carry a known load.
+        """Weighted products over a motion at the band's rate, of a robot that may carry a known load, ``(u, u)``.
 
-        Samples at which friction is in doubt, as at reversals, count as little as they will in the diagnosis.
+        Samples at which friction is in doubt, as at reversals, have as little weight as in the diagnosis.
         """
         tau = inverse_dynamics(robot, motion)
         log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
@@ -79,7 +79,7 @@ class Laboratory:
 
 
 def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
-    """Variance of a row's white noise in the recordings, and its mean share in noise and doubt together."""
+    """Variance of a row's white noise in the recordings, and its mean share in the sum of noise and doubt."""
     use = [part[:, row] for part in columns.usable]
     white = np.concatenate([filtered(kernel, part[:, row])[u] ** 2 for part, u in zip(noise, use, strict=True)])
     variance = max(float(np.mean(white)), 1e-300) if len(white) else 1e-300
@@ -88,7 +88,7 @@ def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"
 
 
 def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:
-    """Set up the scoring of planned motions; the first log is the pattern of the next one."""
+    """The scoring of planned motions; the first log gives the sampling of the next recording."""
     columns = problem.columns
     wanted = set(union.tolist())
     local = tuple(
@@ -103,7 +103,7 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
 
 
 def coarser(band: Band) -> Band:
-    """A filter for motions without noise: fewer samples go in, at the same rate they come out."""
+    """A filter for motions without noise: fewer samples in, but the same output rate."""
     rate = band.rate_hz / band.step
     step = int(np.ceil(_SAMPLES * band.cutoff_hz / rate))
     if step >= band.step or len(band.kernel) == 1:

@@ -21,10 +21,10 @@ from identification.next_experiment.hypotheses import Hypothesis, Model, model_o
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-# Draws of what the recordings leave possible, the fit itself beside them.
+# Draws of models that the recordings leave possible, in addition to the fit itself.
 _DRAWS = 7
-# Largest lead in sample of a rival that held-out data have left on the list, in squared standard deviations: any more
-# is noise that its shapes have fitted. A rival that is behind is still on the list.
+# Largest in-sample lead of a rival that held-out data have left on the list, in squared standard deviations: a larger
+# lead means that its shapes have fitted noise. A rival that is behind is still on the list.
 _AHEAD = 8.0
 
 
@@ -38,14 +38,14 @@ class Pair:
 
 @dataclass(frozen=True)
 class Rivalry:
-    """Pairs of rivals with the fits from which the power of a recording to separate them follows.
+    """Pairs of rivals with their fits, from which the power of a recording to separate them is computed.
 
     Attributes:
-        pairs: To be separated.
+        pairs: Pairs to be separated.
         models: Fits of each explanation, by its effects.
-        recorded: Products over what is recorded now.
+        recorded: Products over the recordings.
         held_out: Share of the samples that is judged while it is held out.
-        moves: How many of the columns are moves within the tolerances.
+        moves: Number of columns that are moves within the tolerances.
     """
 
     pairs: tuple[Pair, ...]
@@ -56,9 +56,9 @@ class Rivalry:
 
     @cached_property
     def left_open(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]]:
-        """What the recordings leave open if one explanation is true, by that one and by the other of the pair.
+        """Models that the recordings leave possible if one explanation is true, by that one and the other of the pair.
 
-        It is the same for every planned motion, so that motions are compared and not draws.
+        They are the same for every planned motion, so that motions are compared and not random draws.
         """
         rng = random_stream("models that recordings leave possible")
         out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]] = {}
@@ -72,17 +72,17 @@ class Rivalry:
         return out
 
     def apart(self, possible: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
-        """Expected held-out loss of a wrong model, for each of what may be true."""
+        """Expected held-out loss of a wrong model for each set of coefficients that may be true, shape ``(d,)``."""
         return self.held_out * distance(possible, self.moves, wrong, products)
 
 
 @dataclass(frozen=True)
 class _LeftOpen:
-    """What the recordings leave open if one of two explanations is true.
+    """Models that the recordings leave possible if one of two explanations is true.
 
     Attributes:
         possible: Coefficients that may be true, ``(d, u)``.
-        before: Expected held-out loss of each model of the other explanation in what is recorded now, ``(d,)`` each.
+        before: Expected held-out loss of each model of the other explanation in the recordings, ``(d,)`` each.
     """
 
     possible: Float[Array, "d u"]
@@ -90,7 +90,7 @@ class _LeftOpen:
 
 
 def rivalry_of(search: Search, groups: tuple[tuple[Hypothesis, ...], ...]) -> tuple[Rivalry, ...]:
-    """One rivalry for each finding, over the union of the columns of all."""
+    """One rivalry per finding, over the union of the columns of all findings."""
     union = union_of(tuple(one for group in groups for one in group))
     return tuple(_rivalry(search, group, union) for group in groups)
 
@@ -100,9 +100,9 @@ class Separation:
     """Expected separation of one finding's rivals by a recording.
 
     Attributes:
-        power: Probability that it separates each pair, averaged over which of the two is true.
+        power: Probability that each pair is separated, averaged over which of the two is true.
         gain: Squared distance of each pair.
-        resolved: Probability that the rival which is hardest to strike off is struck off, over what is true.
+        resolved: Probability that the hardest rival is ruled out, averaged over which explanation is true.
     """
 
     power: Float[Array, " p"]
@@ -115,7 +115,7 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
 
     Args:
         rivalry: Pairs of rivals with their fits.
-        planned: Products over the recording.
+        planned: Products over the planned recording, shape ``(u, u)``.
     """
     together = rivalry.recorded + planned
     chance, apart = [], []
@@ -145,7 +145,7 @@ def _separated(
     wrong: Hypothesis,
     together: Float[Array, "u u"],
 ) -> tuple[float, float]:
-    """Mean probability that the wrong explanation is struck off, over what may be true, and the median gain."""
+    """Mean probability, over what may be true, that the wrong explanation is ruled out, and the median gain."""
     model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
     count = len(left_open.possible)
     power, gain = np.full(count, np.inf), np.full(count, np.inf)
@@ -163,10 +163,10 @@ def _simpler_left(
     wrong: Hypothesis,
     together: Float[Array, "u u"],
 ) -> float:
-    """Mean probability that a richer law is struck off if the simpler one is true.
+    """Mean probability that a richer law is ruled out if the simpler one is true.
 
-    It stays on the list as long as any of its shapes may be there. A shape is gone if what it has more would have been
-    seen, or, where the law comes to the simpler one only at the end of its shapes, if it fits too badly.
+    The law is ruled out if all its shapes are. A shape is ruled out if its additional part would have been seen, or,
+    for a law that equals the simpler one only at the limit of its shapes, if it fits too badly.
     """
     model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
     power = np.full(len(left_open.possible), np.inf)
@@ -187,17 +187,17 @@ def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " 
 
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
-    """Coefficients that the recordings leave possible if the model is true: the fit itself, then one per draw.
+    """Coefficients that the recordings leave possible if the model is true: the fit, then one per draw, ``(d + 1, u)``.
 
     Args:
         model: The fitted model.
-        products: Of all columns in the recordings, weighted.
-        normals: Standard normal numbers, ``(d, n)``, one row a draw.
+        products: Weighted products of all columns in the recordings, ``(u, u)``.
+        normals: Standard normal numbers, one row per draw, ``(d, n)``.
     """
     inner = model.basis.T @ products @ model.basis
     width = np.where(model.moves, 0.0, _per_size(model, products))
     precise = _solvable(inner + np.diag(model.prior + width))
-    # Of the Cholesky factor R of the precision, R^-1 z has the covariance wanted.
+    # With R the Cholesky factor of the precision, R^-1 z has the wanted covariance.
     upper = np.linalg.cholesky(precise).T
     steps = np.linalg.solve(upper, normals.T).T
     y = np.concatenate([model.y[None], np.clip(model.y + steps, model.lower, model.upper)])
@@ -205,19 +205,19 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
 
 
 def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
-    """Least weighted squared residual of a model fitted to the torque of others, with the extra cost of its moves.
+    """Least weighted squared residual of a model fitted to the torque of others, with the additional cost of its moves.
 
     Args:
-        truth: Coefficients that are true, one row each; the first ``moves`` are moves within the tolerances.
-        moves: How many.
-        model: Fits them.
-        products: Of all columns, over everything that is recorded.
+        truth: True coefficients, one row each, ``(d, u)``; the first ``moves`` are moves within the tolerances.
+        moves: Number of moves.
+        model: The model that is fitted.
+        products: Products of all columns over all recordings, ``(u, u)``.
     """
     inner = _solvable(model.basis.T @ products @ model.basis + np.diag(model.prior))
     apart = truth - model.shift
     wanted = (model.basis.T @ products @ apart.T).T
     y = np.linalg.solve(inner, wanted.T).T
-    # A tolerance ends at its bounds.
+    # Moves that exceed their bounds are solved again within them.
     for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
         y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
     residual = apart - y @ model.basis.T
@@ -231,13 +231,13 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
 def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, " d"]) -> Float[Array, " d"]:
     """Probability that a wrong model wins so few bootstrap replicates that it is no longer listed.
 
-    The held-out loss of the wrong model differs by the gain with the variance of a noncentral chi-squared, ``4 gain``,
-    and from replicate to replicate by as much again, of everything that is recorded.
+    The held-out loss of the wrong model exceeds that of the true one by the gain, with the variance ``4 gain`` of a
+    noncentral chi-squared. Between replicates it varies by the same law, over all recordings together.
 
     Args:
         gain: Expected further held-out loss of the wrong model.
-        head_start: What the wrong model has lost so far, negative if it is ahead.
-        before: Expected held-out loss of the wrong model in what is recorded now.
+        head_start: Loss of the wrong model so far, negative if it is ahead.
+        before: Expected held-out loss of the wrong model in the present recordings.
     """
     from scipy.special import ndtr, ndtri
 
@@ -247,30 +247,30 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
 
 
 def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array, " d"]) -> Float[Array, " d"]:
-    """Probability that a model loses so much, block by block, that it is no longer compared with what is true.
+    """Probability that a model loses so much, block by block, that it is no longer compared with the true one.
 
     Args:
         gain: Expected further held-out loss of the wrong model.
-        lead: What the wrong model has lost so far, its price included; negative if it is ahead.
-        after: Expected held-out loss of the wrong model in everything that is recorded then.
+        lead: Loss of the wrong model so far, its price included; negative if it is ahead.
+        after: Expected held-out loss of the wrong model in all recordings, the planned one included.
     """
     from scipy.special import ndtr
 
-    # The loss scatters from block to block as a noncentral chi-squared does.
+    # The loss varies from block to block as a noncentral chi-squared.
     bar = rules.HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + rules.HOPELESS_BEYOND
     return ndtr((gain + lead - bar) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
 
 
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:
-    """Probability that a richer law is struck off if the simpler one that it contains is true.
+    """Probability that a richer law is ruled out if the simpler law that it contains is true.
 
-    The richer one is kept as long as what it has more may be there and not be seen; see `odds_of_richer`.
+    The richer law is kept as long as its additional part may be there without being seen; see `odds_of_richer`.
 
     Args:
         simple: The model that is true.
-        rich: The one that contains it.
-        products: Of all columns, over everything that is recorded then.
-        recorded: Over what is recorded now.
+        rich: The model that contains it.
+        products: Products of all columns over all recordings, the planned one included, ``(u, u)``.
+        recorded: Products of all columns over the present recordings, ``(u, u)``.
     """
     from scipy.special import gammainc
 
@@ -292,15 +292,15 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
 
 
 def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]:
-    """Precision about the fit of each number of the effects: a part of the torque that they carry together."""
+    """Precision of each parameter of the effects about the fit, from a share of the torque that they cause together."""
     columns = list(model.columns)
     theta = model.theta[columns]
-    # No less than what a single standard deviation carries.
+    # At least the torque of a single standard deviation.
     energy = max(float(theta @ products[np.ix_(columns, columns)] @ theta), 1.0)
     own = np.sum(model.basis * (products @ model.basis), axis=0)
     return own / (rules.EXPECTED_SHARE**2 * energy)
 
 
 def _solvable(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """The matrix with a hair on its diagonal, so that what no data show does not stop a solver."""
+    """The matrix with small additions to its diagonal, so that it can be solved if no data determine a parameter."""
     return a + np.diag(1e-9 * np.diag(a) + 1e-12 * max(float(np.trace(a)) / max(len(a), 1), 1e-300))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.motion import ReadOnlyArrays
+from phantom_dyn.motion import ReadOnlyArrays, minimum_jerk
 from phantom_dyn.walking.divergent_component import PendulumState, Profile, entry, holding_point, pendulum
 from phantom_dyn.walking.footsteps import (
     Command,
@@ -189,15 +189,6 @@ def _by_phase(phases: tuple[Phase, ...], t: Array) -> list[tuple[Phase, Array]]:
 
 def _pose(foot: Footstep) -> Array:
     return np.array([foot.x, foot.y, 0.0, foot.heading])
-
-
-def minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
-    """Minimum-jerk transition 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, and its first two derivatives."""
-    return (
-        s**3 * (10 - 15 * s + 6 * s**2),
-        30 * s**2 * (1 - s) ** 2,
-        60 * s * (1 - s) * (1 - 2 * s),
-    )
 
 
 def _bump(s: Array) -> tuple[Array, Array, Array]:

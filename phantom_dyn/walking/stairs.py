@@ -26,10 +26,10 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
+from phantom_dyn.motion import ReadOnlyArrays, minimum_jerk
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick, Side
-from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, minimum_jerk, pendulum_motion, plan_walk
+from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
 from phantom_dyn.walking.walker import Walker
 from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, com_above_slope, whole_body_motion
 from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_of_wrench

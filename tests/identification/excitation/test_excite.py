@@ -159,7 +159,7 @@ def test_a_posture_that_no_drive_can_hold_is_refused_with_the_limit(planar):
     # Known truth: with the elbow free, the least torque anywhere is zero, hanging; a box keeps the arm out of there.
     weak = replace(planar, actuators=(Actuator(torque_limit=3.0), Actuator(torque_limit=3.0)))
     box = FrameBox("lower", np.array([0.4, -np.inf, -np.inf]), np.full(3, np.inf))
-    with pytest.raises(ParameterError, match=r"planar2 can rest in no posture .* reaches .* of .*; widen that limit"):
+    with pytest.raises(ParameterError, match=r"No posture .* planar2 can rest: .* reaches .* of .*; widen that limit"):
         excite(weak, SHAPES, limits=limits_of(weak, boxes=[box]), **FAST)
 
 

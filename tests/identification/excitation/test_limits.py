@@ -62,15 +62,15 @@ def test_a_joint_without_a_stated_speed_keeps_a_slow_one_and_says_so(tmp_path):
     limits = limits_of(hinge(tmp_path, "continuous", ""))
     assert limits.velocity.tolist() == [1.0]
     assert limits.notes == (
-        "The robot states no torque limit of pin: none is kept there.",
-        "The robot states no velocity limit of pin: 1 rad/s is kept; give another velocity to change it.",
+        "The robot states no torque limit of pin: the torque is not limited there.",
+        "The robot states no velocity limit of pin: 1 rad/s is used; give another velocity to change it.",
     )
 
 
 def test_a_linear_joint_without_a_stated_speed_is_slow_in_metres(spatial):
     limits = limits_of(spatial)
     assert limits.velocity.tolist() == [1.0, 1.0, 0.25]
-    assert any("1 rad/s and 0.25 m/s is kept" in note for note in limits.notes)
+    assert any("1 rad/s and 0.25 m/s is used" in note for note in limits.notes)
 
 
 def test_a_given_speed_takes_the_place_of_one_that_is_not_stated(spatial):
@@ -208,7 +208,7 @@ def test_neighbours_are_no_pair(chain_of_balls):
 def test_a_robot_without_shapes_has_a_note(planar):
     collisions = collisions_of(planar)
     assert collisions.names == ()
-    assert collisions.notes == ("planar2 has no collision shapes: collisions are not looked at.",)
+    assert collisions.notes == ("planar2 has no collision shapes: collisions are not checked.",)
 
 
 def test_shapes_whose_mesh_is_missing_have_a_note(tmp_path, chain_of_balls):
@@ -216,7 +216,7 @@ def test_shapes_whose_mesh_is_missing_have_a_note(tmp_path, chain_of_balls):
     path = tmp_path / "missing.urdf"
     path.write_text(text)
     (note,) = collisions_of(load_robot(path)).notes
-    assert note.startswith("Collisions are not looked at, as the shapes cannot be read (")
+    assert note.startswith("Collisions are not checked, as the shapes cannot be read (")
 
 
 @pytest.mark.parametrize("clearance", [-0.1, np.nan])
