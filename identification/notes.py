@@ -27,6 +27,7 @@ class Code(Enum):
     EVENT = auto()
     POSES_LEFT_OUT = auto()
     SOFT_FRICTION = auto()
+    SEARCH_WITHOUT_END = auto()
     OPEN_ARRIVAL = auto()
     DRIVE_DROPS = auto()
     DRIVE_PROTECTED = auto()

@@ -34,6 +34,7 @@ from identification.diagnosis.noise.noise_floor import (
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
 from identification.diagnosis.search.claims import asked, claimed
+from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -42,7 +43,7 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import with_leading_rivals
-from identification.diagnosis.search.search import Search, Threshold, set_up_search
+from identification.diagnosis.search.search import Search, Threshold, most_fits, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
@@ -68,6 +69,7 @@ class Explanation:
         coarse: Encoders that are coarser than stated.
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
             where it was not computed.
+        endless: Whether the search was stopped, as it went from set to set without an end. Then no effect is chosen.
     """
 
     search: Search
@@ -76,13 +78,15 @@ class Explanation:
     in_band: Series = ()
     coarse: tuple[Coarse, ...] = ()
     encoders: Float[Array, " nv"] | None = None
+    endless: bool = False
 
 
 def explanation_of(session: Session, progress: Progress = lambda _: None) -> Explanation:
     """The effects that explain the recordings of a session, by a stepwise search with held-out blocks.
 
     Nonlinear laws are linearised; after each search they are linearised again about its result, and the noise is
-    estimated from its residual.
+    estimated from its residual. A search that goes from set to set without an end is stopped: where the cause is not in
+    the catalogue, many sets explain some of its torque, and none explains it.
 
     Args:
         session: Robot, logs, blocks.
@@ -108,6 +112,8 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
+        if last.endless:
+            break
         noise, ratio = _noise_left(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
@@ -172,7 +178,7 @@ def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
         read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
         problem = replace(problem, where_read=read_problem)
     none = np.zeros(len(columns.rows))
-    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {})
+    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, most=most_fits(len(none)))
 
 
 def _with_thresholds(
@@ -187,7 +193,7 @@ def _with_thresholds(
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
     rows = row_gaps(problem, search.evaluate(frozenset()))
-    return set_up_search(problem, threshold, rows, spurious, search.record)
+    return set_up_search(problem, threshold, rows, spurious, search.record, most_fits(len(problem.columns.rows)))
 
 
 def _searched(
@@ -196,6 +202,14 @@ def _searched(
     progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
+    """The explanation by one search; without any effect if it does not come to an end."""
+    try:
+        return _to_its_end(search, noise, progress, start)
+    except SearchWithoutEnd:
+        return Explanation(replace(search, fits=Fits(search.problem)), frozenset(), noise, endless=True)
+
+
+def _to_its_end(search: Search, noise: Series, progress: Progress, start: frozenset[Term]) -> Explanation:
     """The explanation by one search, with effects below the threshold of chance tested, too.
 
     The flexible fits that estimate the noise cannot make every effect: its torque then counts as noise, which raises

@@ -119,6 +119,14 @@ def _soft_friction(note: Note) -> str:
     )
 
 
+def _search_without_end(note: Note) -> str:
+    base = " Check that the sensors of the base are fastened to it." if note.numbers["floating"] else ""
+    return (
+        "The search for causes was stopped before its end: many sets of effects explain some of this gap, and none "
+        f"explains it. So its cause is most likely none of the catalogue.{base}"
+    )
+
+
 def _open_arrival(note: Note) -> str:
     n = note.numbers
     return (
@@ -222,6 +230,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.EVENT: _event,
     Code.POSES_LEFT_OUT: _poses_left_out,
     Code.SOFT_FRICTION: _soft_friction,
+    Code.SEARCH_WITHOUT_END: _search_without_end,
     Code.OPEN_ARRIVAL: _open_arrival,
     Code.DRIVE_DROPS: _drive_drops,
     Code.DRIVE_PROTECTED: _drive_protected,

@@ -166,7 +166,7 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         shown = shown_effects(bench, State.of(frozenset()))
         return shown, replace(left_by_all(shown.chosen), floor=left.floor, judge=left.judge)
     bench.record.kept(state.shown, torque)
-    if not state.shown and _above_noise(left):
+    if not state.shown and _above_noise(left) and not explanation.endless:
         # Disturbances above the judged band may hide effects inside it from the search.
         state = State.of(explain(plain, lambda _: None))
     shown = shown_effects(bench, state)

@@ -27,6 +27,10 @@ _MANY_MOVES = 120
 _RECENT = 40
 
 
+class SearchWithoutEnd(Exception):
+    """A search has fitted more sets of effects than it may."""
+
+
 class Fits:
     """The cache of a search: fits of sets of effects to one problem.
 
@@ -34,10 +38,15 @@ class Fits:
 
     Args:
         problem: What is fitted.
+        most: Most sets that are fitted; None: any number.
+
+    Raises:
+        SearchWithoutEnd: By the fit of one set more.
     """
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: Problem, most: int | None = None):
         self.problem = problem
+        self._most, self._fits = most, 0
         self._held_out: dict[Chosen, Fitted] = {}
         self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
@@ -129,6 +138,9 @@ class Fits:
         return NearFits(self.problem, self._start.theta) if many else None
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
+        self._fits += 1
+        if self._most is not None and self._fits > self._most:
+            raise SearchWithoutEnd
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)

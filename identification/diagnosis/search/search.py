@@ -23,8 +23,11 @@ from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
 
-# Number of joints above which effects on different ones are added, swapped and dropped in one step, to save time.
+# Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
 _MANY_JOINTS = 10
+# Most sets that a search fits before it is stopped, for each joint: of a robot with fewer joints than that, and with as
+# many or more. The most that a recording needed was 965 (a real TX40) and 210 (a biped with a payload).
+_MOST_FITS, _MOST_FITS_OF_MANY = 2000, 600
 # Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
@@ -94,7 +97,7 @@ class Search:
     @property
     def many_joints(self) -> bool:
         """True if effects on different joints are added, swapped and dropped in one step."""
-        return len(self.problem.columns.rows) > _MANY_JOINTS
+        return len(self.problem.columns.rows) >= _MANY_JOINTS
 
     @cached_property
     def alone(self) -> dict[Term, frozenset[Term]]:
@@ -192,6 +195,11 @@ def price(size: int) -> float:
     return above_chance.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
+def most_fits(joints: int) -> int:
+    """Number of sets of effects after which a search has no end: it goes on from one explanation to another."""
+    return joints * (_MOST_FITS if joints < _MANY_JOINTS else _MOST_FITS_OF_MANY)
+
+
 def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
     """Independent directions among the columns of each term in these recordings, at most its number of parameters."""
     out: dict[Term, int] = {}
@@ -218,12 +226,22 @@ def set_up_search(
     rows: RowGaps,
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
+    most: int | None = None,
 ) -> Search:
-    """A search over all terms whose columns are not zero in the recordings, with a given record or a new one."""
+    """A search over all terms whose columns are not zero in the recordings.
+
+    Args:
+        problem: Columns, products, priors.
+        threshold: See `Search`, as for the next two.
+        rows: Gaps of the joints.
+        spurious: Gains by noise of encoders.
+        record: Decisions on each effect until now; None: a new one.
+        most: Most sets of effects that are fitted, see `Fits`.
+    """
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displacing, covering = relations(problem.columns.terms)
-    fits, kept = Fits(problem), Record() if record is None else record
+    fits, kept = Fits(problem, most), Record() if record is None else record
     return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
 
 

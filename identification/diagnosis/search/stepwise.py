@@ -47,10 +47,9 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
     """
     chosen = dropped(search, frozenset(term for term in start if term.named))
     whole = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
-    late = {term for term in search.terms if term is whole or (search.many_joints and term.effect.scales_joint)}
-    if late and chosen.isdisjoint(late):
-        others = replace(search, terms=tuple(term for term in search.terms if term not in late))
-        chosen = _improved(others, chosen, progress)
+    gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
+    if whole is not None or gains:
+        chosen = _improved_without(search, gains | {whole}, chosen, progress)
     if whole is not None and whole not in chosen:
         alone = search.alone[whole]
         if search.quick(alone) + search.price_of(alone) < search.quick(chosen) + search.price_of(chosen):
@@ -59,8 +58,19 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
                 search.record.lost(chosen, stays, instead=[whole])
                 search.record.kept([whole])
                 chosen = alone
+    if whole is not None and gains:
+        chosen = _improved_without(search, gains, chosen, progress)
     chosen = _from_other_beginnings(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
+
+
+def _improved_without(
+    search: Search, late: set[Term | None], chosen: frozenset[Term], progress: Progress
+) -> frozenset[Term]:
+    """The set to which steps of all but some effects lead; the same set if it has one of these effects."""
+    if not chosen.isdisjoint(late):
+        return chosen
+    return _improved(replace(search, terms=tuple(term for term in search.terms if term not in late)), chosen, progress)
 
 
 def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:

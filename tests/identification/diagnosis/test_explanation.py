@@ -40,6 +40,20 @@ def test_chance_is_measured_by_the_filters_of_the_problem_after_a_second_effect_
     assert [noise is prepared.noise for noise in filtered_by] == [True, True]
 
 
+def test_a_search_without_an_end_names_no_cause_and_says_so(lab, planar2, monkeypatch):
+    # Known truth: friction that the whole search finds, which here may fit three sets.
+    motion = lab.motion(2, 3)
+    recording = lab.recording(planar2, motion, -0.2 * np.sign(motion.v))
+    monkeypatch.setattr(explanation, "most_fits", lambda joints: 3)
+    stopped = diagnose(planar2, (recording,))
+    assert (stopped.verdict, stopped.findings) == ("unknown", ())
+    assert any("stopped before its end" in said for said in sentences(stopped.notes))
+    monkeypatch.undo()
+    whole = diagnose(planar2, (recording,))
+    assert {finding.effect for finding in whole.findings} == {"coulomb_friction"}
+    assert not any("stopped before its end" in said for said in sentences(whole.notes))
+
+
 HAND = """<link name="hand"><inertial><origin xyz="0 0 -0.05"/><mass value="0.6"/>
 <inertia ixx="0.002" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
 <joint name="to_hand" type="fixed"><origin xyz="0 0 -0.4"/><parent link="lower"/><child link="hand"/></joint>
