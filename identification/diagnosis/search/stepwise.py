@@ -6,6 +6,7 @@ Structures outside the catalogue then join the set, or take the place of effects
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
@@ -65,7 +66,7 @@ def explain(search: Search, progress: Progress, start: frozenset[Term] = frozens
 
 
 def _improved_without(
-    search: Search, late: set[Term | None], chosen: frozenset[Term], progress: Progress
+    search: Search, late: Collection[Term | None], chosen: frozenset[Term], progress: Progress
 ) -> frozenset[Term]:
     """The set to which steps of all but some effects lead; the same set if it has one of these effects."""
     if not chosen.isdisjoint(late):

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
+from identification.diagnosis.fit.gap import sums
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
 from identification.diagnosis.judge.findings.missing_parts import missing_shares, named_as_part, payload_of
 from identification.diagnosis.judge.moved_by_noise import (
@@ -29,6 +30,7 @@ from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, places_of
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
+from identification.engine import contract_levels
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
 from identification.gates.in_band import closes_for_sure
 from identification.gates.moved_joints import shown_above_noise
@@ -150,8 +152,25 @@ def _noise(bench: Bench, state: State) -> State:
         others = state.shown - {term}
         growth = (left_by(judge, bench.plain, others).rms() / left) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
-        results[term] = shown_above_noise(growth, over_allowed, partial(bench.residuals.has_structure, others))
+        has_structure = partial(bench.residuals.has_structure, others)
+        loudest = partial(_in_the_loudest_noise, bench, state.shown, term)
+        results[term] = shown_above_noise(growth, over_allowed, has_structure, loudest)
     return _take_away(bench, state, results, _bar)
+
+
+def _in_the_loudest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
+    """Gain of an effect in sample if the noise of each joint is as large as it may be, and what chance gains.
+
+    It counts on joints that have a gap without the effect. The fits are weighted by the noise that flexible fits leave,
+    which may be too small.
+    """
+    fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
+    weighted = sums(problem, problem.session.in_judged_band(bench.noise)).rms()
+    judge = bench.residuals.judge_of(others)
+    gap = left_by(judge, bench.plain, others).rms() > contract_levels.FLOORS_LEFT * judge.floor
+    gains = np.where(gap, fits.row_losses(others) - fits.row_losses(shown), 0.0)
+    quieter = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
+    return float(gains @ quieter**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:

@@ -148,9 +148,14 @@ def test_the_sample_period_of_several_recordings_is_that_of_their_median_rate(ev
     assert evidence[2].sample_period == pytest.approx(1.0 / 150.0)
 
 
-@pytest.mark.parametrize(("above", "searched"), [(True, True), (False, False)])
-def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(quiet, monkeypatch, above, searched):
-    # By hand: the search has found nothing, and finds an offset in the judged band if more than noise is left there.
+@pytest.mark.parametrize(
+    ("above", "endless", "searched"), [(True, False, True), (False, False, False), (True, True, False)]
+)
+def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
+    quiet, monkeypatch, above, endless, searched
+):
+    # By hand: the search has come to an end without an effect, and finds an offset in the judged band if more than
+    # noise is left there.
     offset, asked = frozenset([quiet.term("torque_offset", "elbow")]), []
 
     def shown(bench, state):
@@ -164,7 +169,9 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
     monkeypatch.setattr(judgement, "explain", lambda plain, progress: offset)
-    judgement._shown_above_noise(SimpleNamespace(search=quiet.search, chosen=frozenset()), quiet.search, ())
+    judgement._shown_above_noise(
+        SimpleNamespace(search=quiet.search, chosen=frozenset(), endless=endless), quiet.search, ()
+    )
     assert asked == [offset if searched else frozenset()]
 
 
