@@ -218,7 +218,7 @@ class FittedNumbers:
     Attributes:
         moves: Changes of the model within its tolerances, uncertain ones included.
         sizes: Parameters of findings by effect and joint, where they are not those that the findings state.
-        timing: Part of a sample by which the recorded torque is late.
+        timing: Part of a sample by which the recorded torque is early; negative if it is late.
         softness: Joints whose dry friction follows MuJoCo's soft law, each with the share of that law in its friction.
         arrivals: Joints whose references arrive later than half a frame before a reading, each by a part of a frame.
         base: Errors of the base's sensors by name, each with its size [SI].

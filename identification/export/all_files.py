@@ -1,4 +1,4 @@
-"""All models and laws of a diagnosis, each loaded back and run over the recordings before it is written.
+"""All files with models and laws of a diagnosis, each loaded again and compared with the recordings beforehand.
 
 They are ``corrected.yaml``, models for simulators, ranges for training and laws for control.
 """
@@ -20,6 +20,7 @@ from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_files import (
     ModelFile,
     model_files,
+    not_written_note,
     problem_of_loops,
     robot_config,
     rollout_note,
@@ -33,13 +34,8 @@ from identification.export.corrected.corrected_urdf import (
     not_in_files,
 )
 from identification.export.corrected.corrected_yaml import write_corrected
-from identification.export.corrected.found_effects import (
-    effect_of,
-    lasting_findings,
-    same_torque_bodies,
-    within_tolerance,
-)
-from identification.export.corrected.nearest_bodies import with_nearest_bodies
+from identification.export.corrected.found_effects import effect_of, lasting_findings, moved_by
+from identification.export.corrected.possible_bodies import with_possible_bodies
 from identification.export.file_names import (
     FEEDFORWARD,
     ISAAC,
@@ -100,14 +96,14 @@ def export_texts(
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
 ) -> tuple[dict[str, str], Diagnosis]:
-    """Texts of all files that can be written, by name, and the diagnosis with notes on them.
+    """Texts by name of all files that can be written, and the diagnosis with notes on them.
 
     Args:
         diagnosis: The diagnosis.
         robot: The given model.
         folder: Folder into which the files will be written.
         known: Effects that belong to the given model already.
-        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used, if there is one.
     """
     if diagnosis.poses_alone:
         texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
@@ -137,7 +133,14 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
 
 @dataclass(frozen=True)
 class _Written:
-    """Texts with one set of numbers that passed their check, all records and notes, and names of the others."""
+    """The files that are made with one set of numbers.
+
+    Attributes:
+        texts: Texts by name of the files that passed their check.
+        files: Records of the checks.
+        notes: Notes on the files.
+        refused: Names of the files that did not pass, or could not be made.
+    """
 
     texts: dict[str, str]
     files: tuple[WrittenFile, ...]
@@ -148,7 +151,11 @@ class _Written:
 def _written(
     diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
 ) -> _Written:
-    """The files of a diagnosis with its numbers; raises as `write_corrected`."""
+    """The files of a diagnosis with its numbers.
+
+    Raises:
+        ParameterError: If the value of a parameter is not finite.
+    """
     texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[Note]()
     known_torques = of_torques(known)
     found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
@@ -166,7 +173,7 @@ def _written(
         # The laws of corrected.yaml need no possible bodies, and are written in any case.
         texts, files, refused = proved(texts, proof_of(corrected_model(robot, known_torques)))
         lacking = tuple(name for name in NAMES if name not in texts)
-        return _Written(texts, files, (_not_written(NAMES[1:], error), *refused), lacking)
+        return _Written(texts, files, (not_written_note(error, *NAMES[1:]), *refused), lacking)
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
         notes.append(Note(Code.ONE_RECORDING_ONLY, None, {"effects": tuple(own)}))
@@ -186,7 +193,7 @@ def _written(
         try:
             others[name] = make()
         except PhantomDynError as error:
-            notes.append(_not_written((name,), error))
+            notes.append(not_written_note(error, name))
     others, more, refused = proved(others, proof)
     texts, files = texts | others, (*files, *more)
     notes += refused
@@ -199,19 +206,15 @@ def _written(
         notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
     wanted = NAMES
     if robot.floating:
-        problem = "the torque of another motion depends on how the base moves, which nobody knows before."
+        problem = "the torque of another motion depends on the motion of the base, which is not known in advance."
         notes.append(Note(Code.NOT_WRITTEN, None, {"files": (FEEDFORWARD, TABLE), "problem": problem}))
         wanted = tuple(name for name in NAMES if name not in (FEEDFORWARD, TABLE))
     return _Written(texts, files, tuple(notes), tuple(name for name in wanted if name not in texts))
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
-    """Joints whose encoder zeros are findings of the torques, so that the corrected model has them already."""
+    """Joints whose encoder zeros were found from the torques, so that the corrected model has them already."""
     return {one.joint or "" for one in diagnosis.findings if one.effect == ZERO}
-
-
-def _not_written(files: tuple[str, ...], error: Exception) -> Note:
-    return Note(Code.NOT_WRITTEN, None, {"files": files, "problem": str(error)})
 
 
 def _places_not_in(file: str, names: Iterable[str], *, given: bool) -> Note:
@@ -242,7 +245,7 @@ def _with_moved_joints(
 def _of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
-    """The known model with its joints moved, for a diagnosis of poses alone; no files without a finding."""
+    """The known model with its joints moved, for a diagnosis of poses alone; without findings there are no files."""
     if not joint_moves(diagnosis.geometry, (), known):
         return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
@@ -251,7 +254,7 @@ def _of_poses(
     try:
         files = model_files(corrected_model(robot, of_torques(known)), motion, folder=folder, config=config)
     except PhantomDynError as error:
-        notes.append(_not_written((URDF, MJCF), error))
+        notes.append(not_written_note(error, URDF, MJCF))
         return {}, replace(diagnosis, notes=tuple(notes))
     for file in files:
         notes += [] if file.text else file.notes
@@ -262,7 +265,7 @@ def _of_poses(
 
 @dataclass(frozen=True)
 class _Models:
-    """A corrected model with its files, and a note where there are none."""
+    """A corrected model with its files, and notes on its bodies or on why there are no files."""
 
     corrected: CorrectedModel
     files: tuple[ModelFile, ...]
@@ -280,9 +283,8 @@ def _models(
 ) -> tuple[_Models, tuple[Note, ...]]:
     """The corrected model and its files, and a note on the moves within tolerance.
 
-    The findings are added to the given model with these moves. Bodies that cannot exist are replaced by possible ones
-    with the same torques along the recording, or else by the nearest possible ones. If some files still fail their
-    check, the same is tried without the moves.
+    The findings are added to the given model after the moves. If some files fail their check, bodies that cannot exist
+    are replaced by possible ones. If some still fail, both are tried without the moves.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
@@ -294,20 +296,20 @@ def _models(
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
         body_notes: tuple[Note, ...] = ()
         if possible:
-            bodies, body_notes = _possible(corrected.robot, robot, along)
+            bodies, body_notes = with_possible_bodies(corrected.robot, robot, along)
             corrected = replace(corrected, robot=bodies)
         try:
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
-            return _Models(corrected, (), (_not_written((URDF, MJCF), error),))
+            return _Models(corrected, (), (not_written_note(error, URDF, MJCF),))
         kept, _, _ = proved({file.name: file.text for file in files if file.text}, proof_of(corrected))
         return _Models(corrected, files, body_notes, len(kept))
 
     best: _Models | None = None
     failure: PhantomDynError | None = None
-    for base_of, possible in product((within_tolerance, lambda given, _: given), (False, True)):
+    for adjusted, possible in product((diagnosis.adjusted, ()), (False, True)):
         try:
-            found = models_on(base_of(robot, diagnosis), possible=possible)
+            found = models_on(moved_by(robot, adjusted), possible=possible)
         except PhantomDynError as error:
             failure = error
             continue
@@ -323,20 +325,8 @@ def _models(
     return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": held}),)
 
 
-def _possible(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
-    """The robot with bodies that can exist, and notes on them."""
-    nearest, body_notes = with_nearest_bodies(robot, given)
-    if nearest is robot:
-        return robot, ()
-    try:
-        same = same_torque_bodies(robot, given, motion)
-    except EstimationError:
-        return nearest, body_notes
-    return same, (Note(Code.SAME_TORQUES, None, {}),)
-
-
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:
-    """Motion at the samples of the diagnosis."""
+    """The motion at the samples of the diagnosis."""
     evidence = diagnosis.evidence
     return Motion(evidence.t, evidence.q, evidence.v, evidence.a)
 
@@ -344,11 +334,7 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 def _others(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
-    """Functions that make the other texts, by file name; texts that need a model file are left out without one.
-
-    Raises:
-        PhantomDynError: By a function, if its text cannot be made.
-    """
+    """Functions that make the other texts, by file name; each raises a `PhantomDynError` if its text cannot be made."""
 
     def with_links(make: Callable[[CorrectedModel, str], str]) -> str:
         if not models:

@@ -1,4 +1,4 @@
-"""A table in the header of a written file: the part of the recorded torque that its model does not explain."""
+"""A table in the header of a written file: the root mean square of the residual torque on each joint."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _LATE = 0.05  # delay in samples below which it is not mentioned, as it hardly c
 
 
 def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: FittedNumbers) -> str:
-    """The text of a file with its residual on each joint in the header; unchanged where the file was not checked.
+    """The text of a file with its residual on each joint in the header; unchanged if the file was not checked.
 
     Args:
         text: Text of the file.
-        record: Its residuals.
+        record: The record of its check, with the residuals.
         diagnosis: The diagnosis, with units and the measured torque.
         fitted: Numbers of the fit, with the delays of the recorded torque and references.
     """
@@ -29,14 +29,16 @@ def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: Fi
         return text
     lines = _table(record, diagnosis)
     if abs(fitted.timing) > _LATE:
-        said = f"The recorded torque is {fitted.timing:.2f} samples late"
-        lines.append(f"{said}, which is part of these figures and of no file.")
+        shift = f"{'late' if fitted.timing < 0 else 'early'} by {abs(fitted.timing):.2f} samples"
+        lines.append(f"The recorded torque is {shift}. These figures include the shift and no file does.")
     moved = [joint for joint, part in fitted.arrivals if abs(part) > _LATE]
     if moved:
-        said = f"The voltage of {listed(moved)} was read once while each reference was held and is not its mean"
-        lines.append(f"{said}, which is part of these figures and of no file.")
+        lines.append(
+            f"The voltage of {listed(moved)} was read at one time while each reference was held, and is not the mean "
+            "over it. These figures include the difference and no file does."
+        )
     if record.file == YAML:
-        lines.append("The changes under adjusted are part of it: --with leaves them to the next diagnosis.")
+        lines.append("These figures include the changes under adjusted; --with does not apply them.")
     kind = Path(record.file).suffix
     if kind == ".yaml":
         return "".join(f"# {line}\n" for line in lines) + text

@@ -1,4 +1,4 @@
-"""Files of a log (CSV, NPZ or Parquet by ending, nothing rounded) and of a map (NPZ, NetCDF and figures)."""
+"""Files of a log (CSV, NPZ or Parquet by its ending; nothing is rounded) and of a map (NPZ, NetCDF and figures)."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ NETCDF = "map.nc"
 
 
 def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
-    """Write a log in one step.
+    """Write a log; a file of this name is replaced only once the new one is complete.
 
     Raises:
-        UsageError: If the ending names no format, its library is not installed, or the file cannot be written.
+        UsageError: If no format has this ending, its library is not installed, or the file cannot be written.
     """
     require_ending(path)
     if path.suffix.lower() == ".parquet" and not is_installed("pyarrow"):
@@ -40,7 +40,7 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
             with temporary.open("wb") as file:
                 np.savez(file, allow_pickle=False, **columns)
         elif path.suffix.lower() == ".parquet":
-            import pyarrow as pa  # only a log that is written as Parquet needs it
+            import pyarrow as pa  # optional, and only needed for Parquet
             import pyarrow.parquet as pq
 
             pq.write_table(pa.table(dict(columns)), temporary)
@@ -50,7 +50,7 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
 
 
 def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lambda _: None) -> list[Path]:
-    """Write a map; ``map.nc`` only where the library for NetCDF is installed.
+    """Write a map; ``map.nc`` only if the library for NetCDF is installed.
 
     Args:
         result: The map.
@@ -79,7 +79,7 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
 
 
 def _write_netcdf(data: Dataset, path: Path) -> None:
-    """Write a data set; the library's error for a full disk does not say so, and is replaced.
+    """Write a data set; the library's error is replaced by one that mentions a full disk, the usual reason.
 
     The library locks the file that it writes and refuses a locked one, so it writes into a separate folder.
     """

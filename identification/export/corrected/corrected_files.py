@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""``corrected.urdf`` and ``corrected.xml``, each loaded again and compared, with notes on what the format lacks.
+"""``corrected.urdf`` and ``corrected.xml``, loaded again and compared, with notes on what each format cannot express.
 
 The MJCF is the given one with the findings. A new one is made where the robot's file is a URDF, and where settings of
 the given MJCF would change the meaning of the findings; a note gives the reason.
@@ -52,7 +52,7 @@ class MadeMjcf:
             it was not loaded.
         unchecked: Why it was not loaded again, as the end of a sentence; empty if it was.
         edited: True if it is the given file with the findings.
-        left_out: Notes on numbers that its drives cannot have, and on why it is no edited copy of the given file.
+        left_out: Notes on numbers that its actuators cannot express, and on why it is not a copy of the given file.
     """
 
     text: str
@@ -91,14 +91,15 @@ def _new(
     text = corrected_mjcf(corrected)
     problem = mujoco_problem(text)
     difference = torque_difference(text, corrected, motion)
+
     if folder is None:
         return MadeMjcf(text, difference, problem or "", False, left_out)
     try:
-        # With the whole paths of meshes, as the folder may not be there yet.
+        # Paths of meshes are absolute in this text, as the folder may not exist yet.
         loaded, without = with_urdf_shapes(text, corrected.robot, file, None)
         difference = torque_difference(loaded, corrected, motion)
         if difference > TOLERANCE:
-            raise EstimationError("with them, MuJoCo needs other torques.")
+            raise EstimationError("with them, the torques in MuJoCo are different.")
         text = with_urdf_shapes(text, corrected.robot, file, folder)[0]
     except (PhantomDynError, ValueError) as error:
         without = (f"The shapes of the URDF are not in it: {error}",)
@@ -112,13 +113,13 @@ def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path)
     problem = mujoco_problem(text) or _refused(file)
     if problem:
         return MadeMjcf(text, float("nan"), problem, True, tuple(left_out.values()))
-    # With the whole paths of meshes, as the folder may not be there yet.
+    # Paths of meshes are absolute in the text that is checked, as the folder may not exist yet.
     held = replace(corrected, offsets={name: x for name, x in corrected.offsets.items() if name not in left_out})
     difference = edited_difference(edited_mjcf(corrected, file, None)[0], held, motion, _held(file))
     if difference > TOLERANCE:
         raise EstimationError(
-            f"with the findings in it, MuJoCo needs torques that differ by {difference:.2g} of the largest from the "
-            "corrected model's, as it holds more than the model was read from."
+            f"with the findings in it, the torques in MuJoCo differ from the corrected model's by {difference:.2g} of "
+            "the largest, as it has parts that are not read into the model."
         )
     return MadeMjcf(text, difference, "", True, tuple(left_out.values()))
 
@@ -135,7 +136,7 @@ def _refused(file: Path) -> str:
 
 
 def _held(file: Path) -> dict[str, float]:
-    """Positions at which joints of the file are held that follow others, or are backlash."""
+    """Positions of the joints that the robot does not have: those that follow others, and those of backlash."""
     try:
         facts, model = read_model(file)
     except RobotError:
@@ -174,8 +175,7 @@ def model_files(
         corrected: The model.
         motion: Motion on which torques are compared.
         folder: Folder into which the files will be written.
-        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
-
+        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used, if there is one.
     """
     file = find_robot(corrected.given.source)
     stated, few = robot_config(corrected.given, config), some_motion(motion)
@@ -191,18 +191,18 @@ def model_files(
 
 
 def robot_config(given: Robot, config: Path | None) -> Path | None:
-    """The ``robot.yaml`` of a robot, given or beside its file; None where there is none."""
+    """The ``robot.yaml`` of a robot, as given or beside its file; None if there is none."""
     beside = find_robot(given.source).with_name(CONFIG_NAME)
     return config if config is not None else beside if beside.is_file() else None
 
 
 def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
-    """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty where they do.
+    """Why the loops of a ``robot.yaml`` do not close with a URDF, as the end of a sentence; empty if they do.
 
     Args:
         text: Text of the URDF.
         robot: The given model.
-        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+        config: The ``robot.yaml`` that was given; with None the one beside the robot's file is used.
     """
     if robot.chain is None or not robot.chain.anchors:
         return ""
@@ -218,7 +218,7 @@ def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Pa
     try:
         made = made_mjcf(corrected, motion, file=file, folder=folder)
     except PhantomDynError as error:
-        return ModelFile(MJCF, "", (_not_written(MJCF, error),))
+        return ModelFile(MJCF, "", (not_written_note(error, MJCF),))
     left_out = (*mjcf_left_out(corrected, file, edited=made.edited), *made.left_out)
     return _checked_file(
         MJCF, lambda: (made.text, made.difference), versions().get("mjcf", ""), left_out, unchecked=made.unchecked
@@ -226,21 +226,21 @@ def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Pa
 
 
 def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[Note, ...]:
-    """A note on how far MuJoCo leaves the recorded motion with the given and with the corrected model.
+    """A note on how far MuJoCo's motion departs from the recorded one with the given and with the corrected model.
 
     Args:
         corrected: The model.
         text: Its MJCF, empty if there is none.
         motion: Motion of the recordings.
-        tau: Logged torque at the same times.
+        tau: Logged torque at the same times [N m or N].
 
     Returns:
-        The note; nothing without MuJoCo, with too short a motion, or with a floating base.
+        The note; empty without MuJoCo, if the motion is too short, or for a floating base.
     """
     if not text or corrected.given.floating:
         return ()
     try:
-        # The written file may have servos, but here the logged torque has to drive the joints.
+        # The written file may have servos, but here the logged torque has to move the joints.
         text = corrected_mjcf(corrected)
         if mujoco_problem(text) is not None:
             return ()
@@ -263,7 +263,7 @@ def _checked_file(
     try:
         text, difference = make()
     except PhantomDynError as error:
-        return ModelFile(name, "", (_not_written(name, error),))
+        return ModelFile(name, "", (not_written_note(error, name),))
     if difference > TOLERANCE:
         numbers = {"files": (name,), "loaded_with": loaded_with, "difference": difference}
         return ModelFile(name, "", (Note(Code.WRITTEN_WRONG, None, numbers),))
@@ -273,20 +273,21 @@ def _checked_file(
     return ModelFile(name, _with_comment(text, sentences(left_out)), notes)
 
 
-def _not_written(name: str, error: Exception) -> Note:
-    return Note(Code.NOT_WRITTEN, None, {"files": (name,), "problem": str(error)})
+def not_written_note(error: Exception, *files: str) -> Note:
+    """A note on files that an error kept from being written."""
+    return Note(Code.NOT_WRITTEN, None, {"files": files, "problem": str(error)})
 
 
 def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
     """The text with a comment after the start tag of its root element; unchanged without sentences."""
     if not sentences:
         return text
-    lines = ["What this file cannot say of the corrected model (corrected.yaml has all of it):", *sentences]
+    lines = ["What this file cannot express of the corrected model (corrected.yaml has all of it):", *sentences]
     return with_comment(text, lines)
 
 
 def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
-    """Notes on what a URDF lacks.
+    """Notes on what the URDF cannot express.
 
     Args:
         corrected: The corrected model.
@@ -294,7 +295,7 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
     """
     robot, given = corrected.robot, corrected.given
     places = zip(robot.joint_names, robot.rotor_inertia, given.rotor_inertia, strict=True)
-    # A URDF that is made of another file has no rotors at all.
+    # A URDF that is made from another kind of file has no rotors at all.
     other = file.suffix != ".urdf"
     moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
@@ -322,7 +323,7 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
 
 
 def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False) -> tuple[Note, ...]:
-    """Notes on what the MJCF file lacks.
+    """Notes on what the MJCF cannot express.
 
     Args:
         corrected: The corrected model.
@@ -332,7 +333,8 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
     behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
     out += _missing("spring_behind_play", behind)
-    loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not _rotor(corrected, name)]
+    rotors = dict(zip(corrected.robot.joint_names, corrected.robot.rotor_inertia, strict=True))
+    loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not rotors[name]]
     if loose:
         out.append(Note(Code.ROTOR_UNKNOWN, None, {"names": tuple(loose), "config": CONFIG_NAME}))
     out += [] if edited else _missing("reference_delay", corrected.reference_delays)
@@ -344,10 +346,6 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
     if edited:
         return tuple(out)
     return (*out, Note(Code.ONLY_MOTORS, None, {"of_urdf": file.suffix == ".urdf", "config": CONFIG_NAME}))
-
-
-def _rotor(corrected: CorrectedModel, joint: str) -> float:
-    return float(corrected.robot.rotor_inertia[corrected.robot.joint_names.index(joint)])
 
 
 def _reduced_laws(corrected: CorrectedModel) -> list[Note]:

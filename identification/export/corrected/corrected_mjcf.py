@@ -1,8 +1,9 @@
 """A corrected model as MJCF, with all that MuJoCo can express beyond links, damping, dry friction and rotors.
 
-Springs are ``stiffness`` and ``springref``, encoder zeros ``ref``, backlash and springs of transmissions a second joint
-on the same axis, couplings fixed tendons, constant torques the bias of an actuator, torque constants its ``gear``,
-limits its ``forcerange``, delays its ``delay``, lags its ``dyntype``. Cogging is a ``dcmotor`` without a command.
+Springs become ``stiffness`` and ``springref``, encoder zeros ``ref``. Backlash and springs of transmissions become a
+second joint on the same axis, and couplings fixed tendons. Of an actuator, constant torques become the bias, torque
+constants ``gear``, limits ``forcerange``, delays ``delay`` and lags ``dyntype``. Cogging becomes a ``dcmotor`` without
+a command.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ SHORTEST_STEP = 1e-4
 """Shortest step of a simulation [s] for which the buffers of past commands are long enough for the delays."""
 # MuJoCo needs a motor constant above zero [N m/A]: with a resistance of one ohm this one gives a negligible torque.
 _NO_MOTOR = 1e-9
-# Inertia of an unknown rotor behind backlash or a spring, which needs one, as a share of the link's inertia.
+# A rotor behind backlash or a spring needs an inertia: this is the share of the link's inertia if it is unknown.
 _LEAST_ROTOR = 0.01
-# Time constant [s] of the ends of backlash: twice MuJoCo's usual step is the stiffest possible.
+# Time constant [s] of the contact at the ends of backlash: twice MuJoCo's usual step is the stiffest possible.
 _STOP = 0.004
 
 
 def corrected_mjcf(corrected: CorrectedModel) -> str:
-    """The text of a MJCF file with one actuator per active joint and of its name, then the actuators of cogging.
+    """The text of an MJCF with one actuator for each driven joint, and after them the actuators of cogging.
 
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
@@ -44,7 +45,7 @@ def corrected_mjcf(corrected: CorrectedModel) -> str:
 
 
 def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
-    """The first element of that file; raises as `corrected_mjcf`."""
+    """The root element of `corrected_mjcf`, which raises the same errors."""
     root = ElementTree.fromstring(mjcf_text(corrected.robot))
     joints = {str(joint.get("name")): joint for joint in root.iter("joint")}
     bodies = {str(joint.get("name")): body for body in root.iter("body") for joint in body.findall("joint")}
@@ -63,7 +64,7 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF can have: not those of joints in a loop, which change how it closes."""
+    """Encoder zeros that a URDF or MJCF can state: not those of joints in a loop, which change how it closes."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
@@ -75,12 +76,12 @@ def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
 
 
 def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
-    """Springs of transmissions that the MJCF has: not with backlash, as a body between both would have no inertia."""
+    """Springs of transmissions that are in the MJCF: not with backlash, as the body between both has no inertia."""
     return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 
 def rotor_of(corrected: CorrectedModel, joint: str) -> float:
-    """Rotor inertia behind backlash or a spring [kg m^2 or kg], assumed where it is unknown."""
+    """Rotor inertia behind backlash or a spring [kg m^2 or kg]; a share of the link's inertia if it is unknown."""
     row = row_of(corrected.robot, joint)
     known = float(corrected.robot.rotor_inertia[row])
     return known if known > 0 else _LEAST_ROTOR * _moved_inertia(corrected, row)
@@ -140,9 +141,14 @@ def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
         motor.set("dynprm", repr(corrected.lags[name]))
     delay = corrected.delays.get(name, 0.0)
     if delay > 0:
-        motor.set("delay", repr(delay))
-        motor.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
-        motor.set("interp", "linear")
+        set_delay(motor, delay)
+
+
+def set_delay(actuator: Element, delay: float) -> None:
+    """Delay the command of an actuator by a time [s], with a buffer that is long enough for `SHORTEST_STEP`."""
+    actuator.set("delay", repr(delay))
+    actuator.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
+    actuator.set("interp", "linear")
 
 
 def add_cogging(root: Element, corrected: CorrectedModel) -> None:

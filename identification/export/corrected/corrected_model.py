@@ -24,7 +24,7 @@ from phantom_dyn.motion import Motion
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """A robot with its findings; mappings are from joint to value, in SI units on the joint side.
+    """A robot with its findings; each mapping is by joint, in SI units on the joint side.
 
     Attributes:
         given: The robot without the findings.
@@ -32,17 +32,18 @@ class CorrectedModel:
         robot: The robot with the findings on links, rotors, modelled friction and gravity.
         turned: Rotation from the given gravity, in the base frame, to the robot's.
         springs: Stiffness and relaxed position of each spring.
-        offsets: Constant torques.
+        offsets: Constant torques that act on the joints.
         gains: Ratios of true to logged torque.
         limits: Largest torque of each drive, as found or as the configuration states it.
         delays, lags: Delays of drives [s], and their time constants.
         reference_delays: Delays [s] of the references of position controllers.
         plays: Full widths of backlash.
         compliances: Stiffness of transmissions.
-        cogging: Order, amplitude and phase of each wave.
+        cogging: Order [1/rad or 1/m], amplitude and phase [rad] of each wave.
         couplings: Couplings of two joints.
         zeros: Offsets of encoders, reading minus position.
-        others: Effects that none of these express, or only in part, as a Stribeck law by its level at high speed.
+        others: Effects that the other attributes do not express, or only in part: of a Stribeck law, for example, they
+            have the level at high speed.
     """
 
     given: Robot
@@ -65,18 +66,18 @@ class CorrectedModel:
 
 
 def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
-    """A robot and its findings, sorted.
+    """The corrected model of a robot and its findings.
 
     From friction laws beyond Coulomb and viscous friction, the robot gets the mean of both directions, the level at
     high speed (Stribeck) or the level after the presliding displacement; the law itself is under ``others``. Torque
-    limits of the robot's configuration are used where the torque columns are commands.
+    limits of the robot's configuration are used if the torque columns are commands.
 
     Args:
         robot: The given model.
-        effects: The findings, with the contract's parameters in order.
+        effects: The findings, each with its parameters in the order of the catalogue.
 
     Raises:
-        ParameterError: If an effect is unknown, has not as many parameters as its law takes, or one is not finite.
+        ParameterError: If an effect is unknown, has a wrong number of parameters, or one that is not finite.
         RobotError: If an effect is on a joint that the robot does not have, or takes more mass off a link than it has.
     """
     stated = {
@@ -88,16 +89,16 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
 
 
 def torque_limits(corrected: CorrectedModel) -> dict[str, float]:
-    """Largest torque by joint: as found, else as the configuration or the robot's file states it.
+    """Largest torque by joint: as it was found, or else as the configuration or the robot's file states it.
 
-    `CorrectedModel.limits` does not contain those of the robot's file, as edited copies of it have them already.
+    `CorrectedModel.limits` does not contain the limits in the robot's file, as edited copies of it have them already.
     """
     stated = zip(corrected.given.joint_names, stated_torque_limits(corrected.given).tolist(), strict=True)
     return {joint: limit for joint, limit in stated if np.isfinite(limit)} | corrected.limits
 
 
 def with_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
-    """The corrected model with further findings; raises as `corrected_model`."""
+    """The corrected model with further findings; the errors are those of `corrected_model`."""
     for effect in effects:
         for one in on_single_joints(corrected.given, effect):
             corrected = _with_effect(corrected, one)
@@ -113,11 +114,11 @@ def on_single_joints(robot: Robot, effect: KnownEffect) -> tuple[KnownEffect, ..
 
 
 def numbers_of_effect(robot: Robot, effect: KnownEffect) -> ModelNumbers:
-    """One effect in the numbers that model files can express; raises as `corrected_model`.
+    """The numbers by which model files can express an effect; the errors are those of `corrected_model`.
 
     Args:
         robot: The given model.
-        effect: With the contract's parameters in order.
+        effect: The effect, with its parameters in the order of the catalogue.
     """
     theta = _checked_parameters(robot, effect)
     return effect_named(effect.effect, robot).model_numbers(robot, effect.joint, theta)
@@ -142,7 +143,7 @@ def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedMod
 
 
 def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Robot:
-    """Other links, gravity, friction and rotors."""
+    """The robot with an effect's change of links, gravity, friction and rotors."""
     robot = robot if numbers.robot is None else numbers.robot(robot)
     if numbers.viscous or numbers.coulomb:
         robot = with_friction(robot, joint, viscous=numbers.viscous, coulomb=numbers.coulomb)
@@ -150,13 +151,13 @@ def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Ro
 
 
 def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
-    """Times of drives with one added on a joint, or on all."""
+    """Times of drives [s] by joint, with one more on a joint, or on all driven ones without a joint."""
     late = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
     return times | {name: times.get(name, 0.0) + more for name in late}
 
 
 def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
-    """Springs, offsets, gains, limits, zeros, plays, compliances and cogging of one joint."""
+    """The model with an effect's numbers of one joint, combined with those that it has already."""
     more = {
         "springs": (numbers.spring, _parallel_springs),
         "offsets": (numbers.offset, operator.add),
@@ -189,7 +190,7 @@ def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]
     lists = law.takes_lists(robot, effect.joint) and count > 0 and count % wanted == 0
     if not (lists or count in (wanted, wanted + len(law.optional_parameters(robot, effect.joint)))):
         raise ParameterError(
-            f"{effect.effect} was given {count} parameters, wanted {wanted}: give the contract's, in order."
+            f"{effect.effect} was given {count} parameters, wanted {wanted}: give those of the catalogue, in order."
         )
     if not np.isfinite(theta).all():
         raise ParameterError(f"{effect.effect} has a parameter that is not finite: give finite numbers.")
@@ -201,7 +202,7 @@ def torque_beside(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
 
     Args:
         corrected: The corrected model.
-        motion: N samples of the active joints.
+        motion: N samples of the true motion of the active joints.
     """
     at = {joint: row for row, joint in enumerate(corrected.robot.joint_names)}
     out = np.zeros_like(motion.v)
@@ -247,7 +248,7 @@ def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:
 
 
 def with_base_turned(robot: Robot, rotation: Float[Array, "3 3"]) -> Robot:
-    """The robot on a base that is rotated in the world; gravity is unchanged in the world."""
+    """The robot with its base rotated in the world, in which gravity is unchanged."""
     model = robot.model.copy()
     turn = pin.SE3(np.array(rotation), np.zeros(3))
     for index in range(1, model.njoints):

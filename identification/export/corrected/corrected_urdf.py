@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A corrected model as URDF: links, friction, torque limits, zeros of encoders, and a base that is not level."""
+"""A corrected model as URDF: links, friction, torque limits, encoder zeros, and a base that is not level."""
 
 from __future__ import annotations
 
@@ -16,8 +16,16 @@ from identification.diagnosis.columns.known_geometry import known_twists, moved_
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
+from identification.export.file_names import MJCF, URDF
 from identification.export.headers import root_of
-from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
+from identification.export.model_files.urdf_file import (
+    attribute_text,
+    child_of,
+    comment_parser,
+    edited_urdf,
+    new_urdf,
+    placement,
+)
 from identification.geometry.pins import around, loops_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
 from identification.notes import Code, Note
@@ -45,11 +53,10 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
         RobotError: If the file has no link on a joint of the robot.
         ParameterError: If the inertia of a link is that of no possible body.
     """
-    robot = _without_rotors(corrected)
+    robot = with_rotors_of(corrected.robot, corrected.given)
     text = edited_urdf(robot, corrected.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     head = text[: root_of(text)]
-    root = ElementTree.fromstring(text[len(head) :], parser)
+    root = ElementTree.fromstring(text[len(head) :], comment_parser())
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     for name, limit in corrected.limits.items():
         if limit != corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit:
@@ -64,37 +71,34 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
 
 def robot_of_urdf(corrected: CorrectedModel) -> Robot:
     """The robot that the URDF describes: gravity and rotors as given, zeros and base moved."""
-    robot = with_gravity(_without_rotors(corrected), corrected.given.model.gravity.linear)
+    robot = with_gravity(with_rotors_of(corrected.robot, corrected.given), corrected.given.model.gravity.linear)
     return with_base_turned(with_zeros_moved(robot, zeros_in_file(corrected)), corrected.turned.T)
 
 
-def _without_rotors(corrected: CorrectedModel) -> Robot:
-    """The robot with the given rotors, as a URDF has none."""
-    model = corrected.robot.model.copy()
-    model.armature = corrected.given.model.armature
-    return replace(corrected.robot, model=model)
+def with_rotors_of(robot: Robot, other: Robot) -> Robot:
+    """A robot with the rotor inertias of another one: a URDF cannot state them, so the given ones are left."""
+    model = robot.model.copy()
+    model.armature = other.model.armature
+    return replace(robot, model=model)
 
 
 def _set_effort(joint: Element, limit: float) -> None:
-    element = joint.find("limit")
-    if element is None:
-        element = ElementTree.SubElement(joint, "limit", velocity="1e3")
-    element.set("effort", repr(limit))
+    if joint.find("limit") is None:
+        ElementTree.SubElement(joint, "limit", velocity="1e3")
+    child_of(joint, "limit").set("effort", repr(limit))
 
 
 def move_zero(joint: Element, zero: float) -> None:
     """Turn or shift the joint's origin back by the offset of its encoder, and shift its limits by that."""
-    origin = joint.find("origin")
-    if origin is None:
-        origin = ElementTree.SubElement(joint, "origin")
+    origin = child_of(joint, "origin")
     stated = joint.find("axis")
     axis = _numbers(None if stated is None else stated.get("xyz"), "1 0 0")
     axis = axis / np.linalg.norm(axis)
-    turn = pin.rpy.rpyToMatrix(_numbers(origin.get("rpy"), "0 0 0"))
+    place = placement(origin)
     if joint.get("type") == "prismatic":
-        origin.set("xyz", attribute_text(_numbers(origin.get("xyz"), "0 0 0") - turn @ axis * zero))
+        origin.set("xyz", attribute_text(place.translation - place.rotation @ axis * zero))
     else:
-        turn = turn @ pin.AngleAxis(-zero, axis).matrix()
+        turn = place.rotation @ pin.AngleAxis(-zero, axis).matrix()
         origin.set("rpy", attribute_text(pin.rpy.matrixToRpy(turn)))
     limit = joint.find("limit")
     if limit is not None and joint.get("type") != "continuous":
@@ -103,7 +107,7 @@ def move_zero(joint: Element, zero: float) -> None:
 
 
 def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
-    """Add a level link as parent of the robot's root, which is rotated on it."""
+    """Add a level link as parent of the robot's root, which gets this rotation on it."""
     links = [str(link.get("name")) for link in root.findall("link")]
     children = {str(child.get("link")) for joint in root.findall("joint") for child in joint.findall("child")}
     base = next(name for name in links if name not in children)
@@ -121,8 +125,7 @@ def _numbers(text: str | None, default: str) -> Float[Array, " k"]:
 
 
 _OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
-_FILES = ("corrected.urdf", "corrected.xml")
-_HEADS = ("<robot", "<mujoco")
+"""Attributes of an MJCF that state a rotation, other than ``quat``."""
 
 
 @dataclass(frozen=True)
@@ -136,12 +139,12 @@ class JointMove:
 def joint_moves(
     found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
 ) -> dict[str, JointMove]:
-    """Moves of the joints, by name, of all findings and known effects.
+    """Moves of the joints, by name, that the findings and the known effects state.
 
     Args:
         found: Findings of measured poses; None without poses.
-        known_zeros: Joints whose zeros are findings of the torques, so that the model has them already.
-        known: Known effects; the places of joints among them are moved first.
+        known_zeros: Joints whose zeros were found from the torques, so that the model has them already.
+        known: Known effects, whose moves come before those of the findings.
     """
     out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
     for finding in () if found is None else found.findings:
@@ -158,7 +161,7 @@ def joint_moves(
 
 @dataclass(frozen=True)
 class FileMoves:
-    """Moves that model files can contain, and notes on those that they cannot."""
+    """Moves that each model file can contain, and notes on those that it cannot."""
 
     urdf: Mapping[str, JointMove]
     mjcf: Mapping[str, JointMove]
@@ -169,8 +172,8 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
     """Moves for model files: all of an open chain; of a closed one those that do not change how loops close.
 
     A joint that follows others by a formula is turned by their zeros, too, so that the formula holds for readings.
-    Places of links in a parallelogram are left out, as moved links would no longer follow its formula. MJCF takes no
-    move of a loop between frames, as MuJoCo derives the closure from the zero positions in the file.
+    Links of a parallelogram are not moved, as moved links would not follow its formula. In the MJCF of a robot with
+    loops between frames nothing is moved, as MuJoCo derives the closure from the zero positions in the file.
 
     Args:
         robot: The given model.
@@ -192,14 +195,14 @@ def moves_of_files(robot: Robot, moves: Mapping[str, JointMove]) -> FileMoves:
     notes = []
     lost = [name for name, own in moves.items() if name in bound and np.any(own.twist)]
     if lost:
-        notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": _FILES, "names": tuple(lost)}))
+        notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": (URDF, MJCF), "names": tuple(lost)}))
     if robot.chain.anchors:
-        notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": _FILES[1:]}))
+        notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": (MJCF,)}))
     return FileMoves(held, {} if robot.chain.anchors else held, tuple(notes))
 
 
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:
-    """Notes on findings of elasticity and of poses of base and target, which these files do not contain.
+    """Notes on the findings of elasticity and of poses of base and target, which URDF and MJCF cannot express.
 
     Args:
         found: Findings of measured poses; None without poses.
@@ -213,12 +216,12 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
     frames = dict.fromkeys(str(joint) for effect, joint in places if effect == TOOL_POSE)
     if frames:
         out.append(("tool", tuple(frames)))
-    numbers = ({"files": _FILES, "quantity": quantity, "names": names} for quantity, names in out)
+    numbers = ({"files": (URDF, MJCF), "quantity": quantity, "names": names} for quantity, names in out)
     return tuple(Note(Code.NO_PLACE_FOR_POSES, None, one) for one in numbers)
 
 
 def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
-    """The text of a URDF with its joints moved, and the names that are not in it.
+    """The text of a URDF with its joints moved, and the names of moves that it has no joint for.
 
     Args:
         text: Text of the file.
@@ -237,11 +240,8 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
                 continue
             own = moves[name]
             left.discard(name)
-            origin = joint.find("origin")
-            if origin is None:
-                origin = ElementTree.SubElement(joint, "origin")
-            xyz, rpy = (_numbers(origin.get(key), "0 0 0") for key in ("xyz", "rpy"))
-            place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * pin.exp6(own.twist)
+            origin = child_of(joint, "origin")
+            place = placement(origin) * pin.exp6(own.twist)
             origin.set("xyz", attribute_text(place.translation))
             origin.set("rpy", attribute_text(pin.rpy.matrixToRpy(place.rotation)))
             if own.zero:
@@ -251,10 +251,10 @@ def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[st
 
 
 def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
-    """The text of an MJCF with its bodies moved, and the joints for which that is not simple.
+    """The text of an MJCF with its bodies moved, and the names of joints whose bodies are not moved.
 
-    A body with one joint at its origin, placed by ``pos`` and ``quat``, is moved; zeros turn it, too, so that positions
-    in the file are readings of encoders.
+    Only a body that is placed by ``pos`` and ``quat``, with one joint at its origin, is moved. Zeros turn it, too, so
+    that positions in the file are readings of encoders.
 
     Args:
         text: Text of the file.
@@ -292,7 +292,7 @@ def _is_simple(joint: Element, body: Element) -> bool:
 
 
 def _back(joint: Element, zero: float) -> pin.SE3:
-    """The motion of a joint back by its zero."""
+    """The motion of a joint from its zero to minus its zero's offset."""
     axis = _numbers(joint.get("axis"), "0 0 1")
     axis = axis / np.linalg.norm(axis)
     if joint.get("type") == "slide":
@@ -302,9 +302,7 @@ def _back(joint: Element, zero: float) -> pin.SE3:
 
 def _edited(text: str, edit: Callable[[Element], None]) -> str:
     """XML after an edit; the text before its first element is kept."""
-    at = min(place for head in _HEADS if (place := text.find(head)) >= 0)
-    root = ElementTree.fromstring(
-        text[at:], ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    )
+    at = root_of(text)
+    root = ElementTree.fromstring(text[at:], comment_parser())
     edit(root)
     return f"{text[:at]}{ElementTree.tostring(root, encoding='unicode')}\n"

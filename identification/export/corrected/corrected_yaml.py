@@ -1,4 +1,4 @@
-"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): findings and moves, written, and read back as known effects."""
+"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): writes findings and moves, and reads them as known effects."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from identification.diagnosis.columns.known_geometry import OF_POSES
 from identification.diagnosis.columns.operations import carrying_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
+from identification.export.corrected.found_effects import lasting_findings
 from identification.geometry.pins import loops_of
 from identification.geometry.terms import BASE_POSE, LINK, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
@@ -42,7 +43,7 @@ ADJUSTED_KEYS = ("quantity", "change", "tolerance")
 
 @dataclass(frozen=True)
 class CorrectedEffect:
-    """One effect to add to the model; `gap_closed` is NaN where it is not known."""
+    """One effect to add to the model; `gap_closed` is NaN if it is not known."""
 
     effect: str
     joint: str | None
@@ -52,11 +53,11 @@ class CorrectedEffect:
 
 @dataclass(frozen=True)
 class ModelError:
-    """Error of the corrected model on a joint, root mean square beyond noise; no torque to add.
+    """Error of the corrected model on a joint, root mean square beyond noise; it is not a torque to add.
 
     Attributes:
         joint: Name of the joint.
-        slow: Error while it creeps or reverses.
+        slow: Error while the joint moves slowly or reverses.
         moving: Error at all other times.
         unit: Unit of both.
     """
@@ -81,18 +82,17 @@ class Corrected:
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
     """The text of ``corrected.yaml`` with all findings, except those that act only in one of several recordings.
 
-    An encoder zero that torques and poses both show is written once, with the value from the torques.
+    An encoder zero that was found from both torques and poses is written once, with the value from the torques.
 
     Args:
         diagnosis: The diagnosis.
-        robot_source: The robot file or name that was diagnosed.
+        robot_source: File or name of the robot that was diagnosed.
         sha256: Hash of the robot file.
 
     Raises:
         ParameterError: If the value of a parameter is not finite.
     """
-    lasting = (finding for finding in diagnosis.findings if finding.recording is None)
-    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting)
+    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting_findings(diagnosis))
     effects = (*effects, *_by_poses(diagnosis, {one.joint for one in effects if one.effect == ZERO}))
     wrong = tuple(
         ModelError(one.joint, *one.left, one.unit) for one in diagnosis.joints if one.left is not None and any(one.left)
@@ -139,7 +139,7 @@ def read_corrected(path: str | Path) -> Corrected:
     """The content of a ``corrected.yaml``.
 
     Raises:
-        RobotError: If the file cannot be read or is no YAML.
+        RobotError: If the file cannot be read or is not YAML.
         ParameterError: If a key is missing or unknown, or a value is of the wrong kind.
     """
     content = load_mapping(Path(path), RobotError)
@@ -147,7 +147,7 @@ def read_corrected(path: str | Path) -> Corrected:
     if content.get("schema") != SCHEMA:
         given = f"schema is {describe(content['schema'])}" if "schema" in content else "there is no key schema"
         raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
-    # The key is missing in files of earlier versions, and in those of a model with a residual of noise only.
+    # The key is missing in files of earlier versions, and if the residual is noise only.
     errors = list_at(content.get("model_error", []), file, "model_error")
     rest = {key: value for key, value in content.items() if key != "model_error"}
     top = mapping_at(rest, file, "", ("schema", "robot", "effects", "adjusted"))
@@ -220,7 +220,8 @@ def _value(entry: Any, file: str, key: str) -> Value:
     stds = value["std"] if isinstance(value["std"], list) else None
     if stds is None or len(stds) != len(values):
         raise ParameterError(
-            f"{file}: {key}.std is {describe(value['std'])}, wanted a list of {len(values)} numbers, one a value."
+            f"{file}: {key}.std is {describe(value['std'])}, wanted a list of {len(values)} numbers, one for each "
+            "value."
         )
     std = [number_at(s, file, f"{key}.std[{k}]", unknown=True) for k, s in enumerate(stds)]
     return Value(values, std, text_at(value["unit"], file, f"{key}.unit"))
@@ -236,7 +237,7 @@ def _adjusted(entry: Any, file: str, key: str) -> Adjusted:
 
 
 def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffect, ...], Robot]:
-    """All effects of several ``corrected.yaml``, and the robot with the largest error that they state of each joint.
+    """The effects of all of these ``corrected.yaml``, and the robot with the largest error that they state by joint.
 
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
@@ -245,7 +246,7 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
     places = [file.resolve() for file in files]
     for k, file in enumerate(files):
         if places[k] in places[:k]:
-            raise UsageError(f"{file} is given twice, and its effects would be added twice: give every model once.")
+            raise UsageError(f"{file} is given twice, and its effects would be added twice: give each file once.")
     out: list[KnownEffect] = []
     error = np.zeros((robot.nv, 2))
     for file in files:
@@ -270,10 +271,10 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
 
 
 def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
-    """One effect with its parameters in the contract's order, checked against the robot.
+    """One effect with its parameters in the order of the catalogue, checked against the robot.
 
     Args:
-        entry: Unchecked entry of the file.
+        entry: Entry of the file, not checked yet.
         robot: The robot to which it is to be added.
         file: The file, for messages.
 
@@ -290,7 +291,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         raise ParameterError(
             f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
         )
-    # An effect of the whole robot may name the joint of its link.
+    # An effect on the whole robot may name the joint of the link it acts on.
     if not effect.can_sit(robot, entry.joint) and (effect.scope == "pair" or entry.joint not in robot.joint_names):
         raise ParameterError(
             f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
@@ -300,7 +301,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     _require_lengths(entry, file, lists=effect.takes_lists(robot, entry.joint))
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
-    # Inertial parameters that are not named are unchanged.
+    # Inertial parameters that the file does not name are unchanged.
     missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
     if unknown or missing:
         raise ParameterError(
@@ -317,7 +318,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
 
 def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
-    """A joint's compliance, or the pose of a joint, the base or a target; parameters not named are as given."""
+    """A joint's compliance, or the pose of a joint, the base or a target; parts that are not named are zero."""
     _require_carrier(entry, robot, file)
     wanted = PARTS if entry.effect in PLACES else ("compliance",)
     given = set(entry.parameters)
@@ -338,7 +339,7 @@ def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEf
 
 
 def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
-    """Refuse a joint or frame that the robot does not have, and any for the pose of the base."""
+    """Refuse a joint or frame that the robot does not have, and any joint for the pose of the base."""
     if entry.effect == BASE_POSE:
         if entry.joint is not None:
             raise ParameterError(
@@ -365,7 +366,7 @@ def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None
         if wrong:
             raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")
         return
-    # A number is a list of one, as in files written by hand and by earlier versions.
+    # A number counts as a list with one entry, as files written by hand and by earlier versions have it.
     lengths = {name: len(value) if isinstance(value, list) else 1 for name, value in values.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
         found = ", ".join(
@@ -373,12 +374,13 @@ def _require_lengths(entry: CorrectedEffect, file: Path, *, lists: bool) -> None
             for name, value in values.items()
         )
         raise ParameterError(
-            f"{file}: {entry.effect} has {found}, wanted lists of one length, an entry for each wave: correct them."
+            f"{file}: {entry.effect} has {found}, wanted lists of equal length with an entry for each wave: correct "
+            "them."
         )
 
 
 def _require_possible(parameter: Parameter, numbers: list[float], where: str) -> None:
-    """Refuse a value outside of the range of its law."""
+    """Refuse a value outside the range of its parameter."""
     lower, upper = parameter.lower, parameter.upper
     for number in numbers:
         if not abs(number) <= LARGEST:

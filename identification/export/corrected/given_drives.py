@@ -1,7 +1,7 @@
 """Findings on drives, written into the existing actuators of an MJCF.
 
-An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can have all of them
-but a delay of references. The command of a servo is a reference, so that it gets only this delay and a torque limit:
+An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) can express all of
+them but a delay of references. The command of a servo is a reference, so it gets only this delay and a torque limit:
 the other findings would change its feedback.
 """
 
@@ -10,9 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
-from identification.export.corrected.corrected_mjcf import SHORTEST_STEP
+from identification.export.corrected.corrected_mjcf import set_delay
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
 from identification.export.model_files.urdf_file import attribute_text
@@ -53,12 +51,6 @@ def _servo(given: GivenMjcf, actuator: Element) -> bool:
     return actuator.tag == "general" and given.attribute(actuator, "biastype") == "affine"
 
 
-def _set_delay(actuator: Element, delay: float) -> None:
-    actuator.set("delay", repr(delay))
-    actuator.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
-    actuator.set("interp", "linear")
-
-
 def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
     """Write torque constants, limits, constant torques, lags and delays into the actuators of the file.
 
@@ -67,7 +59,7 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
         corrected: The corrected model.
 
     Returns:
-        For each joint a note on the numbers that cannot be written.
+        Notes on the numbers that cannot be written, by joint.
     """
     out: dict[str, Note] = {}
     for name in corrected.robot.joint_names:
@@ -84,7 +76,7 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
                 out[name] = Note(Code.NO_PLACE, None, numbers)
         else:
             if _servo(given, own[0]) and _REFERENCES in found:
-                _set_delay(own[0], found.pop(_REFERENCES))
+                set_delay(own[0], found.pop(_REFERENCES))
             limit = found.pop("limit", None)
             if limit is not None:
                 _set_limit(given, own[0], limit, 0.0)
@@ -95,7 +87,7 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
 
 
 def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
-    """Numbers of a drive that differ from the given one, by name."""
+    """The numbers of a drive that were found, by name; a limit only if it differs from the given one."""
     stated = corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit
     limit = corrected.limits.get(name)
     numbers = {
@@ -122,7 +114,7 @@ def _gear(given: GivenMjcf, actuator: Element) -> list[float]:
 
 
 def _set_limit(given: GivenMjcf, actuator: Element, limit: float, bias: float) -> None:
-    """The largest torque, on the actuator's side of its gear."""
+    """Write a limit of the joint torque, which an actuator states on its own side of the gear."""
     force = limit / abs(_gear(given, actuator)[0])
     actuator.set("forcerange", attribute_text([bias - force, bias + force]))
     actuator.set("forcelimited", "true")
@@ -145,7 +137,7 @@ def _set_plain(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, n
         actuator.set("dyntype", "filterexact")
         actuator.set("dynprm", repr(found["lag"]))
     if found.get("delay"):
-        _set_delay(actuator, found["delay"])
+        set_delay(actuator, found["delay"])
 
 
 def _as_general(given: GivenMjcf, actuator: Element) -> None:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""The given MJCF with the findings: everything else is unchanged, shapes and sensors included.
+"""The given MJCF with the findings; everything else is unchanged, shapes and sensors included.
 
-Links, damping, dry friction, rotors and gravity are replaced where they differ. Numbers of drives go into the actuator
+Links, damping, dry friction, rotors and gravity are replaced if they differ. Numbers of drives go into the actuator
 that the file has for the joint, see `identification.export.corrected.given_drives`.
 """
 
@@ -25,9 +25,9 @@ from identification.export.corrected.corrected_mjcf import (
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.given_drives import set_drives
 from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
-from identification.export.model_files.mjcf_file import add_followers
+from identification.export.model_files.mjcf_file import add_followers, inertial_of
 from identification.export.model_files.tree import LinkInertia
-from identification.export.model_files.urdf_file import attribute_text, own_inertia
+from identification.export.model_files.urdf_file import attribute_text, child_of, comment_parser, own_inertia
 from identification.notes import Note
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
@@ -41,13 +41,15 @@ _REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "ine
 _BUILT = ("include", "frame", "replicate", "attach")
 """Elements that MuJoCo expands into others."""
 _NAMED = ("body", "joint", "freejoint")
+"""Elements that need a name, so that they are found again."""
 _PLACES = ("meshdir", "texturedir")
+"""Attributes of <compiler> that state folders."""
 _SAME = 1e-12
 """Relative difference of numbers that are equal up to rounding in a file."""
 
 
 def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, Note]]:
-    """The text of the given MJCF with the findings, and for each joint a note on numbers that its actuator cannot have.
+    """The text of the given MJCF with the findings, and notes by joint on numbers that its actuator cannot express.
 
     Args:
         corrected: The corrected model.
@@ -56,7 +58,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
 
     Raises:
         RobotError: If settings of the file would change the meaning of the findings.
-        ParameterError: If the inertia of a link is that of no possible body.
+        ParameterError: If no possible body has the inertia of a link.
     """
     given = given_mjcf(_whole_root(file))
     _require_plain(given, corrected, file)
@@ -64,7 +66,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
     _set_joints(given, corrected)
     gravity = corrected.robot.model.gravity.linear
     if not np.array_equal(gravity, _gravity(given.root)):
-        _option(given.root).set("gravity", attribute_text(gravity))
+        _last_of(given.root, "option").set("gravity", attribute_text(gravity))
     _set_springs(given, corrected)
     for name, zero in zeros_in_file(corrected).items():
         _move_zero(given, name, zero)
@@ -84,9 +86,8 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
 
 
 def _whole_root(file: Path) -> Element:
-    """The file with its comments; expanded by MuJoCo where it has includes, copies or elements without names."""
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    root = ElementTree.parse(file, parser).getroot()
+    """The file with its comments; expanded by MuJoCo if it has includes, copies or elements without names."""
+    root = ElementTree.parse(file, comment_parser()).getroot()
     elements = [element for element in root.iter() if isinstance(element.tag, str)]
     built = any(element.tag in _BUILT for element in elements)
     owners = [element for world in root.iter("worldbody") for element in world.iter() if element.tag in _NAMED]
@@ -100,7 +101,7 @@ def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> N
     for compiler in given.root.iter("compiler"):
         for word in _REWRITES:
             if compiler.get(word, "auto").strip(" 0.") not in ("", "auto", "false", "-1"):
-                raise RobotError(f"{word} of <compiler> in {file.name} changes inertias again: take it out.")
+                raise RobotError(f"{word} of <compiler> in {file.name} would change the inertias again: remove it.")
     names = list(corrected.given.model.names)[1:]
     unnamed = [name for name in names if name not in given.joints]
     if unnamed:
@@ -140,7 +141,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
 
 
 def _held_bodies(link: Element) -> frozenset[str]:
-    """Bodies on joints that the model locks: they move in the file, so they keep their own inertia."""
+    """Bodies behind joints that the model locks: they can move in the file, so they keep their own inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
     while todo:
@@ -162,17 +163,11 @@ def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInert
 def _set_inertia(body: Element, inertia: LinkInertia) -> None:
     for old in body.findall("inertial"):
         body.remove(old)
-    matrix = inertia.inertia
-    own = {"pos": attribute_text(inertia.center), "mass": repr(float(inertia.mass))}
-    if inertia.mass == 0:
-        own["diaginertia"] = "0 0 0"
-    else:
-        own["fullinertia"] = attribute_text([matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
-    body.insert(0, ElementTree.Element("inertial", own))
+    body.insert(0, inertial_of(inertia))
 
 
 def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:
-    """Write damping, dry friction and rotors, where they differ from the file with its defaults."""
+    """Write damping, dry friction and rotors, if they differ from the file with its defaults."""
     robot = corrected.robot
     viscous, coulomb = tree_friction(robot)
     for k, name in enumerate(list(robot.model.names)[1:]):
@@ -192,7 +187,7 @@ def _set_springs(given: GivenMjcf, corrected: CorrectedModel) -> None:
 
 
 def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
-    """Shift a joint's zero, range, springs and keyframes, so that its positions are readings of its encoder."""
+    """Shift a joint's zero, range, spring and keyframes, so that its positions are readings of its encoder."""
     joint = given.joints[name]
     more = given.angle(joint, zero)
     joint.set("ref", repr(float(given.attribute(joint, "ref") or 0.0) + more))
@@ -227,7 +222,7 @@ def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
 
 
 def _joint_names(given: GivenMjcf) -> list[str | None]:
-    """Joints in MuJoCo's order."""
+    """Names of the joints in MuJoCo's order."""
     return [joint.get("name") for world in given.root.iter("worldbody") for joint in world.iter("joint")]
 
 
@@ -240,18 +235,18 @@ def _gravity(root: Element) -> np.ndarray:
     return np.array([float(x) for x in str(stated[-1] if stated else "0 0 -9.81").split()])
 
 
-def _option(root: Element) -> Element:
-    found = root.findall("option")
-    return found[-1] if found else ElementTree.SubElement(root, "option")
+def _last_of(root: Element, tag: str) -> Element:
+    child_of(root, tag)
+    return root.findall(tag)[-1]
 
 
 def _relocate(root: Element, source: Path, folder: Path | None) -> None:
     """Make the folders of meshes and textures relative to another folder."""
     if not any(element.get("file") for element in root.iter() if isinstance(element.tag, str)):
         return
-    compilers = root.findall("compiler") or [ElementTree.SubElement(root, "compiler")]
+    last, compilers = _last_of(root, "compiler"), root.findall("compiler")
     for attribute in _PLACES:
         stated = [c.get(attribute) or c.get("assetdir") for c in compilers if c.get(attribute) or c.get("assetdir")]
         place = (source / (stated[-1] or "")) if stated else source
         text = str(place) if folder is None else os.path.relpath(place, folder.resolve())
-        compilers[-1].set(attribute, Path(text).as_posix())
+        last.set(attribute, Path(text).as_posix())

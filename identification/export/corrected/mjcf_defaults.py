@@ -1,4 +1,4 @@
-"""Attributes of an element of an MJCF with those of its default classes."""
+"""Attributes of the elements of an MJCF, from the element itself or from its default classes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class GivenMjcf:
         return degrees(value) if hinge and self.degrees else value
 
     def attribute(self, element: Element, name: str) -> str | None:
-        """An attribute of an element, else of its class, else of the class of the bodies around it."""
+        """An attribute of an element, or else its default: from the element's class or that of the bodies around it."""
         if element.get(name) is not None:
             return element.get(name)
         tags = ACTUATORS if element.tag in ACTUATORS else (str(element.tag),)
@@ -56,8 +56,8 @@ class GivenMjcf:
         return None
 
     def _defaults(self, name: str | None) -> list[Element]:
-        """The default of a class and its parents, the innermost first; without a class the outermost one."""
-        outer = [default for group in self.root.findall("default") for default in (group,)]
+        """The ``<default>`` of a class, then those around it; without a class the outermost one."""
+        outer = self.root.findall("default")
         if name is None:
             return outer
         found = next((default for default in self.root.iter("default") if default.get("class") == name), None)

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Check of a corrected MJCF in MuJoCo: torques that it needs, and the distance of its motion from a recorded one."""
+"""Check of a corrected MJCF in MuJoCo: the torques of a motion, and the distance of its motion from a recorded one."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from identification.export.model_files.tree import tree_torque
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
+from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
@@ -38,7 +39,7 @@ _LEAD = 300  # number of steps before a rollout in which joints with encoders fo
 
 
 def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
-    """True torque on every joint of the tree that the corrected model needs, by the effects in the MJCF [N m or N].
+    """True torque on every joint of the tree that the corrected model needs, with the effects in the MJCF [N m or N].
 
     Args:
         corrected: The corrected model.
@@ -52,7 +53,7 @@ def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N 
 
 
 def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> float:
-    """Largest difference of torques, over the largest torque, of a MJCF loaded in MuJoCo; NaN without MuJoCo.
+    """Largest difference of torques, over the largest torque, of an MJCF loaded in MuJoCo; NaN without MuJoCo.
 
     Args:
         text: Text of the MJCF.
@@ -70,15 +71,15 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
 
 
 def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
-    """`torque_difference` of an edited copy of the user's file, without parts of it that the model does not have.
+    """`torque_difference` of an edited copy of the user's file, without the parts of it that are not in the model.
 
-    These are springs, compensated weights, servos and the medium, except those with a finding.
+    These are springs, compensated weights, servos and the medium; springs of findings are kept.
 
     Args:
         text: Text of the MJCF, with paths at which MuJoCo finds its meshes.
         corrected: The model in the file.
         motion: N samples of the active joints.
-        held: Positions of joints that the robot does not have, where they are not zero.
+        held: Positions of joints that the robot does not have, if they are not zero.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -111,16 +112,16 @@ def rollout_errors(
 ) -> Float[Array, " nv"]:
     """Distance of MuJoCo's motion from the recorded one after some time under the recorded torque, root mean square.
 
-    States that are not recorded (links within backlash, lags of drives) are found by moving the joints with encoders
-    along the recorded motion for a while before each rollout.
+    States that are not recorded (links within backlash, lags of drives) come from moving the joints with encoders along
+    the recorded motion for some time before each rollout.
 
     Args:
-        text: A MJCF with one actuator per driven joint, in the robot's order, before all others.
+        text: An MJCF with one actuator per driven joint, in the robot's order, before all others.
         robot: The robot with its joints and loops.
         motion: N samples of the active joints, from which the rollouts start.
         tau: Logged torque at the same times [N m or N].
-        horizon: Length of each rollout [s].
-        starts: Largest number of rollouts, evenly spread.
+        horizon: Duration of each rollout [s].
+        starts: Largest number of rollouts; their starts are evenly spread.
 
     Raises:
         RobotError: If MuJoCo refuses the text, or the motion is shorter than the horizon.
@@ -170,7 +171,7 @@ def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, 
 
 
 def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:
-    """Set the drives to the state after a long time with the same command."""
+    """Set the states of the drives to those after a long time with these commands."""
     import mujoco
 
     data.time = start
@@ -189,10 +190,10 @@ def _histories(model: Any) -> Int[Array, " nu"]:
 
 
 def _with_rotors(corrected: CorrectedModel) -> Robot:
-    """The robot with the rotors that backlash or a spring needs."""
+    """The robot with the rotor inertias that backlash or a spring needs."""
     robot = corrected.robot
     for joint in (*corrected.plays, *compliances_in_mjcf(corrected)):
-        known = float(corrected.robot.rotor_inertia[robot.joint_names.index(joint)])
+        known = float(corrected.robot.rotor_inertia[row_of(robot, joint)])
         robot = with_rotor_inertia(robot, joint, rotor_of(corrected, joint) - known)
     return robot
 

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pinocchio as pin
 
 from identification.export.model_files.reload import mujoco_problem
-from identification.export.model_files.urdf_file import attribute_text
+from identification.export.model_files.urdf_file import attribute_text, placement
 from phantom_dyn.errors import RobotError, listed
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
@@ -88,7 +87,7 @@ def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -
 
 
 def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
-    """Shapes of all links that MuJoCo can load, and the reason for each mesh that it cannot."""
+    """Shapes of all links that MuJoCo can load, and for each other mesh the reason why it cannot."""
     root, _ = read_root(file)
     find, out, missing = mesh_finder(file), [], {}
     colours = {str(one.get("name")): _colour(one) for one in root.findall("material")}
@@ -104,7 +103,7 @@ def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
                 try:
                     mesh = (Path(find(name)).resolve(), scale)
                 except RobotError:
-                    missing[name] = "is not there"
+                    missing[name] = "does not exist"
                     continue
                 if mesh not in loads:
                     loads[mesh] = _refused(*mesh)
@@ -117,12 +116,12 @@ def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
             material = element.find("material")
             rgba = None if material is None else _colour(material) or colours.get(str(material.get("name")))
             geom |= {"rgba": rgba} if visual and rgba else {}
-            out.append(Shape(str(link.get("name")), visual, geom, _place(element.find("origin")), mesh))
+            out.append(Shape(str(link.get("name")), visual, geom, placement(element.find("origin")), mesh))
     return out, missing
 
 
 def _primitive(kind: Element) -> dict[str, str] | None:
-    """Type and size of a geom; None if it is no primitive."""
+    """Type and size of a geom; None if the shape is a mesh or unknown."""
     if kind.tag == "box":
         return {"type": "box", "size": attribute_text([0.5 * side for side in _numbers(kind.get("size", ""))])}
     if kind.tag == "sphere":
@@ -162,21 +161,14 @@ def _add_assets(root: Element, meshes: dict[tuple[Path, str], str], folder: Path
 
 
 def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
-    """One sentence on all meshes that are left out, by the reason."""
+    """One sentence for each reason, with the meshes that are left out for it."""
     out = []
     for reason in dict.fromkeys(missing.values()):
         names = [Path(name).name for name, why in missing.items() if why == reason]
         shown = listed(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"
         hint = ": convert it to .obj or .stl" if reason.startswith("ends in") else ""
-        out.append(f"Without {shown} of the URDF, which MuJoCo cannot load, as it {reason}{hint}.")
+        out.append(f"It is without {shown} of the URDF, which MuJoCo cannot load, as it {reason}{hint}.")
     return tuple(out)
-
-
-def _place(origin: Element | None) -> pin.SE3:
-    if origin is None:
-        return pin.SE3.Identity()
-    xyz, rpy = (_numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
-    return pin.SE3(pin.rpy.rpyToMatrix(np.array(rpy)), np.array(xyz))
 
 
 def _colour(material: Element) -> str | None:

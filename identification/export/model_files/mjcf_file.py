@@ -24,7 +24,7 @@ _LEAST = 1e-15
 
 
 def mjcf_text(robot: Robot) -> str:
-    """The text of a MJCF file with one motor per active joint, and loops that keep two frames together.
+    """The text of an MJCF with one motor per driven joint, and loops that keep two frames together.
 
     Args:
         robot: The robot.
@@ -60,13 +60,13 @@ def _body(parent: Element, body: TreeBody) -> Element:
     inertia = body.inertia
     if inertia.mass < _LEAST or np.linalg.eigvalsh(inertia.inertia)[0] < _LEAST:
         raise ParameterError(
-            f"MuJoCo takes no moving body without mass and inertia in every direction, and {body.name} is one: give "
-            "it some in the robot's file."
+            f"{body.name} has no mass, or no inertia about some axis, which MuJoCo requires of a moving body: state "
+            "both in the robot's file."
         )
     if breaks_triangle(inertia.inertia):
         raise ParameterError(
-            f"MuJoCo takes no body whose principal inertia exceeds the sum of the others, and {body.name} is one: "
-            "correct it in the robot's file."
+            f"A principal inertia of {body.name} exceeds the sum of the others, which MuJoCo does not accept: correct "
+            "it in the robot's file."
         )
     element = ElementTree.SubElement(parent, "body", {"name": body.name, **_place(body.position, body.rotation)})
     joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": attribute_text(body.axis)}
@@ -76,30 +76,28 @@ def _body(parent: Element, body: TreeBody) -> Element:
     if body.limits is not None:
         joint["range"] = attribute_text(body.limits)
     ElementTree.SubElement(element, "joint", joint)
-    _inertial(element, inertia)
+    element.append(inertial_of(inertia))
     return element
 
 
-def _inertial(element: Element, inertia: LinkInertia) -> None:
+def inertial_of(inertia: LinkInertia) -> Element:
+    """The ``<inertial>`` of a body; nothing is rounded."""
     entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    ElementTree.SubElement(
-        element,
-        "inertial",
-        pos=attribute_text(inertia.center),
-        mass=repr(inertia.mass),
-        fullinertia=attribute_text(entries),
-    )
+    # MuJoCo refuses a full matrix of zeros.
+    matrix = {"fullinertia": attribute_text(entries)} if inertia.mass else {"diaginertia": "0 0 0"}
+    own = {"pos": attribute_text(inertia.center), "mass": repr(float(inertia.mass)), **matrix}
+    return ElementTree.Element("inertial", own)
 
 
 def _trunk(world: Element, robot: Robot) -> Element:
-    """The body of a base that is not bolted down, with its given mass; the world if it has none."""
+    """The body of a floating base with its given inertia; the world if its inertia is not that of a possible body."""
     mass, center, inertia = central_parameters(robot.model.inertias[0].toDynamicParameters())
     if mass < _LEAST or np.linalg.eigvalsh(inertia)[0] < _LEAST or breaks_triangle(inertia):
         return world
     own = [f.name for f in robot.model.frames if f.parentJoint == 0 and f.type == pin.FrameType.BODY]
     trunk = ElementTree.SubElement(world, "body", name=own[0] if own else "trunk")
     ElementTree.SubElement(trunk, "freejoint")
-    _inertial(trunk, LinkInertia(mass, center, inertia))
+    trunk.append(inertial_of(LinkInertia(mass, center, inertia)))
     return trunk
 
 
@@ -116,7 +114,7 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
         names = [f"loop_{index}_a", f"loop_{index}_b"]
         for name, frame in zip(names, (anchor.frame_a, anchor.frame_b), strict=True):
             where = robot.model.frames[frame]
-            # The ground is the last of the owners.
+            # Joint 0 stands for the ground, which is the last of the owners.
             place = TreeFrame(name, -1, np.array(where.placement.rotation), np.array(where.placement.translation))
             _site(owners[where.parentJoint - 1], place)
         kind = "connect" if anchor.kind == "point" else "weld"

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""Loads a written model again and compares its torques with those of the model it was made from.
+"""Written models loaded again, and their torques compared with those of the models they were made from.
 
-A MuJoCo that is broken or too old is treated as absent.
+If MuJoCo is broken or too old, nothing is checked in it, as if it were not installed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from identification.export.model_files.tree import tree_torque
+from identification.export.model_files.tree import tree_torque, with_tree_friction
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
@@ -24,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, configurations
 
 OLDEST = (3, 4)
-"""Oldest version that has all functions needed to load a file again."""
+"""Oldest version of MuJoCo that has all functions needed to load a file again."""
 
 _JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
 _NEWER = (
@@ -35,7 +35,7 @@ _NEWER = (
     ),
     (" delay=", '<motor joint="j" delay="0.01" nsample="12" interp="linear"/>', "delay of an actuator"),
 )
-"""Features of newer versions: text that shows their use, an actuator with the feature, and its name."""
+"""Features of newer versions of MuJoCo: text that shows their use, an actuator with the feature, and its name."""
 
 
 def mujoco_problem(text: str = "") -> str | None:
@@ -77,7 +77,7 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
 
     Args:
         text: Text of the URDF.
-        robot: The model in the file; rotor inertias are taken from it, as the file has none.
+        robot: The model in the file; rotor inertias are taken from it, as a URDF has none.
         motion: N samples of the active joints.
         config: The robot's ``robot.yaml``, for locked joints and gravity.
 
@@ -113,16 +113,11 @@ def robot_with_urdf(text: str, robot: Robot, config: Path | None) -> Robot:
         )
     model = loaded.model.copy()
     model.armature, model.gravity = robot.model.armature, robot.model.gravity
-    viscous, coulomb = tree_friction(loaded)
-    active, chain = list(robot.tree_rows), robot.chain
-    if chain is not None:
-        rows = list(chain.passive)
-        chain = replace(chain, viscous_friction=viscous[rows], coulomb_friction=coulomb[rows])
-    return replace(robot, model=model, viscous_friction=viscous[active], coulomb_friction=coulomb[active], chain=chain)
+    return replace(with_tree_friction(robot, *tree_friction(loaded)), model=model)
 
 
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
-    """Largest difference of torques, over the largest torque, of a MJCF that MuJoCo has loaded again; NaN without it.
+    """Largest difference of torques, over the largest torque, of an MJCF loaded again; NaN without MuJoCo.
 
     Args:
         text: Text of the MJCF.
@@ -139,12 +134,12 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
 
 
 def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
-    """Torque [N m or N] on every joint of the tree that a MJCF needs in MuJoCo, minus that of drives without a command.
+    """Torque [N m or N] on every joint of the tree that an MJCF needs in MuJoCo, less that of drives without a command.
 
     Args:
         text: Text of the MJCF; joints that the robot does not have stay at zero.
         robot: The robot with the joints.
-        tree: N samples.
+        tree: N samples of the motion of all joints.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -153,13 +148,13 @@ def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N 
 
 
 def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:
-    """`mujoco_torque` of a loaded model; its constraints are switched off.
+    """`mujoco_torque` of a loaded model.
 
     Args:
-        model: MuJoCo's model.
+        model: MuJoCo's model; its constraints are switched off.
         robot: The robot with the joints.
-        tree: N samples.
-        held: Positions of joints that the robot does not have, where they are not zero.
+        tree: N samples of the motion of all joints.
+        held: Positions of joints that the robot does not have, if they are not zero.
     """
     import mujoco
 
@@ -184,7 +179,7 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
 
 
 def load_mujoco(text: str) -> Any:
-    """MuJoCo's model of a MJCF.
+    """MuJoCo's model of an MJCF.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -207,13 +202,13 @@ def mujoco_joints(model: Any, robot: Robot) -> tuple[list[int], list[int]]:
 
 
 def some_motion(motion: Motion, most: int = 200) -> Motion:
-    """At most so many samples of a motion, evenly spread."""
+    """At most this number of samples of a motion, evenly spread."""
     at = np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int))
     return motion.at(at)
 
 
 def versions() -> dict[str, str]:
-    """Libraries that load the files again: name and version of Pinocchio, and of MuJoCo if it is installed."""
+    """Name and version of the libraries that load the files again, by format; MuJoCo only if it is installed."""
     out = {"urdf": f"Pinocchio {pin.__version__}"}
     if mujoco_problem() is None:
         import mujoco

@@ -28,7 +28,7 @@ class TreeBody:
         axis: Axis of the joint, in its own frame.
         limits: Lower and upper position [rad or m]; None without limits.
         inertia: Inertia in the frame of the joint.
-        damping, friction, armature: Viscous coefficient, Coulomb torque, rotor inertia of the joint.
+        damping, friction, armature: Viscous coefficient, Coulomb torque and rotor inertia of the joint, in SI units.
     """
 
     name: str
@@ -97,9 +97,9 @@ def bodies(robot: Robot) -> tuple[TreeBody, ...]:
 
 
 def frames(robot: Robot) -> tuple[TreeFrame, ...]:
-    """Named frames that are no moving body and no joint: fixed links, and frames such as a tip.
+    """Named frames that are neither a moving body nor a joint: fixed links, and frames such as a tip.
 
-    A name that is already in use is left out.
+    A frame whose name is already in use is left out.
     """
     model = robot.model
     seen = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
@@ -118,7 +118,7 @@ def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
 
     Args:
         robot: The robot with its friction.
-        tree: N samples.
+        tree: N samples of the motion of all joints.
     """
     viscous, coulomb = tree_friction(robot)
     data = robot.model.createData()

@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """A robot as URDF: its own file with other inertias and friction, or a new file.
 
-In an edited file everything else is unchanged, and the inertia of a moving body is split over the links that are fixed
-to each other. A new file has tree, inertias and friction, but no shapes.
+In an edited file everything else is unchanged, and the inertia of a moving body is divided among the links that are
+fixed to each other. A new file has tree, inertias and friction, but no shapes.
 """
 
 from __future__ import annotations
@@ -31,15 +31,30 @@ def stated_inertia(link: Element) -> pin.Inertia | None:
     mass, inertia = (None, None) if inertial is None else (inertial.find("mass"), inertial.find("inertia"))
     if inertial is None or mass is None or inertia is None:
         return None
-    origin = inertial.find("origin")
-    xyz, rpy = (
-        np.array([float(x) for x in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()])
-        for key in ("xyz", "rpy")
-    )
     ixx, ixy, ixz, iyy, iyz, izz = (float(inertia.get(k, "0")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    turn = pin.rpy.rpyToMatrix(rpy)
-    return pin.Inertia(float(mass.get("value", "0")), xyz, turn @ matrix @ turn.T)
+    place = placement(inertial.find("origin"))
+    turn = place.rotation
+    return pin.Inertia(float(mass.get("value", "0")), place.translation, turn @ matrix @ turn.T)
+
+
+def placement(origin: Element | None) -> pin.SE3:
+    """Placement that an ``<origin>`` of a URDF states; the identity without one."""
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (np.array([float(x) for x in origin.get(key, "0 0 0").split()]) for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def child_of(element: Element, tag: str) -> Element:
+    """The first child of an element with a tag, which is added if there is none."""
+    found = element.find(tag)
+    return ElementTree.SubElement(element, tag) if found is None else found
+
+
+def comment_parser() -> ElementTree.XMLParser:
+    """A parser that keeps comments, which often state where numbers come from."""
+    return ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
 
 
 def link_of_joint(root: Element, joint: str) -> str | None:
@@ -70,7 +85,7 @@ def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, F
 
 
 def links_held(robot: Robot, root: Element) -> frozenset[str]:
-    """Links that are descendants of a locked joint: in a file without the lock they can move."""
+    """Links behind a locked joint, which can move in a file without the lock."""
     children: dict[str, list[tuple[str, str]]] = {}
     for element in root.findall("joint"):
         parent, child = element.find("parent"), element.find("child")
@@ -89,10 +104,10 @@ def links_held(robot: Robot, root: Element) -> frozenset[str]:
 def own_inertia(
     robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str]
 ) -> tuple[LinkInertia, frozenset[str]]:
-    """Inertia of the link on a joint such that its sum with the links fixed to it is that of the body.
+    """Inertia of the link on a joint, which together with that of the links fixed to it is the inertia of the body.
 
-    Links fixed to it keep the inertia in the file. If the remainder is that of no possible body, their inertia is added
-    to the link's own instead; links behind a locked joint always keep theirs.
+    Links fixed to it keep the inertia in the file. If no possible body has the remainder, their inertia is added to the
+    link's own instead; links behind a locked joint always keep theirs.
 
     Args:
         robot: The robot, with the inertia of the body.
@@ -104,7 +119,7 @@ def own_inertia(
         The inertia, and the links whose own inertia becomes zero.
 
     Raises:
-        ParameterError: If the remainder is that of no possible body.
+        ParameterError: If no possible body has the remainder.
     """
     whole = robot.model.inertias[body].toDynamicParameters()
     reason = None
@@ -132,11 +147,9 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
 
     Raises:
         RobotError: If the file has no link on a joint of the robot.
-        ParameterError: If the inertia of a link is that of no possible body.
+        ParameterError: If no possible body has the inertia of a link.
     """
-    # Comments are kept: they often state the origin of numbers.
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    root = ElementTree.parse(file, parser).getroot()
+    root = ElementTree.parse(file, comment_parser()).getroot()
     links = {link.get("name", ""): link for link in root.findall("link")}
     held = links_held(given, root)
     for body in range(1, robot.model.njoints):
@@ -144,7 +157,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
             continue
         own = link_of_joint(root, robot.model.names[body])
         if own is None or own not in links:
-            raise RobotError(f"{file} hangs no link on the joint {robot.model.names[body]}: give the robot's URDF.")
+            raise RobotError(f"{file} has no link on the joint {robot.model.names[body]}: give the robot's URDF.")
         inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held)
         for name in losing:
             for element in links[name].findall("inertial"):
@@ -195,10 +208,7 @@ def _set_friction(root: Element, robot: Robot, given: Robot) -> None:
     for k, name in enumerate(list(robot.model.names)[1:]):
         for values, before, attribute in zip(new, old, ("damping", "friction"), strict=True):
             if values[k] != before[k] and name in joints:
-                element = joints[name].find("dynamics")
-                if element is None:
-                    element = ElementTree.SubElement(joints[name], "dynamics")
-                element.set(attribute, repr(float(values[k])))
+                child_of(joints[name], "dynamics").set(attribute, repr(float(values[k])))
 
 
 def _relocate(root: Element, source: Path, folder: Path) -> None:
@@ -221,7 +231,7 @@ def new_urdf(robot: Robot) -> str:
     tree, places = bodies(robot), frames(robot)
     taken = {body.name for body in tree} | {place.name for place in places}
     ground = next(name for name in ("ground", *(f"ground_{k}" for k in range(len(taken) + 1))) if name not in taken)
-    names = [*(body.name for body in tree), ground]  # parent -1 is the last
+    names = [*(body.name for body in tree), ground]  # the last one has index -1, which stands for the ground
     ElementTree.SubElement(root, "link", name=ground)
     for body in tree:
         link = ElementTree.SubElement(root, "link", name=body.name)

@@ -1,4 +1,4 @@
-"""Drive torque of each written model or law along a recording, after it was loaded back, and what each can contain."""
+"""Drive torque of each written model or law along a recording, after it was loaded again, and what each can contain."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from identification.export.corrected.corrected_urdf import robot_of_urdf
 from identification.export.corrected.corrected_yaml import known_effects, read_corrected
 from identification.export.corrected.found_effects import moved_by
 from identification.export.corrected.given_drives import holds_reference_delay
+from identification.export.file_names import ISAAC, RESIDUAL
 from identification.export.model_files.reload import robot_with_urdf
-from identification.export.uses.feedforward import OWN_LAWS, over_samples
-from identification.export.uses.residual_model import loaded as loaded_residual
+from identification.export.uses.feedforward import OWN_LAWS, loaded, over_samples
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.described import ModelNumbers
@@ -52,8 +52,8 @@ class Format:
     """Numbers and laws that one kind of file can contain.
 
     Attributes:
-        numbers: Fields of `ModelNumbers`; None if it contains every effect by its law.
-        laws: Effects that it contains by a law of its own.
+        numbers: Fields of `ModelNumbers` that it can express; None if it can express the law of every effect.
+        laws: Effects for which it has a law of its own.
     """
 
     numbers: frozenset[str] | None
@@ -74,7 +74,7 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
     Args:
         kind: Kind of the file.
         corrected: The model from which the file is made.
-        effect: The effect, with the contract's parameters in order.
+        effect: The effect, with its parameters in the order of the catalogue.
     """
     if kind.numbers is None or effect.effect in kind.laws:
         return True
@@ -101,7 +101,7 @@ def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
     )
 
 
-# Function from the index of a log to the commanded drive torque along it, ``(N, nv)`` at the full rate.
+# A function from the index of a log to the commanded drive torque along it, ``(N, nv)`` at the full rate.
 Asked = Callable[[int], Float[Array, "N nv"]]
 
 # The loader in C, where PyYAML has it, is ten times as fast.
@@ -122,7 +122,7 @@ def torque_of_model(
         replay: The recordings.
         robot: The model.
         effects: Effects added to it.
-        beside: A further torque of the drives.
+        beside: A function from the motion to a further torque of the drives.
     """
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
@@ -147,14 +147,14 @@ def torque_of_urdf(
         text: Text of the URDF.
         corrected: The model from which it was made.
         config: The robot's ``robot.yaml``.
-        effects: The findings that it contains; limits act by their own law.
+        effects: The findings that it contains; of them, limits act by their own law.
     """
     robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
     return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
 def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> Asked:
-    """Drive torque of a MJCF, computed from the corrected model, with which MuJoCo's torques were compared before.
+    """Drive torque of an MJCF, computed from the corrected model, with which MuJoCo's torques were compared before.
 
     Args:
         replay: The recordings.
@@ -211,11 +211,11 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 
 
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
-    """Drive torque of a ``feedforward.py``, for the motion later by the drive's delay.
+    """Drive torque of a ``feedforward.py``, for the motion that is later by the drive's delay.
 
     The part of a recorded command beyond the drive's limit had no effect, so it is added. The torque of the file is not
-    limited: clipped on one side only, noise of the measured motion would get a mean. Loads that are known in one
-    recording, and measured external forces, are no part of the file.
+    limited, as noise of the measured motion that is clipped on one side only would have a mean. Loads that are known in
+    one recording and measured external forces are not in the file, so they are added too.
 
     Args:
         replay: The recordings.
@@ -243,7 +243,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
 
 
 def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
-    """A series advanced by a time; its last value is held at the end."""
+    """A series advanced by some time; its last value is held at the end."""
     return x if seconds == 0 else np.column_stack([np.interp(t + seconds, t, column) for column in x.T])
 
 
@@ -258,14 +258,12 @@ def torque_of_actuators(
         corrected: The corrected model with its links.
         effects: The findings that the file contains; delays and limits act by their own laws.
     """
-    names: dict[str, Any] = {"__name__": "isaac_lab"}
-    exec(compile(code, "isaac_lab.py", "exec"), names)
-    robot = with_actuators(corrected, names["JOINTS"])
+    robot = with_actuators(corrected, loaded(code, ISAAC)["JOINTS"])
     return torque_of_model(replay, robot, of_drives(corrected, effects))
 
 
 def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, float]]) -> Robot:
-    """The links of a corrected model with friction and rotors by joint, under Isaac Lab's names.
+    """A corrected model with other friction and rotors, stated by joint under Isaac Lab's names.
 
     Args:
         corrected: The corrected model.
@@ -285,15 +283,15 @@ def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, 
 
 
 def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) -> Asked:
-    """Drive torque of a model with that of a ``residual.py`` on one joint.
+    """Drive torque of a model together with a ``residual.py`` on one joint.
 
     Args:
         replay: The recordings.
         code: Text of the file.
-        model: Drive torque of the corrected model without it.
+        model: Drive torque of the corrected model without the residual.
         robot: The model from which the inputs of the law are computed.
     """
-    names = loaded_residual(code)
+    names = loaded(code, RESIDUAL)
     row = robot.joint_names.index(names["JOINT"])
 
     def asked(log: int) -> Array:
@@ -307,7 +305,7 @@ def torque_of_residual(replay: Replay, code: str, model: Asked, robot: Robot) ->
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
     """Torque of a law that is evaluated step by step."""
-    from identification.diagnosis.law.rest import inputs_of  # with all laws of a rest, which few runs need
+    from identification.diagnosis.law.rest import inputs_of  # imports all laws of residuals, which few runs need
 
     others = [k for k in range(robot.nv) if k != row]
     inputs = inputs_of(robot, log, operation, row, others)

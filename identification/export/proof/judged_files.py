@@ -1,7 +1,7 @@
-"""Check of files before they are written: the residual of each, compared with the given model's and the claimed one.
+"""Check of files before they are written: the residual of each, compared with that of the given model and the claim.
 
-A file with a larger residual than the given model on any joint, or a clearly larger one than the diagnosis claims for
-the findings in it, would do harm. It is not written, and a note gives the reason.
+A file would do harm if its residual on any joint is larger than that of the given model, or clearly larger than the
+diagnosis claims for the findings in it. Such a file is not written, and a note gives the reason.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model, torque_beside
-from identification.export.corrected.found_effects import within_tolerance
+from identification.export.corrected.corrected_urdf import with_rotors_of
+from identification.export.corrected.found_effects import moved_by
 from identification.export.file_names import FEEDFORWARD, GOES_WITH, ISAAC, MJCF, RANDOMISATION, RESIDUAL, URDF, YAML
 from identification.export.headers import with_header
 from identification.export.proof.file_torques import (
@@ -75,11 +76,11 @@ class Measured:
 
     @cached_property
     def given(self) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of the given model: squares and their counts, and root mean squares on the recording as it is."""
+        """`left_by` of the given model."""
         return self.left_by(torque_of_model(self.replay, self.robot, self.known))
 
     def left_by(self, asked: Asked) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of a torque: squares and their counts, and root mean squares by joint on the recording as it is."""
+        """Residual of a torque: `squares`, and root mean squares by joint without the fitted numbers in `squares`."""
         once = cache(asked)
         squares, fitted = self.squares(once), self.fitted
         as_recorded = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
@@ -93,9 +94,10 @@ class Measured:
         return tuple(torque_of_base_errors(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
 
     def squares(self, asked: Asked) -> Float[Array, "2 B nv"]:
-        """Squared residual of a torque with the fitted delay and softness of friction added, and their counts.
+        """Sums of squares of a torque's residual by block and joint, and the numbers of samples in them.
 
-        Delay and softness are properties of the recording, so a file is not to be refused for lacking them.
+        The fitted delay, softness of friction and errors of the base's sensors are added to the torque: they are
+        properties of the recording, and no file can have them.
         """
         fitted = self.fitted
 
@@ -147,9 +149,12 @@ class Proof:
 
     @cached_property
     def estimate(self) -> Robot:
-        """The given model with its moves within tolerance, possible or not; without them where it cannot be built."""
+        """The given model with its moves within tolerance, even if its bodies are impossible.
+
+        If a mass would be zero or negative, it is the model without the moves.
+        """
         try:
-            return within_tolerance(self.corrected.given, self.diagnosis)
+            return moved_by(self.corrected.given, self.diagnosis.adjusted)
         except PhantomDynError:
             return self.corrected.given
 
@@ -192,15 +197,15 @@ class Proof:
         return tuple(one for one in self.effects if holds(kind, self.corrected, one))
 
     def _given_as(self, kind: Format) -> Asked:
-        """Drive torque of the given model with the known effects, as far as a kind of file can contain them."""
+        """Drive torque of the given model with the known effects, as far as this kind of file can contain them."""
         return self._as(kind, self.corrected.given, self.known)
 
     def _as(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> Asked:
-        """Drive torque of a model with effects by their laws, or by the part of them that a kind of file contains."""
+        """Drive torque of a model with effects, as far as this kind of file can contain them."""
         held = tuple(one for one in effects if holds(kind, self.corrected, one))
         part = corrected_model(base, tuple(one for one in effects if one not in held))
         beside = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: torque_beside(part, motion))
-        robot = part.robot if kind is not URDF_FORMAT else _with_rotors_of(part.robot, self.corrected.given)
+        robot = part.robot if kind is not URDF_FORMAT else with_rotors_of(part.robot, self.corrected.given)
         return torque_of_model(self.replay, robot, held, beside)
 
     def _record(self, file: str, asked: Asked, kind: Format, given: Asked | None = None) -> WrittenFile:
@@ -219,7 +224,7 @@ class Proof:
         )
 
     def _moves_rotors(self, kind: Format) -> bool:
-        """True if rotor inertias were moved within tolerance and the format has none."""
+        """True if rotor inertias were moved within tolerance and the format cannot state them."""
         moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
         return kind is URDF_FORMAT and moved
 
@@ -241,7 +246,7 @@ class Proof:
         if worse.any():
             j = int(np.argmax(np.where(worse, left / np.maximum(had, 1e-300), 0.0)))
             return (
-                f"on {joints[j].joint} it would leave {number(left[j])} {joints[j].unit}, where the given model leaves "
+                f"on {joints[j].joint} its residual is {number(left[j])} {joints[j].unit}, and that of the given model "
                 f"{number(had[j])} {joints[j].unit}"
             )
         floor = np.array([joint.noise_floor for joint in joints])
@@ -250,14 +255,14 @@ class Proof:
         if over.any():
             j = int(np.argmax(np.where(over, left / np.maximum(wanted, 1e-300), 0.0)))
             return (
-                f"on {joints[j].joint} it would leave {number(left[j])} {joints[j].unit}, where "
-                f"{number(wanted[j])} {joints[j].unit} is claimed of what it holds"
+                f"on {joints[j].joint} its residual is {number(left[j])} {joints[j].unit}, and the diagnosis claims "
+                f"{number(wanted[j])} {joints[j].unit} for the findings in it"
             )
         return ""
 
 
 def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
-    """Root mean square of each joint, of squares and counts by block."""
+    """Root mean square of each joint, from sums of squares and numbers of samples by block."""
     total = squares.sum(axis=1)
     return np.sqrt(total[0] / np.maximum(total[1], 1e-300))
 
@@ -265,14 +270,14 @@ def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
 def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
     """True for joints on which one model has a larger residual than another, by paired differences over blocks.
 
-    The mean difference of squares is a ratio of sums over blocks, with the standard deviation of a ratio; the interval
-    is Student's, at 95 % over all joints together.
+    The mean difference of squares is a ratio of sums over blocks, with the standard deviation of a ratio. Its interval
+    is from Student's distribution, at 95 % over all joints together.
 
     Args:
-        squares: Squares and counts of the one model.
-        before: Those of the other, on the same samples.
+        squares: Sums of squares of the residual of the one model, and numbers of samples, by block and joint.
+        before: The same of the other model, on the same samples.
     """
-    from scipy.special import stdtrit  # where files are judged alone
+    from scipy.special import stdtrit  # slow to import, and only needed if files are checked
 
     counts = squares[1]
     blocks = len(counts)
@@ -284,14 +289,6 @@ def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"])
     return (mean > reach * deviation) & (rms(squares) > (1.0 + _ROUNDING) * rms(before))
 
 
-def _with_rotors_of(robot: Robot, other: Robot) -> Robot:
-    from dataclasses import replace
-
-    model = robot.model.copy()
-    model.armature = other.model.armature
-    return replace(robot, model=model)
-
-
 def _named(effect: KnownEffect) -> str:
     return effect.effect if effect.joint is None else f"{effect.effect} {effect.joint}"
 
@@ -299,12 +296,15 @@ def _named(effect: KnownEffect) -> str:
 def proved(
     texts: dict[str, str], proof: Proof | None, *, moved_mjcf: bool = False
 ) -> tuple[dict[str, str], tuple[WrittenFile, ...], tuple[Note, ...]]:
-    """Files that may be handed out, the error that each leaves (also in its header), and why others may not.
+    """Texts of the files that passed their check, with their residuals in the header.
 
     Args:
-        texts: By name.
-        proof: What they are compared with; None where no torque was judged.
-        moved_mjcf: True if poses have moved joints of the MJCF: what it leaves then is not known.
+        texts: Texts by file name.
+        proof: Reference for the check; None if there is none, so that all files pass.
+        moved_mjcf: True if measured poses have moved joints of the MJCF: its residual is then not known.
+
+    Returns:
+        The texts, a record of each check, and a note on each file that is left out.
     """
     if proof is None:
         return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()

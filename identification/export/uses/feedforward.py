@@ -19,6 +19,7 @@ import pinocchio as pin
 from identification.csv_cells import text_cell
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_model import CorrectedModel, torque_limits
+from identification.export.file_names import FEEDFORWARD
 from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
 from phantom_dyn.array_types import Array, Float
@@ -34,7 +35,7 @@ _JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1
 OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
 """Effects that have their own law in the file, in addition to their part in `CorrectedModel`."""
 _MOST = 2.0
-"""Largest torque that the file gives, over the largest measured one; it refuses motions that need more."""
+"""Largest torque that the file returns, over the largest measured one; it refuses motions that need more."""
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
 
 
@@ -43,10 +44,10 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
 
     Args:
         corrected: The corrected model.
-        diagnosis: Gives the largest measured torques.
+        diagnosis: The diagnosis, with the largest measured torques.
 
     Raises:
-        ParameterError: If the robot has loops that keep frames together: they need a solver.
+        ParameterError: If the robot has loops that keep frames together, which need a solver.
     """
     functions = Path(__file__).with_name("feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
@@ -56,18 +57,23 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
     return f'"""{_docstring(corrected)}\n"""\n\n{code}'
 
 
-def loaded(code: str) -> dict[str, Any]:
-    """The names that the text of a ``feedforward.py`` defines."""
-    names: dict[str, Any] = {"__name__": "feedforward"}
-    exec(compile(code, "feedforward.py", "exec"), names)
+def loaded(code: str, file: str = FEEDFORWARD) -> dict[str, Any]:
+    """The names that a written Python file defines.
+
+    Args:
+        code: Text of the file.
+        file: Name of the file.
+    """
+    names: dict[str, Any] = {"__name__": Path(file).stem}
+    exec(compile(code, file, "exec"), names)
     return names
 
 
 def over_samples(code: str) -> dict[str, Any]:
     """The names that a ``feedforward.py`` defines, for an array of N samples per joint in place of a number.
 
-    The functions use sums, products and functions of ``math``, which NumPy has under the same names. Arguments have to
-    be read-only arrays, so that a function that changes its arguments fails.
+    The functions use sums, products and functions of ``math``, which NumPy has under the same names. Pass read-only
+    arrays, so that a function that changes its arguments fails.
     """
     names = loaded(code)
     names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None, "_refuse": lambda _: None}
@@ -76,7 +82,7 @@ def over_samples(code: str) -> dict[str, Any]:
 
 
 def _measured(diagnosis: Diagnosis, nv: int) -> _Limits:
-    """Largest measured torque of each joint, infinite where none was measured."""
+    """Largest measured torque of each joint, infinite if none was measured."""
     if diagnosis.replay is not None:
         largest = diagnosis.replay.largest_torque()
     else:
@@ -89,8 +95,8 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
 
     Args:
         corrected: The corrected model.
-        diagnosis: Gives the positions and speeds.
-        code: What `feedforward_code` gives of both.
+        diagnosis: The diagnosis, with the recorded positions and speeds.
+        code: The `feedforward_code` of both.
     """
     names, law = corrected.robot.joint_names, over_samples(code)
     q, v = _table_motion(diagnosis, len(names))
@@ -114,7 +120,7 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
 
 
 def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """Positions and velocities of the table's rows: for each joint ``_POSITIONS`` at rest, then its speeds."""
+    """Positions and velocities of the table's rows: for each joint first positions at rest, then speeds."""
     q, v = diagnosis.evidence.q, diagnosis.evidence.v
     low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(nv), np.zeros(nv))
     fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(nv)
@@ -128,7 +134,7 @@ def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], 
 
 
 def _rows(values: Float[Array, "N nv"]) -> list[Float[Array, " N"]]:
-    """One read-only array a joint."""
+    """One read-only array for each joint."""
     return [read_only(row) for row in values.T]
 
 
@@ -187,7 +193,7 @@ def _plain(values: Float[Array, "..."]) -> tuple:
 
 
 def _bodies(robot: Robot) -> tuple:
-    """Parent, kind, place, axis and inertia about the joint, of every body."""
+    """Parent, kind, placement, axis and inertia about the joint of every body."""
     out = []
     for body in bodies(robot):
         whole = pin.Inertia(body.inertia.mass, np.array(body.inertia.center), np.array(body.inertia.inertia))
@@ -217,14 +223,15 @@ def _docstring(corrected: CorrectedModel) -> str:
     robot = corrected.robot
     names = robot.joint_names
     lines = [
-        f"Feedforward torque of {robot.name}, made by phantom-dyn {__version__} from a diagnosis. Python alone.",
+        f"Feedforward torque of {robot.name}, made by phantom-dyn {__version__} from a diagnosis. Needs only Python.",
         "",
-        f"torque(q, v, a) takes the wanted motion, one number a joint ({', '.join(names)}), and gives what to ask of",
-        "the drives [N m or N]; gravity, friction, cogging (with constant torques and springs) and headroom give parts",
-        "of it. Where LEAD is not zero the drive is late: give the motion that is wanted so many seconds later.",
+        f"torque(q, v, a) takes the wanted motion, one number for each joint ({', '.join(names)}), and returns the",
+        "torque to command to the drives [N m or N]. gravity, friction and cogging (with constant torques and springs)",
+        "return parts of it, and headroom what is left of the limits. If LEAD is not zero, the drive is late: pass the",
+        "motion that is wanted this number of seconds later.",
         "",
-        "torque never asks for more than LIMITS. It refuses a motion that needs more than MOST times the largest",
-        "MEASURED torque.",
+        "torque never exceeds LIMITS. A motion that needs more than MOST times the largest MEASURED torque raises a",
+        "ValueError.",
     ]
     missing = _missing(corrected)
     if missing:

@@ -1,8 +1,8 @@
-"""Draws of robots for training in simulation: from what a diagnosis found, and from what may be there unseen.
+"""Draws of robots for training in simulation, with effects that a diagnosis found and with some that it cannot exclude.
 
-What was found is drawn from its joint normal distribution, correlations included where the diagnosis knows them. What
-was not seen is drawn evenly between nothing and the smallest size that the recordings would have shown; few at a time,
-as together they would have been seen. Ranges are two deviations to either side.
+Effects that were found are drawn from their joint normal distribution, with correlations if the diagnosis has them.
+Effects that were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown;
+few at a time, as together they would have been seen. Ranges are two standard deviations to either side.
 """
 
 from __future__ import annotations
@@ -18,26 +18,27 @@ from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
 SIGMAS = 2.0
-"""Half width of a range in deviations."""
+"""Half width of a range in standard deviations."""
 _SLIGHT = 1e-3
-"""Share of a size at which an effect is nearly absent: it shows towards which value its parameter fades out."""
+"""Share of a size at which an effect is nearly absent: it shows which value its parameter approaches."""
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Distribution of a robot after a diagnosis: what was found, and what may be there unseen.
+    """Distribution of a robot after a diagnosis: effects that were found, and effects that it may have unseen.
 
     Attributes:
         robot: The given model.
-        findings: Of the diagnosis.
-        found: The same as effects with their parameters in order.
-        loadings: Deviations of all their numbers as sums of ``k`` independent standard numbers, ``(p, k)``.
-        unseen: Effects that were not seen, with the size from which they would have been.
-        control_step: Time from one command to the next [s], or None.
+        findings: Findings of the diagnosis.
+        found: The same as effects, with their parameters in the order of the catalogue.
+        loadings: Matrix that turns ``k`` independent standard normal numbers into the errors of all ``p`` numbers.
+        unseen: Effects that were not seen, with the size from which they would have been seen.
+        control_step: Time from one command to the next [s]; None if it is not known.
         posture: Mean recorded positions [rad or m]; the zero posture by default.
     """
 
@@ -51,22 +52,22 @@ class Randomisation:
 
     @property
     def values(self) -> Float[Array, " p"]:
-        """All numbers of what was found, one effect after the other."""
+        """All numbers of the effects that were found, one effect after the other."""
         return np.array([x for effect in self.found for x in effect.theta])
 
     def with_values(self, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
-        """The effects that were found, with these numbers."""
+        """The effects that were found, with these numbers in place of `values`."""
         rest = iter(values.tolist())
         return tuple(KnownEffect(one.effect, one.joint, tuple(islice(rest, len(one.theta)))) for one in self.found)
 
     @property
     def std(self) -> Float[Array, " p"]:
-        """Their deviations."""
+        """Standard deviations of `values`."""
         return np.sqrt((self.loadings**2).sum(axis=1))
 
     @property
     def correlation(self) -> Float[Array, "p p"]:
-        """Their correlations; zero with what has no deviation."""
+        """Correlations of `values`; zero with a number whose standard deviation is zero."""
         std = self.std
         scale = np.where(std > 0, std, 1.0)
         out = self.loadings @ self.loadings.T / np.outer(scale, scale)
@@ -78,9 +79,9 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
     """Distribution of a robot after a diagnosis.
 
     Args:
-        diagnosis: What was found, and what was not seen.
+        diagnosis: The diagnosis.
         robot: The given model.
-        control_step: Time from one command to the next [s]; by default that between samples of the recordings.
+        control_step: Time from one command to the next [s]; by default the sample period of the recordings.
 
     Raises:
         ParameterError: If the control step is not a positive number.
@@ -101,19 +102,19 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
 def draws(
     randomisation: Randomisation, count: int, rng: np.random.Generator, *, unseen: int = 1
 ) -> tuple[tuple[KnownEffect, ...], ...]:
-    """Robots drawn at random: the effects of each, for `corrected_model` or a simulation.
+    """The effects of robots that are drawn at random, for `corrected_model` or a simulation.
 
     Args:
         randomisation: Distribution of the robot.
-        count: How many robots.
-        rng: Random numbers.
-        unseen: How many of the effects that were not seen each robot has besides.
+        count: Number of robots.
+        rng: Random number generator.
+        unseen: Number of effects that were not seen, which each robot has in addition.
 
     Raises:
         ParameterError: If a number is below zero.
     """
     if count < 0 or unseen < 0:
-        raise ParameterError(f"{count} draws with {unseen} unseen effects were asked for: give numbers from 0 on.")
+        raise ParameterError(f"{count} draws with {unseen} unseen effects were asked for: give numbers of 0 or more.")
     known = tuple(bound for bound in randomisation.unseen if unseen_effect(randomisation, bound, 1.0) is not None)
     normal = rng.standard_normal((count, randomisation.loadings.shape[1]))
     values = randomisation.values + normal @ randomisation.loadings.T
@@ -123,7 +124,7 @@ def draws(
 
 
 def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
-    """An effect of a share of the size that would have been seen; None where the size alone does not make one."""
+    """An effect with a share of the size that would have been seen; None if the size alone does not define it."""
     robot, posture = randomisation.robot, randomisation.posture
     posture = np.zeros(robot.nv) if posture is None else posture
     theta = effect_named(bound.effect, robot).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
@@ -131,7 +132,7 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 
 def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
-    """Range of sizes that would not have been seen on a robot; a size is how far from nothing an effect is."""
+    """Range of sizes of an effect that would not have been seen; a size is the distance from no effect."""
     known = effect_named(bound.effect, robot).parameters(robot, bound.joint)
     either = any(one.either_sign for one in known if one.name == bound.parameter)
     return (-bound.below if either else 0.0, bound.below)
@@ -139,13 +140,13 @@ def unseen_sizes(robot: Robot, bound: Bound) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class UnseenRange:
-    """Where a parameter of an effect that was not seen may lie, as a finding of that effect would state it.
+    """Range of a parameter of an effect that was not seen, in the terms in which a finding would state it.
 
     Attributes:
-        parameter: The contract's name.
-        unit: Its unit.
-        low, high: The range; infinite where the effect fades out towards infinity, as a stiffness does.
-        nothing: Value of a robot without the effect: 1 of a factor, infinite of a stiffness, else 0.
+        parameter: Name of the parameter in the catalogue.
+        unit: Unit of the parameter.
+        low, high: The range; an end is infinite if the effect vanishes towards infinity, as that of a stiffness.
+        nothing: Value for a robot without the effect: 1 for a factor, infinity for a stiffness, otherwise 0.
     """
 
     parameter: str
@@ -156,16 +157,16 @@ class UnseenRange:
 
 
 def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
-    """Range of the parameter of an effect between sizes that would not have been seen on a robot.
+    """Range of an effect's parameter for all sizes that would not have been seen.
 
-    A bound is a size, which is not always what the effect's parameter is: a ratio that is off by 0.04 is 0.96 to 1.04,
-    a compliance of 0.001 at most is a stiffness of 1000 and more.
+    The size in a bound is not always the effect's parameter: a ratio with an error of up to 0.04 is 0.96 to 1.04, and
+    a compliance of up to 0.001 is a stiffness of 1000 or more.
     """
     effect = effect_named(bound.effect, robot)
     low, high = unseen_sizes(robot, bound)
     parameters = effect.parameters(robot, bound.joint)
     names = [parameter.name for parameter in parameters]
-    # What is sized under another name is what the first parameter comes from.
+    # A size with another name determines the first parameter.
     place = names.index(bound.parameter) if bound.parameter in names else 0
     one = parameters[place]
 
@@ -174,10 +175,10 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
         return None if theta is None else float(np.clip(theta[place], one.lower, one.upper))
 
     largest, slight = value(high), value(_SLIGHT * high)
-    # A size that alone does not make an effect is the value of a parameter.
+    # If the size alone does not define an effect, it is the value of the parameter itself.
     if largest is None or slight is None:
         return UnseenRange(bound.parameter, bound.unit, low, high, 0.0)
-    # Where the law has a pole, at nothing or at a size beyond what can be, the range is open as far as it makes sense.
+    # If the parameter has no value at size zero or at the lower end, the range ends at a bound of the parameter.
     away = one.lower if largest > slight else one.upper
     absent, other = value(0.0), value(low)
     absent = away if absent is None else absent
@@ -186,22 +187,25 @@ def unseen_range(robot: Robot, bound: Bound) -> UnseenRange:
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
-    """Two deviations to either side of one number, within its bounds."""
+    """Range of one number, two standard deviations to either side but within its bounds."""
     low, high = _bounds(randomisation)
     value, half = randomisation.values[place], SIGMAS * randomisation.std[place]
-    # What was found outside the bounds (less friction than modelled) stays what it is.
+    # A value that was found outside the bounds (less friction than modelled) stays in its range.
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
+
+
+def parameters_of(robot: Robot, effect: KnownEffect) -> list[tuple[str, Parameter]]:
+    """Name and parameter of each number of an effect; the numbers of a list have their index in the name."""
+    parameters = effect_named(effect.effect, robot).parameters(robot, effect.joint)
+    each = max(len(effect.theta) // len(parameters), 1)
+    names = [(p.name + (f"[{k}]" if each > 1 else ""), p) for p in parameters for k in range(each)]
+    return names[: len(effect.theta)]
 
 
 def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
     """Bounds of all numbers as the effects state them."""
-    low, high = [], []
-    for effect in randomisation.found:
-        parameters = effect_named(effect.effect, randomisation.robot).parameters(randomisation.robot, effect.joint)
-        each = max(len(effect.theta) // len(parameters), 1)
-        low += [p.lower for p in parameters for _ in range(each)][: len(effect.theta)]
-        high += [p.upper for p in parameters for _ in range(each)][: len(effect.theta)]
-    return np.array(low), np.array(high)
+    parameters = [p for effect in randomisation.found for _, p in parameters_of(randomisation.robot, effect)]
+    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
 
 
 def _drawn(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:

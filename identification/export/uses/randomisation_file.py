@@ -1,8 +1,8 @@
 """``randomisation.yaml`` (schema ``phantom-dyn-randomisation/2``): ranges for training in simulation.
 
-Ranges are stated of the parameters of effects, which count on top of the given model, and of the fields of the
-corrected MJCF (body mass, damping, frictionloss, armature, gear and so on) that these parameters move, which are
-absolute. The file says so itself. A parameter means the same in what was found and in what was not seen.
+The file has ranges of the parameters of effects, which count on top of the given model, and of the numbers in the
+corrected MJCF (body mass, damping, frictionloss, armature, gear and so on) that depend on these parameters, which are
+absolute. Its first lines explain this. A parameter means the same for effects that were found and for others.
 """
 
 from __future__ import annotations
@@ -22,52 +22,53 @@ from identification.export.uses.randomisation import (
     SIGMAS,
     Randomisation,
     found_range,
+    parameters_of,
     unseen_effect,
     unseen_range,
     unseen_sizes,
 )
 from phantom_dyn.array_types import Array
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.files.strict_yaml import settings_text
 
-# Fields of MJCF are element, name, attribute and place among its numbers.
+# One number of an MJCF: element, name, attribute, and index among the numbers of the attribute.
 Field = tuple[str, str, str, int]
 _DEFAULT = {("motor", "gear"): 1.0}
-"""What a field is where it is not written; else zero."""
+"""Value of a number that is not in the file; zero for all others."""
 _OF_DRIVES = "motor", "general"
-"""Elements that are the same drive: which of them depends on what the drive has."""
+"""Elements that stand for a drive: which of them is written depends on the drive's properties."""
 
 SCHEMA = "phantom-dyn-randomisation/2"
 _ON_TOP, _ABSOLUTE = "on top of the given model", "absolute"
 _HEAD = f"""\
 # Ranges for training in simulation, from a diagnosis. All numbers are in SI units.
 #
-# found:  effects that the diagnosis found, counted {_ON_TOP} after the relative changes under adjusted,
+# found:  effects that the diagnosis found. They count {_ON_TOP} after the relative changes under adjusted,
 #         which are within its tolerances: a friction of 0.8 is 0.8 more than the model states. A range is two
-#         deviations to either side of the value.
-# unseen: effects that were not seen, also counted {_ON_TOP}, each from nothing to the size from which the
-#         recordings would have shown it. A parameter means the same as under found: a ratio of torque is a factor, of
-#         which 1 is nothing. Draw few of them at a time, as together they would have been seen. A range that ends at
-#         .inf (a stiffness: nothing is infinitely stiff) is drawn as drawn_as says, evenly from nothing on.
-# mjcf:   the same as numbers of corrected.xml, {_ABSOLUTE}: with 0.6 in the given model and 0.8 found, 1.4 stands here.
-#         range is what found leaves open, unseen_range what unseen does.
-# Use found and unseen, or mjcf: with both everything is counted twice.
+#         standard deviations to either side of the value.
+# unseen: effects that were not seen; they also count {_ON_TOP}. A range goes from no effect to the size from
+#         which the recordings would have shown it. A parameter means the same as under found: a ratio of torque is a
+#         factor, for example. nothing is its value without the effect, which is 1 for a factor. Draw few of them at a
+#         time, as together they would have been seen. If a range ends at .inf (an infinite stiffness is no effect),
+#         draw the quantity under drawn_as uniformly from its range.
+# mjcf:   the same as numbers of corrected.xml, {_ABSOLUTE}: with 0.6 in the given model and 0.8 found, value is 1.4.
+#         range follows from found, and unseen_range from unseen.
+# Use found and unseen, or mjcf: with both, everything counts twice.
 """
 _TIMES = ("delay", "time_constant")
 
 
 @dataclass(frozen=True)
 class FieldRange:
-    """Where one number of a MJCF file may lie.
+    """Range of one number of an MJCF.
 
     Attributes:
-        element, name, attribute, index: The number.
-        value: What the corrected model says.
-        found: Range within the deviations of the findings.
-        unseen: Range within what would not have been seen, one such effect at a time.
-        needs: Other attributes without which MuJoCo ignores a number that is not zero, and ``element`` where it has to
-            be another one than in the file.
+        element, name, attribute, index: Place of the number, see `Field`.
+        value: Value in the corrected model.
+        found: Range from the standard deviations of the findings.
+        unseen: Range from effects that were not seen, one at a time.
+        needs: Other attributes without which MuJoCo ignores a number that is not zero, and ``element`` if it has to be
+            another one than in the file.
     """
 
     element: str
@@ -83,19 +84,19 @@ class FieldRange:
 def mjcf_ranges(
     randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()
 ) -> tuple[tuple[FieldRange, ...], tuple[Bound, ...]]:
-    """Ranges of all numbers of the corrected MJCF that the distribution of the robot leaves open.
+    """Ranges of all numbers of the corrected MJCF that are uncertain.
 
-    Deviations are carried through to first order, correlations included.
+    Standard deviations are propagated to first order, with correlations.
 
     Args:
         randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
 
     Returns:
-        The ranges, and the unseen effects without such a number, as a play, which takes an element of its own.
+        The ranges, and the unseen effects that change no such number, as a play, which needs an element of its own.
 
     Raises:
-        PhantomDynError: If the robot has no MJCF.
+        PhantomDynError: If the robot cannot be written as an MJCF.
     """
     mean, std, given = randomisation.values, randomisation.std, corrected_model(randomisation.robot, known)
     corrected = with_effects(given, randomisation.with_values(mean))
@@ -113,7 +114,7 @@ def mjcf_ranges(
     without: list[Bound] = []
     for bound in randomisation.unseen:
         changes: dict[Field, float] = {}
-        # The upper end, the size that would have been seen, comes last.
+        # The upper end comes last, and its changes show below whether there is a number for this effect.
         for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             there = None if effect is None else _written(corrected, (effect,))
@@ -138,12 +139,12 @@ def mjcf_ranges(
 
 @dataclass(frozen=True)
 class _File:
-    """A MJCF file with its numbers.
+    """An MJCF with its numbers.
 
     Attributes:
-        root: Its first element.
-        numbers: By field.
-        elements: How many there are.
+        root: Root element.
+        numbers: Numbers by their place.
+        elements: Number of elements.
     """
 
     root: ElementTree.Element
@@ -152,15 +153,14 @@ class _File:
 
     @classmethod
     def of(cls, root: ElementTree.Element) -> _File:
-        """The file with this first element."""
+        """The file with this root element."""
         return cls(root, _numbers(root, ""), sum(1 for _ in root.iter()))
 
 
 def _changes(there: _File | None, base: _File) -> dict[Field, float]:
-    """How far numbers of elements that are in the file move; of a robot that cannot be written none does.
+    """Changes of the numbers of a file from those of another; none if the robot cannot be written or elements differ.
 
-    A joint for a play or a spring that is not in the file has no range there: nothing is one end of it, and stiff is
-    the other.
+    An added element has no range: a joint for a play or a spring, for example, is either in the file or not.
     """
     if there is None or there.elements != base.elements:
         return {}
@@ -174,7 +174,7 @@ def _changes(there: _File | None, base: _File) -> dict[Field, float]:
 
 
 def _needs(at: Field, there: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
-    """Words that come with a number, ``biastype`` with ``biasprm``, and ``nsample`` with a delay."""
+    """Attributes that a number needs, as ``biasprm`` needs ``biastype`` and a delay needs ``nsample``."""
     one, other = (_element(tree, at) for tree in (there, root))
     if one is None or other is None or at[2] in other.attrib:
         return {}
@@ -188,7 +188,7 @@ def _element(root: ElementTree.Element, at: Field) -> ElementTree.Element | None
 
 
 def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File | None:
-    """The MJCF of a corrected robot with more effects; None of one that cannot be."""
+    """The MJCF of a corrected robot with more effects; None if such a robot is impossible."""
     try:
         return _File.of(corrected_elements(with_effects(corrected, more)))
     except PhantomDynError:
@@ -196,7 +196,7 @@ def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File 
 
 
 def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
-    """Numbers of an element and all below it; what has no name has its owner's."""
+    """Numbers of an element and all below it; an element without a name has that of its parent."""
     name = element.get("name", owner)
     out: dict[Field, float] = {}
     tag = "motor" if element.tag in _OF_DRIVES else element.tag
@@ -206,10 +206,10 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
                 number = float(word)
             except ValueError:
                 break
-            # A name such as 1e400 or nan reads as a number, and would be another one in every file.
+            # A name such as 1e400 or nan can be read as a number, but has no meaning as one.
             if math.isfinite(number):
                 out[tag, name, attribute, index] = number
-    # How many steps a delay is kept for is no property of the robot.
+    # The length of a delay's buffer is not a property of the robot.
     out.pop((tag, name, "nsample", 0), None)
     for child in element:
         out |= _numbers(child, name)
@@ -223,13 +223,13 @@ def randomisation_text(
     moves: tuple[Adjusted, ...] = (),
     with_mjcf: bool = True,
 ) -> str:
-    """The text of ``randomisation.yaml``, with what its numbers count from in its first lines; nothing is rounded.
+    """The text of ``randomisation.yaml``, with an explanation in its first lines; nothing is rounded.
 
     Args:
         randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
         moves: Changes of the given model within its tolerances that the robot of the distribution has.
-        with_mjcf: False where there is no corrected MJCF.
+        with_mjcf: False if there is no corrected MJCF.
     """
     try:
         if not with_mjcf:
@@ -273,11 +273,8 @@ def _unseen_entry(randomisation: Randomisation, bound: Bound) -> dict[str, objec
 def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
     out, place = [], 0
     for finding, effect in zip(randomisation.findings, randomisation.found, strict=True):
-        parameters = effect_named(effect.effect, randomisation.robot).parameters(randomisation.robot, effect.joint)
-        each = max(len(effect.theta) // len(parameters), 1)
-        for k in range(len(effect.theta)):
-            parameter = parameters[k // each]
-            name = parameter.name + (f"[{k % each}]" if each > 1 else "")
+        named = parameters_of(randomisation.robot, effect)
+        for (name, parameter), value in zip(named, effect.theta, strict=True):
             low, high = found_range(randomisation, place)
             out.append(
                 {
@@ -285,7 +282,7 @@ def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
                     "joint": effect.joint,
                     "parameter": name,
                     "unit": parameter.unit,
-                    "value": float(effect.theta[k]),
+                    "value": float(value),
                     "std": float(randomisation.std[place]),
                     "range": [low, high],
                     "probability": float(finding.probability) if np.isfinite(finding.probability) else None,
@@ -320,4 +317,4 @@ def _note(bounds: tuple[Bound, ...]) -> dict[str, str]:
     if not bounds:
         return {}
     names = dict.fromkeys(b.effect if b.joint is None else f"{b.effect} on {b.joint}" for b in bounds)
-    return {"mjcf_note": f"Not seen and no number of corrected.xml, see unseen: {', '.join(names)}."}
+    return {"mjcf_note": f"No number of corrected.xml expresses these effects under unseen: {', '.join(names)}."}

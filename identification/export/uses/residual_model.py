@@ -1,4 +1,4 @@
-"""Residual model to use now: ``residual.py``, which needs NumPy alone, and ``residual.csv``, a table for simulators."""
+"""Residual model as ``residual.py``, which needs only NumPy, and as ``residual.csv``, a table for simulators."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import numpy as np
 from identification.csv_cells import text_cell
 from identification.diagnosis.input_names import base_of
 from identification.diagnosis.result import Diagnosis
+from identification.export.file_names import RESIDUAL, RESIDUAL_TABLE
+from identification.export.uses.feedforward import loaded
 from identification.notes import Code, Note
 from identification.words.numbers_and_names import number, percent
 from phantom_dyn import __version__
@@ -21,12 +23,12 @@ from phantom_dyn import __version__
 if TYPE_CHECKING:
     from identification.diagnosis.rest_law import ResidualModel
 
-_PLACES = 41  # of the table over one input, of its two directions over a velocity
-_AXES = 2  # inputs of the table; others are in the middle of their range
+_PLACES = 41  # number of values of an input in the table; of a velocity, in both directions together
+_AXES = 2  # number of inputs that vary in the table; others are in the middle of their range
 
 
 def residual_of(diagnosis: Diagnosis) -> ResidualModel | None:
-    """The residual model that a diagnosis offers, None without one."""
+    """The residual model of a diagnosis; None without one."""
     found = diagnosis.unexplained.dependence
     return None if found is None else found.model
 
@@ -38,7 +40,7 @@ def residual_code(model: ResidualModel) -> str:
     lines = [f"{name} = {value!r}" for name, value in constants.items()]
     terms = [f"        {term.coefficient!r} * ({term.code}),  # {term.text!a}" for term in model.terms]
     lines += ["", "", "def terms(x, s):", '    """Terms of the sum, from inputs and states."""', "    return ("]
-    lines += [*terms, "    )", "", "", "def states():", '    """Histories, fresh."""']
+    lines += [*terms, "    )", "", "", "def states():", '    """Histories of the inputs, at the start of a motion."""']
     lines += [f"    return [{', '.join(model.states)}]"]
     return (
         f'"""{_docstring(model)}"""\n\nimport numpy as np\nfrom numpy import cos, exp, sin  # noqa: F401\n\n'
@@ -50,13 +52,13 @@ def residual_code(model: ResidualModel) -> str:
 
 def _docstring(model: ResidualModel) -> str:
     kind = (
-        "It is the law that the report shows, fitted to what the corrected model leaves, with terms that make up for\n"
-        "how the absence of the law has bent that model."
+        "It is the law in the report, fitted to the residual of the corrected model. Further terms correct the errors\n"
+        "that this model has because it was fitted without the law."
         if model.lawful
-        else "It is a sum of terms with the smallest error on held-out data, no law: trust it within its data only."
+        else "It is the sum of terms with the smallest error on held-out data, not a law: use it only within its data."
     )
     bands = "".join(
-        f"\nIts answer to {base_of(name)!a} has memory, from rest at the first call; it is known from "
+        f"\nIts response to {base_of(name)!a} has memory, and starts at rest at the first call. It is known from "
         f"{number(low)} to {number(high)} Hz."
         for name, (low, high) in model.bands.items()
     )
@@ -64,39 +66,31 @@ def _docstring(model: ResidualModel) -> str:
     return f"""Torque on one joint that the corrected model lacks. Written by phantom-dyn {__version__}.
 
 {kind}
-It foresees {percent(model.rest_closed)} of the squares of what the corrected model leaves there, on held-out data.\
+It predicts {percent(model.rest_closed)} of the sum of squares of the residual there, on held-out data.\
 {bands}
 
     residual = Residual()
-    torque = residual.torque({{"t": t, "q.<joint>": q, "v.<joint>": v, ...}})    # once a step
+    torque = residual.torque({{"t": t, "q.<joint>": q, "v.<joint>": v, ...}})    # once for each step
 
-The torque acts on the joint JOINT, in UNIT: add it to the generalised forces of a simulation of the corrected model,
-and take it from a feedforward. Inputs by name: q position, v velocity, a acceleration, tl torque that the transmission
-passes on and tau drive torque, both of the given model without what was found, temp temperature, each of a joint, and
-t time. Beyond VALID the value at the end of the
-range holds, and outside(x) names the inputs that are there:
+The torque acts on the joint JOINT, in UNIT: add it to the generalised forces in a simulation of the corrected model,
+and subtract it from a feedforward. Names of inputs are t for time, and for each joint q position, v velocity,
+a acceleration, tl torque through the transmission and tau drive torque (both of the given model without the findings),
+and temp temperature. Beyond VALID, the value at the end of the range is used, and outside(x) names these inputs:
 {ranges}
 """
-
-
-def loaded(code: str) -> dict[str, Any]:
-    """The names that the text of a ``residual.py`` defines."""
-    names: dict[str, Any] = {"__name__": "residual"}
-    exec(compile(code, "residual.py", "exec"), names)
-    return names
 
 
 def residual_table(model: ResidualModel, diagnosis: Diagnosis) -> str:
     """The text of ``residual.csv``: the torque over one or two inputs, the others in the middle of their ranges.
 
-    Histories are at their ends, where a long motion in the direction of the velocity brings them; a load is the usual,
-    and an answer with memory is what inputs that stay leave of it: the table has no frequency.
+    The table has no time: histories are those after a long motion in the direction of the velocity, a load has its
+    usual value, and a response with memory is that to constant inputs.
 
     Args:
-        model: What is written.
-        diagnosis: Says which inputs matter most, and the run.
+        model: The residual model.
+        diagnosis: The diagnosis, with the inputs in the order of their importance, and the name of the run.
     """
-    law = loaded(residual_code(model))
+    law = loaded(residual_code(model), RESIDUAL)
     axes = _axes(model, diagnosis)
     middle = {name: 0.5 * (low + high) for name, (low, high) in model.valid.items()}
     speed = f"v.{model.joint}"
@@ -124,7 +118,7 @@ def _ends(law: Mapping[str, Any], at: Mapping[str, float], speed: str) -> list[f
 
 
 def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
-    """Places of the inputs of the table: those that the law names first; the velocity where there are histories."""
+    """Values of the inputs that vary in the table: the first ones of the law, and the velocity if it has histories."""
     found = diagnosis.unexplained.dependence
     speed = f"v.{model.joint}"
     wanted = [name for name in (() if found is None else found.inputs) if name in model.valid]
@@ -144,5 +138,5 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 
 def residual_note(model: ResidualModel) -> Note:
     """A note on the two files."""
-    numbers = {"files": ("residual.py", "residual.csv"), "lawful": model.lawful, "memory": bool(model.bands)}
+    numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.lawful, "memory": bool(model.bands)}
     return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.rest_closed})

@@ -1,13 +1,12 @@
-"""``isaac_lab.py`` and ``simulators.yaml``: joints of the corrected model in the words of simulators.
+"""``isaac_lab.py`` and ``simulators.yaml``: joints of the corrected model under the names that simulators use.
 
-Isaac Lab's fields are those of ``ActuatorBaseCfg`` and ``DelayedPDActuatorCfg``: ``friction`` is the static effort,
-``dynamic_friction`` the one in motion, delays are whole physics steps of a group, so that every joint is a group.
-SDF has ``<axis><dynamics>`` with damping, friction and a spring, and ``<limit><effort>``; Drake's URDF reads
-``damping``, ``effort``, ``drake:rotor_inertia`` and ``drake:gear_ratio``, and leaves joint friction out; ros2_control
-knows limits alone.
+Isaac Lab's fields are those of ``ActuatorBaseCfg`` and ``DelayedPDActuatorCfg``: ``friction`` is the static effort and
+``dynamic_friction`` the one in motion. A delay is a whole number of physics steps of an actuator group, so every joint
+is a group. SDF has ``<axis><dynamics>`` with damping, friction and a spring, and ``<limit><effort>``. Drake's URDF has
+``damping``, ``effort``, ``drake:rotor_inertia`` and ``drake:gear_ratio``, but no joint friction. ros2_control has only
+limits.
 
-One list (`Simulator.fields`) says what each simulator can hold, and every other number that was found is reported as
-lost there.
+`Simulator.fields` lists the numbers that each simulator can express; the others that were found are reported.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from phantom_dyn.effects.catalogue import effect_named
 _CODE = '''
 
 JOINTS = {joints}
-"""By joint, SI units on the joint side; delays in seconds, that of the torque and that of the references."""
+"""Numbers by joint, in SI units on the joint side; delay is that of the torque, reference_delay that of references."""
 
 
 def actuators(physics_step, stiffness, damping):
-    """Actuator groups by name, for `ArticulationCfg.actuators`: one a joint, as a group has one delay.
+    """Actuator groups by name, for `ArticulationCfg.actuators`: one for each joint, as a group has one delay.
 
     Args:
-        physics_step: Of the simulation [s]; delays are rounded to whole steps.
-        stiffness: Gain of the position controller, a number or one by joint.
-        damping: Gain of its velocity, likewise.
+        physics_step: Step of the simulation [s]; delays are rounded to whole steps.
+        stiffness: Position gain of the controller, as one number or by joint.
+        damping: Velocity gain of the controller, as one number or by joint.
     """
     import re
 
@@ -60,15 +59,15 @@ def isaac_lab_text(corrected: CorrectedModel, name: str) -> str:
 
     Args:
         corrected: The corrected model.
-        name: Of the robot.
+        name: Name of the robot.
     """
     lines = [
         f"Actuators of {_plain(name)} for Isaac Lab, as phantom-dyn found them.",
         "",
-        "Import corrected.urdf or corrected.xml for the links, and give actuators(...) to its ArticulationCfg. The "
-        "fields are those of Isaac Lab 2.3 and later with Isaac Sim 5; version 3 calls effort_limit "
-        "actuator_effort_limit and takes both. The delay is that of the command, as DelayedPDActuatorCfg has it: "
-        "so is a reference_delay, while a delay was found to be that of the torque. It was not loaded in Isaac Lab.",
+        "Import corrected.urdf or corrected.xml for the links, and pass actuators(...) to its ArticulationCfg. The "
+        "fields are those of Isaac Lab 2.3 and later with Isaac Sim 5; version 3 has the name actuator_effort_limit "
+        "for effort_limit, and accepts both. DelayedPDActuatorCfg delays the command: this is exact for a "
+        "reference_delay, but a delay was found to be that of the torque. This file was not loaded in Isaac Lab.",
     ]
     lines += ["", "What it cannot say:", *cannot_say(corrected, ISAAC_LAB)] if cannot_say(corrected, ISAAC_LAB) else []
     doc = "\n".join("\n".join(textwrap.wrap(_plain(line), 100)) for line in lines)
@@ -84,7 +83,7 @@ def simulators_text(corrected: CorrectedModel, name: str) -> str:
 
     Args:
         corrected: The corrected model.
-        name: Of the robot.
+        name: Name of the robot.
     """
     drake = fields_of(corrected, DRAKE)
     for numbers in drake.values():
@@ -113,22 +112,23 @@ def simulators_text(corrected: CorrectedModel, name: str) -> str:
             "cannot_say": list(cannot_say(corrected, ROS2_CONTROL)),
         },
     }
-    head = "# The corrected model's joints in the words of simulators; SI units on the joint side. Not loaded there.\n"
+    head = "# Joints of the corrected model, under the names of each simulator, in SI units on the joint side.\n"
+    head += "# These numbers were not tried in the simulators.\n"
     return head + yaml.safe_dump(content, sort_keys=False, width=120, allow_unicode=True)
 
 
 def _plain(text: str) -> str:
-    """Words that may stand in a docstring."""
+    """Text without characters that would end a docstring."""
     return text.replace("\\", "/").replace('"', "'")
 
 
 @dataclass(frozen=True)
 class Simulator:
-    """One simulator.
+    """The numbers that one simulator can express.
 
     Attributes:
-        name: For readers.
-        fields: Its own name of each kind of number that it can hold; kinds are those of `numbers_of`.
+        name: Name of the simulator in sentences.
+        fields: The simulator's own name for each kind of number that it can express; kinds are those of `numbers_of`.
     """
 
     name: str
@@ -168,7 +168,7 @@ ROS2_CONTROL = Simulator("ros2_control", {"torque limit": "max_effort"})
 
 
 def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
-    """Numbers of the corrected model by kind and active joint, SI units on the joint side; kinds without any are empty.
+    """Numbers of the corrected model by kind and driven joint, in SI units on the joint side.
 
     Args:
         corrected: The corrected model.
@@ -196,11 +196,11 @@ def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
 
 
 def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ...]:
-    """A sentence on each number of the corrected model that a simulator has no place for.
+    """A sentence on each kind of number of the corrected model that a simulator cannot express.
 
     Args:
         corrected: The corrected model.
-        simulator: Which one.
+        simulator: The simulator.
     """
     out = []
     for kind, values in numbers_of(corrected).items():
@@ -220,7 +220,7 @@ def fields_of(corrected: CorrectedModel, simulator: Simulator) -> dict[str, dict
 
     Args:
         corrected: The corrected model.
-        simulator: Which one.
+        simulator: The simulator.
     """
     numbers = numbers_of(corrected)
     out: dict[str, dict[str, float]] = {joint: {} for joint in corrected.robot.joint_names}

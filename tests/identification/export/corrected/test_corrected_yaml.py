@@ -24,7 +24,7 @@ from identification.export.corrected.corrected_yaml import (
     read_corrected,
     write_corrected,
 )
-from identification.export.corrected.nearest_bodies import nearest_possible, with_nearest_bodies
+from identification.export.corrected.possible_bodies import nearest_possible, with_nearest_bodies
 from identification.words.note_words import sentence, sentences
 from known_effects import EFFECTS_OF_THE_PENDULUM
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -128,7 +128,7 @@ def test_a_file_written_by_hand_may_have_an_exponent_without_a_point(tmp_path):
         ("5e-2", "much", r"effects\[0\]\.parameters\.torque\.value is the text 'much', wanted a finite number\."),
         ("5e-2", ".inf", r"effects\[0\]\.parameters\.torque\.value is inf, wanted a finite number\."),
         ("5e-2", "true", r"effects\[0\]\.parameters\.torque\.value is true, wanted a finite number\."),
-        ("5e-2", "[1.0, 2.0]", r"torque\.std is None, wanted a list of 2 numbers, one a value"),
+        ("5e-2", "[1.0, 2.0]", r"torque\.std is None, wanted a list of 2 numbers, one for each value"),
         ("std: null", "std: []", r"torque\.std is the list \[\], wanted a finite number or null"),
         ("joint: j1", "joint: 3", r"effects\[0\]\.joint is 3, wanted a text: put it in quotes"),
         ("{torque:", "{7:", r"the key 7 in effects\[0\]\.parameters is no text: put it in quotes"),

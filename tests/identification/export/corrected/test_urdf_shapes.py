@@ -147,8 +147,9 @@ def test_a_collision_shape_is_shown_where_a_link_has_nothing_else(loaded):
 
 def test_meshes_that_are_left_out_are_told_with_the_reason(loaded):
     assert loaded[1] == (
-        "Without lower.dae of the URDF, which MuJoCo cannot load, as it is not there.",
-        "Without plate.dae of the URDF, which MuJoCo cannot load, as it ends in .dae: convert it to .obj or .stl.",
+        "It is without lower.dae of the URDF, which MuJoCo cannot load, as it does not exist.",
+        "It is without plate.dae of the URDF, which MuJoCo cannot load, as it ends in .dae: "
+        "convert it to .obj or .stl.",
     )
 
 
@@ -157,7 +158,7 @@ def test_a_mesh_that_is_broken_is_left_out(file):
     robot = load_robot(file)
     text, said = with_urdf_shapes(mjcf_text(robot), robot, file, None)
     assert mujoco.MjModel.from_xml_string(text).nmesh == 0
-    assert any("Without corner.stl of the URDF, which MuJoCo cannot load, as it is refused" in one for one in said)
+    assert any("without corner.stl of the URDF, which MuJoCo cannot load, as it is refused" in one for one in said)
 
 
 def test_the_corrected_file_has_the_shapes_and_is_loaded_from_its_folder(file, tmp_path):

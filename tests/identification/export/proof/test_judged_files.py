@@ -105,15 +105,15 @@ def test_files_that_leave_more_than_the_given_model_are_not_written(arm, diagnos
     assert texts == {}
     assert {file.file for file in found.files} >= {"corrected.yaml", "corrected.urdf", "feedforward.py"}
     for file in found.files[:3]:
-        assert re.match(r"on elbow it would leave 0\.\d+ N m, where the given model leaves 0\.\d+ N m", file.refused)
+        assert re.match(r"on elbow its residual is 0\.\d+ N m, and that of the given model 0\.\d+ N m", file.refused)
 
 
 def test_files_that_leave_more_than_is_claimed_are_not_written(arm, diagnosis, tmp_path):
     # Known truth: half of the friction leaves less than the given model, and far more than is claimed.
     texts, found = export_texts(with_torque(diagnosis, 0.5 * TORQUE), arm[0], folder=tmp_path)
     assert texts == {}
-    assert all("N m is claimed of what it holds" in file.refused for file in found.files if file.rms_left)
-    assert any("corrected.urdf was not written: on elbow it would leave" in note for note in sentences(found.notes))
+    assert all("N m for the findings in it" in file.refused for file in found.files if file.rms_left)
+    assert any("corrected.urdf was not written: on elbow its residual is" in note for note in sentences(found.notes))
 
 
 def test_the_middle_of_the_ranges_is_run(arm, diagnosis, exported):
@@ -177,7 +177,7 @@ def test_a_torque_that_is_late_by_part_of_a_sample_is_part_of_the_figures(robots
     assert found.numbers[0].timing == pytest.approx(-0.4, abs=0.05)
     urdf = next(file for file in found.files if file.file == "corrected.urdf")
     assert list(urdf.rms_given.values()) == pytest.approx([joint.rms_before for joint in diagnosis.joints], rel=1e-6)
-    assert "The recorded torque is -0.4" in texts["corrected.urdf"]
+    assert "The recorded torque is late by 0.4" in texts["corrected.urdf"]
 
 
 def test_a_comment_before_the_root_and_dashes_in_names_make_no_broken_file():

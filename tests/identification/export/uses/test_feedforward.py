@@ -220,7 +220,7 @@ def test_the_table_has_the_numbers_of_the_written_file(planar, made_up):
 
 def test_a_wrong_number_of_joints_is_refused(planar, none):
     law = loaded(feedforward_code(corrected_model(planar, ()), none))
-    with pytest.raises(ValueError, match="give 2 finite numbers, one a joint: shoulder, elbow"):
+    with pytest.raises(ValueError, match="give 2 finite numbers, one for each joint: shoulder, elbow"):
         law["torque"]([0.0], [0.0, 0.0], [0.0, 0.0])
 
 

@@ -15,7 +15,8 @@ from identification.diagnosis.law.find_law import law_of, residual_terms
 from identification.diagnosis.law.terms import library
 from identification.diagnosis.rest_law import Dependence, ModelTerm, ResidualModel
 from identification.diagnosis.result import JointGap, Unexplained
-from identification.export.uses.residual_model import loaded, residual_code, residual_note, residual_table
+from identification.export.uses.feedforward import loaded
+from identification.export.uses.residual_model import residual_code, residual_note, residual_table
 from identification.words.note_words import sentence
 from phantom_dyn.signals.recursive import lagging
 from rests import made_up_rest
@@ -85,7 +86,7 @@ def test_an_answer_with_memory_is_in_the_model_and_its_frequencies_in_the_text()
     code = residual_code(found.model)
     log = rest.logs[0]
     assert "Low('v.j1', " in code
-    assert "Its answer to 'v.j1' has memory" in code
+    assert "Its response to 'v.j1' has memory" in code
     along = loaded(code)["Residual"]().along(log.inputs)
     np.testing.assert_allclose(along[50:], -3.0 * lagging(log.inputs["v.j1"], 0.02, 0.4)[50:], atol=0.4)
 

@@ -1,5 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""The nearest possible bodies to estimated ones that cannot exist.
+"""Possible bodies in place of estimated ones that cannot exist.
+
+Moves within tolerance are fitted independently, and only their summed torque along the recorded motion is observed.
+Together they may give a body that cannot exist: for a thin link with a small axial moment, for example, the other two
+moments have to be nearly equal. Such bodies are replaced by possible ones with the same torques along that motion, or
+else by the nearest possible ones.
 
 A body is possible if its pseudo-inertia, the four by four matrix of its moments of order zero to two, has no negative
 eigenvalue [Wensing]_. In the nearest one the negative eigenvalues are raised, with lengths in units of the body's own
@@ -17,15 +22,44 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from identification.estimators.consistent.consistent_bodies import pseudo_inertia, standard_of
+from identification.estimators.consistent.consistent_bodies import pseudo_inertia, reference_bodies, standard_of
+from identification.estimators.consistent.consistent_program import Program, solve_program
+from identification.export.model_files.reload import some_motion
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.errors import EstimationError, ParameterError
 from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 _LEAST = 1e-6
 """Smallest eigenvalue, as a share of the largest: MuJoCo and other readers refuse a body that is barely possible."""
+_SAMPLES = 300
+"""Number of samples of the recorded motion on which possible bodies must have the same torques."""
+_SEEN = 1e-4
+"""Combinations of parameters with a smaller torque than this share of the largest one may change freely."""
+
+
+def with_possible_bodies(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
+    """The robot with possible bodies, and notes on them; the same object if all of its bodies are possible.
+
+    Args:
+        robot: The robot with estimated bodies.
+        given: The given model, whose bodies are possible or nearly so.
+        motion: Motion along which the torques are to stay the same, if that is possible.
+
+    Raises:
+        ParameterError: If the mass of a body is zero or negative.
+    """
+    nearest, notes = with_nearest_bodies(robot, given)
+    if nearest is robot:
+        return robot, ()
+    try:
+        return same_torque_bodies(robot, given, motion), (Note(Code.SAME_TORQUES, None, {}),)
+    except EstimationError:
+        return nearest, notes
 
 
 def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[Note, ...]]:
@@ -64,8 +98,8 @@ def nearest_possible(standard: Float[Array, " 10"], length: float) -> tuple[Floa
     """The nearest parameters that a body can have, and their relative distance.
 
     Args:
-        standard: Ten standard parameters.
-        length: Unit of length [m].
+        standard: Ten standard parameters of a body, about its joint.
+        length: Unit of length [m], in which mass and moments are compared.
     """
     scale = np.array([length, length, length, 1.0])
     matrix = pseudo_inertia(standard) / np.outer(scale, scale)
@@ -83,3 +117,30 @@ def _length(*bodies: Float[Array, "4 4"]) -> float:
         if body[3, 3] > 0 and trace > 0:
             return float(np.sqrt(trace / body[3, 3]))
     return 1.0
+
+
+def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
+    """The robot with possible bodies, as near as possible to the given ones, that need the same torque along a motion.
+
+    Args:
+        robot: A robot of which some bodies may be impossible.
+        given: The given model, whose bodies are possible or nearly so.
+        motion: Motion along which the torques are equal; of a long one some samples are used.
+
+    Raises:
+        EstimationError: If there are no such bodies.
+        RobotError: If the mass of a link would be zero or negative.
+    """
+    if not len(motion.t):
+        raise EstimationError("No motion was recorded along which other bodies need the same torques.")
+    few = some_motion(motion, _SAMPLES)
+    wanted, stated = standard_parameters(robot), standard_parameters(given)
+    bodies = reference_bodies(stated)
+    scale = np.concatenate([body.scale for body in bodies])
+    _, sizes, rows = np.linalg.svd(
+        rigid_body_regressor(robot, few).reshape(-1, len(stated)) * scale, full_matrices=False
+    )
+    seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
+    none = np.zeros(0)
+    found = solve_program(Program(seen, seen @ wanted, bodies, none, none, exact=True))
+    return with_parameters(robot, found.pi - wanted)
