@@ -192,7 +192,7 @@ def test_the_order_of_columns_does_not_matter(tmp_path, pendulum, swing, diagnos
 
 
 def test_mjcf_and_urdf_say_the_same(tmp_path, arm, made_columns, written, causes):
-    log = written(tmp_path / "arm.csv", made_columns(arm))
+    log = written(tmp_path / "arm.csv", made_columns(arm, seconds=6.0))
     found = causes(arm.with_suffix(".xml"), log)
     assert ("coulomb_friction", "tilt") in found
     assert found == causes(arm, log)

@@ -73,7 +73,7 @@ def swinging(t: np.ndarray, drift: float = 0.0) -> Motion:
 
 @pytest.mark.parametrize("rate", [100.0, 10_000.0])
 def test_every_rate(tmp_path, pendulum, made_columns, written, content, rate):
-    log = written(tmp_path / "log.csv", made_columns(pendulum, rate=rate, seconds=8.0))
+    log = written(tmp_path / "log.csv", made_columns(pendulum, rate=rate, seconds=5.0))
     assert causes(content(pendulum, log)) == COULOMB
 
 

@@ -20,9 +20,9 @@ from places import ROBOTS
 
 @pytest.fixture
 def massless(tmp_path):
-    """The arm without the inertia of any link."""
+    """The pendulum without the inertia of its link."""
     file = tmp_path / "robot.urdf"
-    text = re.sub(r"<inertial>.*?</inertial>", "", (ROBOTS / "arm3.urdf").read_text(), flags=re.DOTALL)
+    text = re.sub(r"<inertial>.*?</inertial>", "", (ROBOTS / "pendulum.urdf").read_text(), flags=re.DOTALL)
     file.write_text(text)
     return file
 
@@ -33,8 +33,9 @@ def log(tmp_path, made_columns, written):
 
 
 @pytest.mark.parametrize("command", [["diagnose"], ["identify", "--out", "fitted"]])
-def test_a_model_without_mass_is_refused(command, massless, log, tmp_path, monkeypatch, capsys):
+def test_a_model_without_mass_is_refused(command, massless, swing, written, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    log = written(tmp_path / "log.csv", swing)
     assert main([*command, str(massless), str(log)]) == 2
     said = r"^phantom-dyn: log\.csv: no moving link of robot\.urdf has mass .*give every link of robot\.urdf its mass"
     assert re.search(said, capsys.readouterr().err)
@@ -42,8 +43,8 @@ def test_a_model_without_mass_is_refused(command, massless, log, tmp_path, monke
 
 
 @pytest.mark.whole
-def test_what_is_wrong_leads_the_verdict_of_what_is_judged_anyway(massless, log, tmp_path, capsys):
-    file = tmp_path / "found.json"
+def test_what_is_wrong_leads_the_verdict_of_what_is_judged_anyway(massless, swing, written, tmp_path, capsys):
+    log, file = written(tmp_path / "log.csv", swing), tmp_path / "found.json"
     assert main(["diagnose", str(massless), str(log), "--anyway", "--json", str(file)]) == 0
     assert capsys.readouterr().out.startswith("Judged although log.csv: no moving link of robot.urdf has mass.")
     assert "no moving link of robot.urdf has mass" in json.loads(file.read_text())["data_warnings"][0]
