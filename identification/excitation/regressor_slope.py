@@ -12,6 +12,10 @@ In the frame of body b, let :math:`J_i` be the axes of the joints that carry it,
 As seen from body b, a motion of joint j moves only what lies before j. With l the parent of j and
 :math:`D_j = V_l \times J_j`, it is :math:`\delta J_i = J_i \times J_j` for i before j, :math:`\delta V = D_j`, and
 :math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
+
+In the compiled loop over samples, a spatial vector is six numbers, the linear part first. For each joint before it a
+body carries J, D and :math:`M_j = A_l \times J_j - D_j \times V_l`. All three are motions, which transform alike from
+body to body.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from identification.excitation.slope_loop import slope_loop
+from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
 
 
@@ -73,3 +77,191 @@ def regressor_slope(
 def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
     """Velocity of a body per velocity of its joint, in its own frame."""
     return np.asarray(model.joints[b].createData().S, dtype=float).reshape(6)
+
+
+@inlined
+def to_child(R: Array, p: Array, x: Array, out: Array) -> None:
+    """Write a motion of the parent's frame as seen from a child at ``p``, whose axes are the columns of ``R``."""
+    u = x[0] - (p[1] * x[5] - p[2] * x[4])
+    v = x[1] - (p[2] * x[3] - p[0] * x[5])
+    w = x[2] - (p[0] * x[4] - p[1] * x[3])
+    for k in range(3):
+        out[k] = R[0, k] * u + R[1, k] * v + R[2, k] * w
+        out[3 + k] = R[0, k] * x[3] + R[1, k] * x[4] + R[2, k] * x[5]
+
+
+@inlined
+def add_motion_cross(x: Array, y: Array, size: float, out: Array) -> None:
+    """Add the change of a motion ``y`` that is carried along by the motion ``x``, times ``size``."""
+    out[0] += size * (x[4] * y[2] - x[5] * y[1] + x[1] * y[5] - x[2] * y[4])
+    out[1] += size * (x[5] * y[0] - x[3] * y[2] + x[2] * y[3] - x[0] * y[5])
+    out[2] += size * (x[3] * y[1] - x[4] * y[0] + x[0] * y[4] - x[1] * y[3])
+    out[3] += size * (x[4] * y[5] - x[5] * y[4])
+    out[4] += size * (x[5] * y[3] - x[3] * y[5])
+    out[5] += size * (x[3] * y[4] - x[4] * y[3])
+
+
+@inlined
+def add_force_cross(x: Array, f: Array, size: float, out: Array) -> None:
+    """Add the change of a force ``f`` that is carried along by the motion ``x``, times ``size``."""
+    out[0] += size * (x[4] * f[2] - x[5] * f[1])
+    out[1] += size * (x[5] * f[0] - x[3] * f[2])
+    out[2] += size * (x[3] * f[1] - x[4] * f[0])
+    out[3] += size * (x[4] * f[5] - x[5] * f[4] + x[1] * f[2] - x[2] * f[1])
+    out[4] += size * (x[5] * f[3] - x[3] * f[5] + x[2] * f[0] - x[0] * f[2])
+    out[5] += size * (x[3] * f[4] - x[4] * f[3] + x[0] * f[1] - x[1] * f[0])
+
+
+@inlined
+def add_momentum(pi: Array, x: Array, size: float, out: Array) -> None:
+    """Add inertia times motion, times ``size``; parameters are ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``."""
+    out[0] += size * (pi[0] * x[0] - (pi[2] * x[5] - pi[3] * x[4]))
+    out[1] += size * (pi[0] * x[1] - (pi[3] * x[3] - pi[1] * x[5]))
+    out[2] += size * (pi[0] * x[2] - (pi[1] * x[4] - pi[2] * x[3]))
+    out[3] += size * (pi[2] * x[2] - pi[3] * x[1] + pi[4] * x[3] + pi[5] * x[4] + pi[7] * x[5])
+    out[4] += size * (pi[3] * x[0] - pi[1] * x[2] + pi[5] * x[3] + pi[6] * x[4] + pi[8] * x[5])
+    out[5] += size * (pi[1] * x[1] - pi[2] * x[0] + pi[7] * x[3] + pi[8] * x[4] + pi[9] * x[5])
+
+
+@inlined
+def inner(x: Array, f: Array) -> float:
+    """Power of a force on a motion."""
+    return x[0] * f[0] + x[1] * f[1] + x[2] * f[2] + x[3] * f[3] + x[4] * f[4] + x[5] * f[5]
+
+
+@inlined
+def turn(twist: Array, angle: float, R: Array) -> None:
+    """Write the rotation about the axis of a twist, of unit length, or the identity for one of zero length."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = twist[3], twist[4], twist[5]
+    d = 1.0 - c
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        c, s, d = 1.0, 0.0, 0.0
+    R[0, 0], R[0, 1], R[0, 2] = c + x * x * d, x * y * d - z * s, x * z * d + y * s
+    R[1, 0], R[1, 1], R[1, 2] = y * x * d + z * s, c + y * y * d, y * z * d - x * s
+    R[2, 0], R[2, 1], R[2, 2] = z * x * d - y * s, z * y * d + x * s, c + z * z * d
+
+
+@fused
+def reach(b: int, tree: tuple[Array, ...], carried: Array, turned: Array, at: Array, state: Array) -> None:
+    """Write J, D, M, V and A of a body from those of its parent.
+
+    Args:
+        b: Index of the body.
+        tree: Parents, rotations, translations, twists and numbers of joints, as in `slope_loop`.
+        carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
+        turned: Space for two rotations, ``(2, 3, 3)``.
+        at: Position, velocity and acceleration of the body's joint, ``(3,)``.
+        state: V and A of each body, ``(n, 2, 6)``.
+    """
+    parents, rotations, translations, twists, counts = tree
+    parent, twist, place, (own, R) = parents[b], twists[b], rotations[b], (turned[0], turned[1])
+    last = counts[parent]
+    turn(twist, at[0], own)
+    p = np.empty(3)
+    for i in range(3):
+        p[i] = translations[b, i]
+        for j in range(3):
+            p[i] += place[i, j] * twist[j] * at[0]
+            R[i, j] = place[i, 0] * own[0, j] + place[i, 1] * own[1, j] + place[i, 2] * own[2, j]
+    for j in range(last):
+        for part in range(3):
+            to_child(R, p, carried[parent, j, part], carried[b, j, part])
+    J, D, M, V, A = carried[b, last, 0], carried[b, last, 1], carried[b, last, 2], state[b, 0], state[b, 1]
+    to_child(R, p, state[parent, 0], V)
+    to_child(R, p, state[parent, 1], A)
+    for i in range(6):
+        J[i], D[i], M[i] = twist[i], 0.0, 0.0
+    add_motion_cross(V, J, 1.0, D)
+    add_motion_cross(A, J, 1.0, M)
+    add_motion_cross(D, V, -1.0, M)
+    for i in range(6):
+        V[i] += at[1] * J[i]
+    for i in range(6):
+        A[i] += at[2] * J[i]
+    add_motion_cross(V, J, at[1], A)
+
+
+@fused
+def add_slope(
+    b: int, count: int, joints: Array, carried: Array, state: Array, S: Array, room: Array, slope: Array
+) -> float:
+    """Add the contribution of one body to the slope at a sample; returns its part of the sum.
+
+    Args:
+        b: Index of the body.
+        count: Number of joints that carry it.
+        joints: Indices of these joints, from the base on, ``(n, n)``.
+        carried: J, D and M of each joint of each body, ``(n, n, 3, 6)``.
+        state: V and A of each body, ``(n, 2, 6)``.
+        S: Weights of the ten parameters on each row of each body, ``(n - 1, n - 1, 10)``.
+        room: Space for five spatial vectors and one for each joint, ``(5 + n, 6)``.
+        slope: Slope to which is added, ``(3, n - 1)``.
+    """
+    h, f, to_A, to_V, x = room[0], room[1], room[2], room[3], room[4]
+    V, A = state[b, 0], state[b, 1]
+    for i in range(6):
+        to_A[i] = to_V[i] = 0.0
+    total = 0.0
+    for j in range(count):
+        J, pi, pull = carried[b, j, 0], S[joints[b, j], b - 1], room[5 + j]
+        for i in range(6):
+            h[i] = f[i] = x[i] = pull[i] = 0.0
+        add_momentum(pi, V, 1.0, h)
+        add_momentum(pi, A, 1.0, f)
+        add_force_cross(V, h, 1.0, f)
+        add_momentum(pi, J, 1.0, to_A)
+        add_motion_cross(V, J, 1.0, x)
+        add_momentum(pi, x, -1.0, to_V)
+        add_force_cross(J, h, -1.0, to_V)
+        add_force_cross(J, f, 1.0, pull)
+        total += inner(J, f)
+    pulled = h
+    for i in range(6):
+        pulled[i] = 0.0
+    for j in range(count):
+        J, D, M, row = carried[b, j, 0], carried[b, j, 1], carried[b, j, 2], joints[b, j]
+        for i in range(6):
+            x[i] = M[i]
+        add_motion_cross(D, V, 1.0, x)
+        slope[0, row] += inner(D, to_V) + inner(x, to_A) - inner(J, pulled)
+        for i in range(6):
+            x[i] = 2.0 * D[i]
+            # Force on the axes before j as j turns.
+            pulled[i] += room[5 + j, i]
+        add_motion_cross(J, V, 1.0, x)
+        slope[1, row] += inner(J, to_V) + inner(x, to_A)
+        slope[2, row] += inner(J, to_A)
+    return total
+
+
+@fused
+def slope_loop(tree: tuple[Array, ...], joints: Array, gravity: Array, motion: Array, S: Array, slope: Array) -> float:
+    """Write the slope of the sum of a weighted regressor; returns the sum.
+
+    Args:
+        tree: For each body of the tree, the root first: parent, ``(n,)``; rotation, ``(n, 3, 3)``, and place [m],
+            ``(n, 3)``, of its joint in the frame of the parent; velocity in its own frame per velocity of its joint,
+            ``(n, 6)``; number of joints that carry it, ``(n,)``.
+        joints: Indices of the joints that carry each body, from the base on, ``(n, n)``.
+        gravity: Gravity as a spatial vector [m/s^2], ``(6,)``.
+        motion: Positions, velocities and accelerations, ``(N, n - 1, 3)``.
+        S: Weights, ``(N, n - 1, n - 1, 10)``: row, then body.
+        slope: Receives the slopes in positions, velocities and accelerations, ``(N, 3, n - 1)``; zero before.
+    """
+    counts = tree[4]
+    n = len(counts)
+    carried, state, room, turned = (
+        np.zeros((n, n, 3, 6)),
+        np.zeros((n, 2, 6)),
+        np.zeros((5 + n, 6)),
+        np.zeros((2, 3, 3)),
+    )
+    for i in range(6):
+        state[0, 1, i] = -gravity[i]
+    total = 0.0
+    for k in range(len(motion)):
+        for b in range(1, n):
+            reach(b, tree, carried, turned, motion[k, b - 1], state)
+            total += add_slope(b, counts[b], joints, carried, state, S[k], room, slope[k])
+    return total
