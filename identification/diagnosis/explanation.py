@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +35,7 @@ from identification.diagnosis.noise.noise_floor import (
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
 from identification.diagnosis.search.claims import asked, claimed
-from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
+from identification.diagnosis.search.fits import SearchWithoutEnd, at_most, unlimited
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -92,6 +93,18 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
         session: Robot, logs, blocks.
         progress: Takes the stages.
     """
+    try:
+        return _explanation_of(session, progress, at_most(most_fits(session.robot.nv)))
+    except SearchWithoutEnd:
+        return replace(_explanation_of(session, progress, None), endless=True)
+
+
+def _explanation_of(session: Session, progress: Progress, before_each: Callable[[], None] | None) -> Explanation:
+    """The effects that explain the recordings, with a call before each fit; without it no effect is searched for.
+
+    Raises:
+        SearchWithoutEnd: By the limit of fits.
+    """
     progress(Announcement(Stage.REGRESSORS))
     at = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
     columns = build_columns(session, at)
@@ -102,18 +115,16 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     noise = at_least_encoder_noise(noise, again.residual, columns.usable)
     sensed = sensed_noise(session, columns)
     noise = no_less_than_sensed(columns, noise, sensed)
-    search = _set_up(session, columns, noise)
+    search = _set_up(session, columns, noise, before_each or unlimited)
     spurious = spurious_gains(search, again, noise)
     encoders = noise_floor(session, columns, again.residual)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
     record = search.record
-    last = _searched(search, noise, progress)
+    last = Explanation(search, frozenset(), noise) if before_each is None else _searched(search, noise, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
-    for _ in range(_REFINEMENTS):
-        if last.endless:
-            break
+    for _ in range(0 if before_each is None else _REFINEMENTS):
         noise, ratio = _noise_left(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
@@ -132,15 +143,15 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
             # The next set of products takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
-        again = replace(_set_up(session, columns, noise), record=record)
+        again = replace(_set_up(session, columns, noise, before_each or unlimited), record=record)
         search = _with_thresholds(again, noise, spurious, progress)
         del again
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
-    return replace(
-        last, chosen=with_leading_rivals(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders
-    )
+    chosen = with_leading_rivals(last.search, last.chosen)
+    last.search.fits.without_limit()
+    return replace(last, chosen=chosen, in_band=quiet, coarse=coarse, encoders=encoders)
 
 
 def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:
@@ -166,7 +177,7 @@ def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Se
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 
-def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
+def _set_up(session: Session, columns: Columns, noise: Series, before_each: Callable[[], None] = unlimited) -> Search:
     """The search over all rivals for a given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
@@ -178,7 +189,7 @@ def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
         read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
         problem = replace(problem, where_read=read_problem)
     none = np.zeros(len(columns.rows))
-    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, most=most_fits(len(none)))
+    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, before_each=before_each)
 
 
 def _with_thresholds(
@@ -193,7 +204,7 @@ def _with_thresholds(
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
     rows = row_gaps(problem, search.evaluate(frozenset()))
-    return set_up_search(problem, threshold, rows, spurious, search.record, most_fits(len(problem.columns.rows)))
+    return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.before_each)
 
 
 def _searched(
@@ -202,14 +213,6 @@ def _searched(
     progress: Progress,
     start: frozenset[Term] = frozenset(),
 ) -> Explanation:
-    """The explanation by one search; without any effect if it does not come to an end."""
-    try:
-        return _to_its_end(search, noise, progress, start)
-    except SearchWithoutEnd:
-        return Explanation(replace(search, fits=Fits(search.problem)), frozenset(), noise, endless=True)
-
-
-def _to_its_end(search: Search, noise: Series, progress: Progress, start: frozenset[Term]) -> Explanation:
     """The explanation by one search, with effects below the threshold of chance tested, too.
 
     The flexible fits that estimate the noise cannot make every effect: its torque then counts as noise, which raises
@@ -236,7 +239,8 @@ def _to_its_end(search: Search, noise: Series, progress: Progress, start: frozen
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
             break
-        quieter = replace(_set_up(search.problem.session, search.problem.columns, quiet), record=search.record)
+        given, before_each = search.problem, search.fits.before_each
+        quieter = replace(_set_up(given.session, given.columns, quiet, before_each), record=search.record)
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
         if not claimed(quieter, tried, chosen):
             break

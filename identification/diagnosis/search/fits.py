@@ -31,6 +31,25 @@ class SearchWithoutEnd(Exception):
     """A search has fitted more sets of effects than it may."""
 
 
+def at_most(number: int) -> Callable[[], None]:
+    """A call that may be made so many times.
+
+    Raises:
+        SearchWithoutEnd: By the next call.
+    """
+    calls = iter(range(number))
+
+    def call() -> None:
+        if next(calls, None) is None:
+            raise SearchWithoutEnd
+
+    return call
+
+
+def unlimited() -> None:
+    """Called before each fit where any number of them may be made."""
+
+
 class Fits:
     """The cache of a search: fits of sets of effects to one problem.
 
@@ -38,15 +57,12 @@ class Fits:
 
     Args:
         problem: What is fitted.
-        most: Most sets that are fitted; None: any number.
-
-    Raises:
-        SearchWithoutEnd: By the fit of one set more.
+        before_each: Called before each fit that is not in the cache.
     """
 
-    def __init__(self, problem: Problem, most: int | None = None):
+    def __init__(self, problem: Problem, before_each: Callable[[], None] = unlimited):
         self.problem = problem
-        self._most, self._fits = most, 0
+        self.before_each = before_each
         self._held_out: dict[Chosen, Fitted] = {}
         self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
@@ -54,6 +70,10 @@ class Fits:
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
         self._where_read = None if problem.where_read is None else Fits(problem.where_read)
+
+    def without_limit(self) -> None:
+        """From here on any number of sets may be fitted."""
+        self.before_each = unlimited
 
     def of(self, chosen: Chosen) -> Fits:
         """Fits of the problem with the columns of a set, see `Problem.of`."""
@@ -138,9 +158,7 @@ class Fits:
         return NearFits(self.problem, self._start.theta) if many else None
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
-        self._fits += 1
-        if self._most is not None and self._fits > self._most:
-            raise SearchWithoutEnd
+        self.before_each()
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)

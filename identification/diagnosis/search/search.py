@@ -18,16 +18,16 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
-from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.fits import Fits, unlimited
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
 
 # Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
 _MANY_JOINTS = 10
-# Most sets that a search fits before it is stopped, for each joint: of a robot with fewer joints than that, and with as
-# many or more. The most that a recording needed was 965 (a real TX40) and 210 (a biped with a payload).
-_MOST_FITS, _MOST_FITS_OF_MANY = 2000, 600
+# Most sets that the searches of a diagnosis fit for each joint, of a robot with fewer joints than that and of others.
+# The most that a recording needed was 1600 (a real TX40) and 260 (a biped with a payload).
+_MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
 # Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
@@ -196,7 +196,7 @@ def price(size: int) -> float:
 
 
 def most_fits(joints: int) -> int:
-    """Number of sets of effects after which a search has no end: it goes on from one explanation to another."""
+    """Number of fits after which a search has no end: it goes on from one set of effects to another."""
     return joints * (_MOST_FITS if joints < _MANY_JOINTS else _MOST_FITS_OF_MANY)
 
 
@@ -226,7 +226,7 @@ def set_up_search(
     rows: RowGaps,
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
-    most: int | None = None,
+    before_each: Callable[[], None] = unlimited,
 ) -> Search:
     """A search over all terms whose columns are not zero in the recordings.
 
@@ -236,12 +236,12 @@ def set_up_search(
         rows: Gaps of the joints.
         spurious: Gains by noise of encoders.
         record: Decisions on each effect until now; None: a new one.
-        most: Most sets of effects that are fitted, see `Fits`.
+        before_each: Called before each fit of a set, see `Fits`.
     """
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displacing, covering = relations(problem.columns.terms)
-    fits, kept = Fits(problem, most), Record() if record is None else record
+    fits, kept = Fits(problem, before_each), Record() if record is None else record
     return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
 
 
