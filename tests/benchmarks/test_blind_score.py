@@ -182,6 +182,12 @@ def test_a_closed_gap_outside_the_catalogue_is_wrong_unless_it_is_called_unknown
     assert (x.effect, x.wrong_but_fits) == ("shaker", wrong)
 
 
+@pytest.mark.parametrize(("joint", "right"), [("j1", True), ("j2", False)])
+def test_a_cause_outside_the_catalogue_may_be_named_as_what_it_is(joint, right):
+    x = judged(OUTSIDE, entry(finding("shaker", joint), verdict="explained"))
+    assert (x.outside_right, x.wrong_but_fits) == (right, not right)
+
+
 def test_explained_outside_the_catalogue_is_wrong_however_little_is_closed():
     assert judged(OUTSIDE, entry(finding("viscous_friction"), verdict="explained", after=4.9)).wrong_but_fits
 

@@ -41,7 +41,7 @@ def figures(cases: Cases) -> dict[str, Score]:
         "both causes of a pair": proportion(x.all_named for x in of_kind(cases, "pair")),
         "cause too many": proportion(x.extra for x in both),
         "no cause named": proportion(not x.claims for x in both),
-        "unknown outside": proportion(x.verdict == "unknown" for x in of_kind(cases, "outside")),
+        "unknown outside": proportion(x.outside_right for x in of_kind(cases, "outside")),
         "fits but wrong": proportion(
             x.wrong_but_fits for x in of_kind(cases, *GAPS) if isfinite(x.gap_closed) or x.kind == "outside"
         ),

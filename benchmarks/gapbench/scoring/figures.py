@@ -105,7 +105,7 @@ FIGURES = (
     _at_least(
         "`unknown` outside the catalogue",
         0.85,
-        lambda c: proportion(x.verdict == "unknown" for x in of_kind(c, "outside")),
+        lambda c: proportion(x.outside_right for x in of_kind(c, "outside")),
     ),
     _at_most(
         "fits but wrong", 0.02, lambda c: proportion(x.wrong_but_fits for x in of_kind(c, "single", "pair", "outside"))

@@ -36,7 +36,7 @@ class Judged:
         joint: Every true joint is named: by the leading finding of a single, by the findings of a pair.
         extra: The findings are more than a right explanation has a place for, whichever listed rivals are taken.
         wrong_but_fits: Findings close more than `FITS` of the gap and the truth is not in the set; of a case from
-            outside the catalogue: the verdict is ``explained``, or they close so much and it is not ``unknown``.
+            outside the catalogue also if the verdict is ``explained``, and never if it is ``unknown``.
         gap_closed: Share of the gap closed; NaN where there is hardly any.
         of_oracle: Share of what a fit closes that knows the cause, at most one; NaN where there is no such fit.
         stated: Stated probability of each listed answer, and whether it is right; twins of the truth are one answer.
@@ -70,6 +70,11 @@ class Judged:
     errors: tuple[float, ...]
     covered: tuple[bool, ...]
     seconds: float
+
+    @property
+    def outside_right(self) -> bool:
+        """Of a cause outside the catalogue: it is called unknown, or named as what it is by a tool that knows it."""
+        return self.verdict == "unknown" or self.top1
 
     def as_json(self) -> dict:
         """For programs: what is not finite becomes null."""
@@ -150,6 +155,12 @@ def _stated(right: list[Explanation], findings: list[dict]) -> tuple[tuple[float
     return tuple(out)
 
 
+def _with_outside_as_effect(answer: dict) -> dict:
+    """The answer of a case from outside the catalogue with its cause among the effects."""
+    cause = answer["outside"]
+    return {**answer, "effects": [{"effect": cause["name"], "joint": cause.get("joint"), "parameters": {}}]}
+
+
 def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
     """Scores the result file of a case; a diagnosis that failed is wrong in everything but a null's claim.
 
@@ -164,7 +175,7 @@ def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
     verdict = diagnosis["verdict"] if diagnosis else "failed"
     claims = tuple((f["effect"], f["joint"]) for f in findings)
     truth, outside = answer.get("truth", answer["effects"]), answer["kind"] == "outside"
-    right, found = ([] if outside else explanations(answer)), frozenset(claims)
+    right, found = explanations(_with_outside_as_effect(answer) if outside else answer), frozenset(claims)
     pair = len(truth) > 1
     named = next((one for one in right if one.needed <= found), None)
     leads = [one for one in right if claims and claims[0] in one.needed and (pair or one.needed <= found)]
@@ -192,7 +203,9 @@ def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
         set_size=sum(1 + len(f["rivals"]) for f in findings),
         joint=named is not None or (bool(true_joints) and true_joints <= said_joints),
         extra=bool(findings) and not _places_for_all(right, findings),
-        wrong_but_fits=(verdict == "explained" or (fits and verdict != "unknown")) if outside else fits and not in_set,
+        wrong_but_fits=(fits or (outside and verdict == "explained"))
+        and not in_set
+        and not (outside and verdict == "unknown"),
         gap_closed=closed,
         of_oracle=_of_oracle(joints, known),
         stated=_stated(right, findings),

@@ -126,7 +126,7 @@ def others(cases: Cases) -> str:
     outside = beyond(of_kind(cases, "outside"), FLOORS[0])
     for cause in sorted({x.effect for x in outside}):
         mine = [x for x in outside if x.effect == cause]
-        rows.append((f"outside, {cause}", len(mine), "unknown", proportion(x.verdict == "unknown" for x in mine)))
+        rows.append((f"outside, {cause}", len(mine), "unknown, or named", proportion(x.outside_right for x in mine)))
     return table(("other cases", "cases", "figure", "share"), rows)
 
 
