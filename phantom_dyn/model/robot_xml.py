@@ -150,6 +150,9 @@ def read_root(path: Path) -> tuple[Element, str]:
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as problem:
+        if path.suffix in (".yaml", ".yml"):
+            wanted = "give the robot's URDF or MJCF file; a robot.yaml in the same folder is read with it"
+            raise RobotError(f"{path} is a YAML file: {wanted}.") from problem
         raise RobotError(f"{path} is not valid XML, or is cut off ({problem}): give a whole URDF or MJCF file.") from (
             problem
         )

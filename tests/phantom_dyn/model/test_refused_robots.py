@@ -44,6 +44,10 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
     assert_refused(tmp_path / "robot.urdf", text, message)
 
 
+def test_of_a_robot_yaml_the_robot_file_is_asked_for(tmp_path):
+    assert_refused(tmp_path / "arm.yaml", "band: 10.0\n", r"is a YAML file: give the robot's URDF or MJCF file; a rob")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
