@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,10 +94,10 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
         session: Robot, logs, blocks.
         progress: Takes the stages.
     """
-    try:
+    # What the stopped search holds is freed only outside of the block that meets its exception.
+    with suppress(SearchWithoutEnd):
         return _explanation_of(session, progress, at_most(most_fits(session.robot.nv)))
-    except SearchWithoutEnd:
-        return replace(_explanation_of(session, progress, None), endless=True)
+    return replace(_explanation_of(session, progress, None), endless=True)
 
 
 def _explanation_of(session: Session, progress: Progress, before_each: Callable[[], None] | None) -> Explanation:
