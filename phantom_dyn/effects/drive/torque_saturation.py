@@ -41,7 +41,7 @@ _MOST = 0.45
 _NEEDED = (0.6, 1.4)
 # Share of a recorded torque that the motion certainly needed: the needed torque is known to about a fifth.
 _SURE = 0.8
-# Beyond a limit the needed torque stays constant while the command rises: its largest slope over the command, and its
+# Beyond a limit the needed torque stays constant while the command rises: its steepest slope over the command, and its
 # largest spread over the limit. Without a limit the slope is one, with a weak supply about a third, at a limit zero.
 _SLOPE = 0.12
 _SPREAD = 0.8
@@ -173,39 +173,46 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
 
 
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
-    """True if the needed torque certainly does not rise with the command, by its own scatter about the line.
+    """True if the needed torque certainly neither rises nor falls with the command, by its own scatter about the line.
 
     The command has to go on by more than the limit: by less it may be friction that the model lacks, which is flat too.
     """
-    x = np.abs(excess) - np.abs(excess).mean()
-    square = float(x @ x)
-    if square <= len(x) * limit**2:
+    slope, square, scatter = _line(excess, needed)
+    if square <= len(needed) * limit**2:
         return False
-    slope = float(x @ needed) / square
-    error = float((needed - slope * x).std()) * np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square)
-    return bool(slope < _SLOPE - 2.0 * error)
+    return abs(slope) < _SLOPE - 2.0 * _slope_error(operation, scatter, square)
 
 
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
-    """True if beyond the limit the needed torque does not rise with the command, within its noise.
+    """True if beyond the limit the needed torque neither rises nor falls with the command, within its noise.
 
-    The noise is the deviation of the needed torque from the command below the limit; it counts as equal within
-    `_LEAST_SECONDS`.
+    The noise is the deviation of the needed torque from the command below the limit, or its own scatter about the line
+    if that is smaller: friction that the model lacks makes the first one large.
     """
     beyond = excess != 0
     command, needed = _command(operation, row), operation.expected[:, row]
-    x = np.abs(excess[beyond]) - np.abs(excess[beyond]).mean()
-    square = float(x @ x)
+    slope, square, noise = _line(excess[beyond], needed[beyond] * np.sign(command[beyond]))
     if square == 0.0:
         return True
-    slope = float(x @ (needed[beyond] * np.sign(command[beyond]))) / square
     below = ~beyond & (np.abs(command) > _BELOW * limit)
     if not below.any():
-        return bool(slope < _SLOPE)
+        return abs(slope) < _SLOPE
     off = (needed - command)[below]
-    noise = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-    error = noise * np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square)
-    return bool(slope < _SLOPE + 2.0 * error)
+    noise = min(noise, 1.4826 * float(np.median(np.abs(off - np.median(off)))))
+    return abs(slope) < _SLOPE + 2.0 * _slope_error(operation, noise, square)
+
+
+def _line(excess: Array, needed: Array) -> tuple[float, float, float]:
+    """Slope of the needed torque over the excess of the command, that excess squared and summed, scatter about it."""
+    x = np.abs(excess) - np.abs(excess).mean()
+    square = float(x @ x)
+    slope = float(x @ needed) / square if square > 0.0 else 0.0
+    return slope, square, float((needed - slope * x).std())
+
+
+def _slope_error(operation: Operation, noise: float, square: float) -> float:
+    """Standard error of such a slope; noise counts as equal within `_LEAST_SECONDS`."""
+    return noise * float(np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square))
 
 
 def _plateau(command: Array, needed: Array) -> tuple[float, ...]:

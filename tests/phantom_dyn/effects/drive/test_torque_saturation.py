@@ -202,31 +202,36 @@ def test_a_limit_is_believed_although_a_disturbance_hides_that_it_is_flat(arm, s
     assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any()
 
 
-def rising(arm, smooth, slope: float, noise: float, dt: float = 0.01) -> tuple[Operation, np.ndarray]:
+def rising(
+    arm, smooth, slope: float, noise: float, dt: float = 0.01, scatter: float = 0.0
+) -> tuple[Operation, np.ndarray]:
     """A command that goes by 0.1 to 2 N m beyond a limit of 2 N m either way while the needed torque rises with it.
 
-    Below the limit the needed torque is off the command by ``noise`` either way.
+    Below the limit the needed torque is off the command by ``noise`` either way, beyond it off the line by ``scatter``.
     """
     over = 0.1 * np.arange(1, 21)
     side = np.where(np.arange(20) % 2 == 0, 1.0, -1.0)
     command = np.concatenate([side * (2.0 + over), np.tile([1.0, -1.0], 40)])
     off = noise * np.where(np.arange(80) % 4 < 2, 1.0, -1.0)
-    needed = np.concatenate([side * (2.0 + slope * (over - over.mean())), command[20:] + off])
+    # Of four samples in a row the scatter has no slope.
+    apart = scatter * np.tile([1.0, -1.0, -1.0, 1.0], 5)
+    needed = np.concatenate([side * (2.0 + slope * (over - over.mean()) + apart), command[20:] + off])
     operation = Operation.of(arm, Motion(dt * np.arange(100), *(x[:100] for x in (smooth.q, smooth.v, smooth.a))))
     excess = np.concatenate([side * over, np.zeros(80)])
     return replace(operation, logged=command[:, None] * np.ones(3), expected=needed[:, None] * np.ones(3)), excess
 
 
 @pytest.mark.parametrize(("dt", "independent"), [(0.01, 3.0), (0.1, 1.0)])
-@pytest.mark.parametrize("noise", [0.0, 0.1])
+@pytest.mark.parametrize(("noise", "scatter", "counts"), [(0.0, 0.2, 0.0), (0.1, 0.2, 0.14826), (0.1, 0.05, 0.05)])
 @pytest.mark.parametrize(("more", "flat"), [(-1e-3, True), (1e-3, False)])
-def test_a_needed_torque_is_flat_that_rises_by_an_eighth_of_the_command_and_two_errors(
-    arm, smooth, dt, independent, noise, more, flat
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_needed_torque_is_flat_that_rises_or_falls_by_an_eighth_of_the_command_and_two_errors(
+    arm, smooth, dt, independent, noise, scatter, counts, more, flat, side
 ):
-    # Closed form: a slope over excesses whose squares about their mean sum to 6.65, with 1.4826 times the median of
-    # what is off below the limit for noise, the same within 30 ms.
-    error = 1.4826 * noise * np.sqrt(independent / 6.65)
-    operation, excess = rising(arm, smooth, 0.12 + 2.0 * error + more, noise, dt)
+    # Closed form: a slope over excesses whose squares about their mean sum to 6.65, the noise the same within 30 ms:
+    # 1.4826 times the median of what is off below the limit, or the scatter about the line if that is smaller.
+    error = counts * np.sqrt(independent / 6.65)
+    operation, excess = rising(arm, smooth, side * (0.12 + 2.0 * error + more), noise, dt, scatter)
     assert _is_flat(operation, 1, 2.0, excess) is flat
 
 
