@@ -219,7 +219,7 @@ def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
     (note,) = sentences(limited_to_motion(still, (recording,), rollout, pendulum).notes)
-    assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
+    assert "under its controller pin strays by 0.01 from the recorded motion, 100 times the noise of its" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
     assert limited_to_motion(still, (recording,), near, pendulum).notes == ()
 

@@ -180,7 +180,9 @@ def test_that_friction_looks_the_same_is_said(loaded):
 def test_files_say_that_the_readings_are_no_mean(loaded, tmp_path: Path):
     _, robot, _, found = loaded
     write_outputs(found, robot, out=tmp_path, json_file=None)
-    assert "was read once while each reference was held" in (tmp_path / "corrected.yaml").read_text(encoding="utf-8")
+    assert "was read at one time while each reference was held" in (tmp_path / "corrected.yaml").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.whole

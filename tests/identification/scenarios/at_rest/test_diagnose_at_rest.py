@@ -232,7 +232,7 @@ def test_a_figure_over_load_has_the_unit_of_a_torque(robot, rng):
     found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, gap=GAP),))
     finding, residual = found.findings[0], found.evidence.tau_measured[:, 0] - found.evidence.tau_before[:, 0]
     variable = explaining_variable(found, joint_motions(None, found), finding, residual)
-    assert (variable.name, variable.unit) == ("torque that the transmission passes on", "N m")
+    assert (variable.name, variable.unit) == ("torque through the transmission", "N m")
 
 
 PLAY, SPRING = ("backlash",), ("transmission_compliance",)
