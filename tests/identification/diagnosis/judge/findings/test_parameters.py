@@ -246,7 +246,10 @@ def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share
         assert words[0].startswith(
             f"Of what the wrong inertial parameters explain, {round(100 * share)} % would be explained"
         )
-        assert "if the robot lacked hand and gripper (0.6 kg), which the model carries on a fixed or locked joint" in words[0]
+        assert (
+            "if the robot lacked hand and gripper (0.6 kg), which the model carries on a fixed or locked joint"
+            in words[0]
+        )
 
 
 CASES = [(0.89, 2, False), (0.9, 2, True), (0.99, 1, False)]
