@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from identification.diagnosis.noise.noise_floor import (
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
 from identification.diagnosis.search.claims import asked, claimed
-from identification.diagnosis.search.fits import SearchWithoutEnd, at_most, unlimited
+from identification.diagnosis.search.fits import SearchWithoutEnd
 from identification.diagnosis.search.refinement import (
     found_effects,
     needs_refinement,
@@ -96,15 +97,15 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     """
     # What the stopped search holds is freed only outside of the block that meets its exception.
     with suppress(SearchWithoutEnd):
-        return _explanation_of(session, progress, at_most(most_fits(session.robot.nv)))
+        return _explanation_of(session, progress, iter(range(most_fits(session.robot.nv))))
     return replace(_explanation_of(session, progress, None), endless=True)
 
 
-def _explanation_of(session: Session, progress: Progress, before_each: Callable[[], None] | None) -> Explanation:
-    """The effects that explain the recordings, with a call before each fit; without it no effect is searched for.
+def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int] | None) -> Explanation:
+    """The effects that explain the recordings by so many fits; with None no effect is searched for.
 
     Raises:
-        SearchWithoutEnd: By the limit of fits.
+        SearchWithoutEnd: By the first fit that is not allowed.
     """
     progress(Announcement(Stage.REGRESSORS))
     at = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
@@ -116,16 +117,16 @@ def _explanation_of(session: Session, progress: Progress, before_each: Callable[
     noise = at_least_encoder_noise(noise, again.residual, columns.usable)
     sensed = sensed_noise(session, columns)
     noise = no_less_than_sensed(columns, noise, sensed)
-    search = _set_up(session, columns, noise, before_each or unlimited)
+    search = _set_up(session, columns, noise, allowed)
     spurious = spurious_gains(search, again, noise)
     encoders = noise_floor(session, columns, again.residual)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
     record = search.record
-    last = Explanation(search, frozenset(), noise) if before_each is None else _searched(search, noise, progress)
+    last = Explanation(search, frozenset(), noise) if allowed is None else _searched(search, noise, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
-    for _ in range(0 if before_each is None else _REFINEMENTS):
+    for _ in range(0 if allowed is None else _REFINEMENTS):
         noise, ratio = _noise_left(last, columns, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
@@ -144,14 +145,15 @@ def _explanation_of(session: Session, progress: Progress, before_each: Callable[
             # The next set of products takes as much memory as what it replaces.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
-        again = replace(_set_up(session, columns, noise, before_each or unlimited), record=record)
+        again = replace(_set_up(session, columns, noise, allowed), record=record)
         search = _with_thresholds(again, noise, spurious, progress)
         del again
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
-    last.search.fits.without_limit()
+    # The judge asks for single fits only, of which there may be any number.
+    last.search.fits.allowed = count()
     return replace(last, chosen=chosen, in_band=quiet, coarse=coarse, encoders=encoders)
 
 
@@ -178,7 +180,7 @@ def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Se
     return noise, float(np.min(np.sqrt(new / np.maximum(old, 1e-300)), where=old > 0, initial=1.0))
 
 
-def _set_up(session: Session, columns: Columns, noise: Series, before_each: Callable[[], None] = unlimited) -> Search:
+def _set_up(session: Session, columns: Columns, noise: Series, allowed: Iterator[int] | None = None) -> Search:
     """The search over all rivals for a given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
@@ -190,7 +192,7 @@ def _set_up(session: Session, columns: Columns, noise: Series, before_each: Call
         read_problem = replace(set_up(session, read, white, weights), white=replace(white, values=()))
         problem = replace(problem, where_read=read_problem)
     none = np.zeros(len(columns.rows))
-    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, before_each=before_each)
+    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {}, allowed=allowed)
 
 
 def _with_thresholds(
@@ -205,7 +207,7 @@ def _with_thresholds(
     filters = whitening_of(problem.columns, noise)
     threshold = null_threshold(search, filters, filters.series(noise), above_chance.LEAST_GAIN)
     rows = row_gaps(problem, search.evaluate(frozenset()))
-    return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.before_each)
+    return set_up_search(problem, threshold, rows, spurious, search.record, search.fits.allowed)
 
 
 def _searched(
@@ -240,8 +242,8 @@ def _searched(
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < rules.LEAST_TRACE:
             break
-        given, before_each = search.problem, search.fits.before_each
-        quieter = replace(_set_up(given.session, given.columns, quiet, before_each), record=search.record)
+        again = _set_up(search.problem.session, search.problem.columns, quiet, search.fits.allowed)
+        quieter = replace(again, record=search.record)
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
         if not claimed(quieter, tried, chosen):
             break

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 
@@ -31,25 +32,6 @@ class SearchWithoutEnd(Exception):
     """A search has fitted more sets of effects than it may."""
 
 
-def at_most(number: int) -> Callable[[], None]:
-    """A call that may be made so many times.
-
-    Raises:
-        SearchWithoutEnd: By the next call.
-    """
-    calls = iter(range(number))
-
-    def call() -> None:
-        if next(calls, None) is None:
-            raise SearchWithoutEnd
-
-    return call
-
-
-def unlimited() -> None:
-    """Called before each fit where any number of them may be made."""
-
-
 class Fits:
     """The cache of a search: fits of sets of effects to one problem.
 
@@ -57,23 +39,22 @@ class Fits:
 
     Args:
         problem: What is fitted.
-        before_each: Called before each fit that is not in the cache.
+        allowed: Has an item for each fit that may be made, and is shared by searches with one limit; None: no limit.
+
+    Raises:
+        SearchWithoutEnd: By the first fit that may not be made.
     """
 
-    def __init__(self, problem: Problem, before_each: Callable[[], None] = unlimited):
+    def __init__(self, problem: Problem, allowed: Iterator[int] | None = None):
         self.problem = problem
-        self.before_each = before_each
+        self.allowed = count() if allowed is None else allowed
         self._held_out: dict[Chosen, Fitted] = {}
         self._row_losses: dict[Chosen, Float[Array, " nv"]] = {}
         self._in_sample: dict[Chosen, float] = {}
         self._points: dict[Chosen, Point] = {}
         self._gains: dict[Chosen, dict[tuple[int, ...], float]] = {}
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
-        self._where_read = None if problem.where_read is None else Fits(problem.where_read)
-
-    def without_limit(self) -> None:
-        """From here on any number of sets may be fitted."""
-        self.before_each = unlimited
+        self._where_read = None if problem.where_read is None else Fits(problem.where_read, allowed)
 
     def of(self, chosen: Chosen) -> Fits:
         """Fits of the problem with the columns of a set, see `Problem.of`."""
@@ -121,7 +102,7 @@ class Fits:
 
         No losses are computed and nothing is cached, as there are many subsets and each is needed once.
         """
-        problem, count = self.problem, len(self.problem.precision)
+        problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
         if self._near is not None or self._where_read is not None or free or not _linear(terms):
 
@@ -145,7 +126,7 @@ class Fits:
             square, ends = np.ix_(own, own), (lower[own], upper[own])
             a, b, less_a = with_prior[square], whole.b[own], less.a[:, own[:, None], own]
             x = bounded_solve(a, b, *ends, near=near[own])
-            out = np.zeros((len(less_a) + 1, count))
+            out = np.zeros((len(less_a) + 1, total))
             out[:-1, active] = bounded_solve_without(a, b, less_a, less.b[:, own], *ends, x)
             out[-1, active] = x
             return out
@@ -158,7 +139,8 @@ class Fits:
         return NearFits(self.problem, self._start.theta) if many else None
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
-        self.before_each()
+        if next(self.allowed, None) is None:
+            raise SearchWithoutEnd
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)

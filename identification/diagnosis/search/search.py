@@ -6,7 +6,7 @@ A claim has to gain more on held-out data than the best of the whole catalogue, 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
-from identification.diagnosis.search.fits import Fits, unlimited
+from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import ends_on_nothing
 from identification.gates import above_chance
@@ -226,7 +226,7 @@ def set_up_search(
     rows: RowGaps,
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
-    before_each: Callable[[], None] = unlimited,
+    allowed: Iterator[int] | None = None,
 ) -> Search:
     """A search over all terms whose columns are not zero in the recordings.
 
@@ -236,12 +236,12 @@ def set_up_search(
         rows: Gaps of the joints.
         spurious: Gains by noise of encoders.
         record: Decisions on each effect until now; None: a new one.
-        before_each: Called before each fit of a set, see `Fits`.
+        allowed: Has an item for each fit that may be made, see `Fits`.
     """
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displacing, covering = relations(problem.columns.terms)
-    fits, kept = Fits(problem, before_each), Record() if record is None else record
+    fits, kept = Fits(problem, allowed), Record() if record is None else record
     return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
 
 
