@@ -223,7 +223,8 @@ def _by_torque(given: Prepared, progress: Progress) -> Answer:
     between = bool(session.differences.own)
     judgement = with_user_words(named_by_recording(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
-    endless = (Note(Code.SEARCH_WITHOUT_END, numbers={"floating": robot.floating}),) if explanation.endless else ()
+    tried = {"fits": explanation.fits, "floating": robot.floating}
+    endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()
     drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
     judgement = replace(judgement, notes=(*given.notes, *soft, *endless, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
+from operator import length_hint
 
 import numpy as np
 
@@ -72,7 +73,8 @@ class Explanation:
         coarse: Encoders that are coarser than stated.
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
             where it was not computed.
-        endless: Whether the search was stopped, as it went from set to set without an end. Then no effect is chosen.
+        fits: Number of sets of effects that the searches fitted.
+        endless: Whether they were stopped, as they went from set to set without an end. Then no effect is chosen.
     """
 
     search: Search
@@ -81,6 +83,7 @@ class Explanation:
     in_band: Series = ()
     coarse: tuple[Coarse, ...] = ()
     encoders: Float[Array, " nv"] | None = None
+    fits: int = 0
     endless: bool = False
 
 
@@ -95,10 +98,11 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
         session: Robot, logs, blocks.
         progress: Takes the stages.
     """
+    most = most_fits(session.robot.nv)
     # What the stopped search holds is freed only outside of the block that meets its exception.
     with suppress(SearchWithoutEnd):
-        return _explanation_of(session, progress, iter(range(most_fits(session.robot.nv))))
-    return replace(_explanation_of(session, progress, None), endless=True)
+        return _explanation_of(session, progress, iter(range(most)))
+    return replace(_explanation_of(session, progress, None), fits=most, endless=True)
 
 
 def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int] | None) -> Explanation:
@@ -152,9 +156,10 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
+    fits = 0 if allowed is None else most_fits(session.robot.nv) - length_hint(allowed)
     # The judge asks for single fits only, of which there may be any number.
     last.search.fits.allowed = count()
-    return replace(last, chosen=chosen, in_band=quiet, coarse=coarse, encoders=encoders)
+    return replace(last, chosen=chosen, fits=fits, in_band=quiet, coarse=coarse, encoders=encoders)
 
 
 def _noise_left(last: Explanation, columns: Columns, sensed: Series) -> tuple[Series, float]:

@@ -122,8 +122,8 @@ def _soft_friction(note: Note) -> str:
 def _search_without_end(note: Note) -> str:
     base = " Check that the sensors of the base are fastened to it." if note.numbers["floating"] else ""
     return (
-        "The search for causes was stopped before its end: many sets of effects explain some of this gap, and none "
-        f"explains it. So its cause is most likely none of the catalogue.{base}"
+        f"The search for causes was stopped after {note.numbers['fits']} sets of effects: many explain some of this "
+        f"gap, and none explains it. So its cause is most likely none of the catalogue.{base}"
     )
 
 

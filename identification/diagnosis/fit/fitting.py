@@ -6,16 +6,14 @@ constant rescales its whole row, and a point mass is linearised about the last e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import compress
 
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, converged, load_map, mass_bounds, reduced_load
-from identification.diagnosis.fit.possible_bodies import Binding, Body, among_possible_bodies, places_among
+from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, places_among
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
@@ -40,7 +38,6 @@ class Fitted:
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
         denied: How much lower the in-sample loss would be if bodies that cannot exist were allowed.
-        in_cone: Names of the bodies that would be impossible without that limit.
     """
 
     problem: Problem
@@ -52,7 +49,6 @@ class Fitted:
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
     denied: float = 0.0
-    in_cone: frozenset[str] = frozenset()
 
     @property
     def total(self) -> float:
@@ -138,12 +134,10 @@ class Near:
     Attributes:
         theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
         payload: Mass and first moments of a payload, ``(4,)``; None without one.
-        in_cone: Names of the bodies that would be impossible there without that limit.
     """
 
     theta: Float[Array, " K"]
     payload: Float[Array, " 4"] | None = None
-    in_cone: frozenset[str] = frozenset()
 
     @staticmethod
     def nothing(problem: Problem) -> Near:
@@ -157,17 +151,7 @@ class Near:
         for term in terms:
             if term.effect.inertial == "point mass":
                 payload = found.theta[list(term.columns[:4])]
-        return Near(theta, payload, found.in_cone)
-
-    def binding(
-        self,
-        bodies: Sequence[Body],
-        kept: Int[Array, " k"],
-        bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
-    ) -> Binding | None:
-        """What binds there, for the bodies and columns of another fit; None where each of these bodies exists."""
-        within, theta = tuple(body.name in self.in_cone for body in bodies), self.theta[kept]
-        return Binding(within, theta <= bounds[0], theta >= bounds[1]) if any(within) else None
+        return Near(theta, payload)
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -345,23 +329,19 @@ def _fit_linear(
     found = minimum_of(square, line, products.c, precision, (lower, upper), bound, folds)
     denied = -found.objective
     places = places_among(kept, bodies)
-    start = near.binding(bodies, kept, (lower, upper))
-    found, binding = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places, start)
+    found = among_possible_bodies(found, square, line, precision, (lower, upper), folds, places)
     denied += found.objective
-    held = () if binding is None else compress((body.name for body in bodies), binding.bodies)
     theta = np.zeros(len(problem.precision))
     theta[active] = found.x if folded is None else folded.unfolded(found.x)
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
     if held_out is None:
         none = np.zeros((0, len(active)))
-        return Fitted(
-            problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied, frozenset(held)
-        )
+        return Fitted(problem, point, theta, active, penalty, found.objective, np.zeros(0), none, denied)
     fold_x = found.without if folded is None else folded.unfolded(found.without)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied, frozenset(held))
+    return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied)
 
 
 def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:

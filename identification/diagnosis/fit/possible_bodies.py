@@ -144,8 +144,7 @@ def among_possible_bodies(
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
     bodies: list[tuple[Body, Int[Array, " 10"]]],
-    start: Binding | None,
-) -> tuple[Minimum, Binding | None]:
+) -> Minimum:
     """A fit again among bodies that can exist, on all blocks and without each fold, where its own cannot.
 
     A fit whose bodies exist is the best of all that do, so that nothing is computed there.
@@ -158,27 +157,23 @@ def among_possible_bodies(
         bounds: Of each coefficient.
         folds: What each fold has of ``square`` and ``line``, None if nothing is held out.
         bodies: Bodies with the places of their changes.
-        start: What binds in a similar fit, where that is known.
-
-    Returns:
-        The fit, and what binds in the one on all blocks; None where its own bodies exist.
     """
 
     def exist(x: Float[Array, " n"]) -> bool:
         return all(body.exists(x[at]) for body, at in bodies)
 
     if not bodies:
-        return found, None
+        return found
     with_prior = square + np.diag(precision)
     x, objective, without, binding = found.x, found.objective, found.without.copy(), None
     if not exist(x):
-        x, binding = possible_minimum(with_prior, line, bounds, found.x, bodies, start)
+        x, binding = possible_minimum(with_prior, line, bounds, found.x, bodies)
         objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
     for k in range(len(without)):
         if folds is not None and not exist(without[k]):
             less, other = with_prior - folds[0][k], line - folds[1][k]
             without[k], _ = possible_minimum(less, other, bounds, without[k], bodies, binding)
-    return Minimum(x, objective, without), binding
+    return Minimum(x, objective, without)
 
 
 def _loss_of(a: Float[Array, "n n"], b: Float[Array, " n"], x: Float[Array, " n"]) -> float:

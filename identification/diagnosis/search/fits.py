@@ -164,9 +164,7 @@ class Fits:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
             return self._start
-        # Bodies of another set begin as their own minimum has them, which takes less time than what binds there.
-        start = Near.nothing(self.problem).after(similar, ())
-        return replace(start, payload=self._start.payload, in_cone=frozenset())
+        return replace(Near.nothing(self.problem).after(similar, ()), payload=self._start.payload)
 
     @cached_property
     def _start(self) -> Near:

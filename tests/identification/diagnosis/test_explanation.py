@@ -47,11 +47,11 @@ def test_a_search_without_an_end_names_no_cause_and_says_so(lab, planar2, monkey
     monkeypatch.setattr(explanation, "most_fits", lambda joints: 3)
     stopped = diagnose(planar2, (recording,))
     assert (stopped.verdict, stopped.findings) == ("unknown", ())
-    assert any("stopped before its end" in said for said in sentences(stopped.notes))
+    assert any("was stopped after 3 sets of effects" in said for said in sentences(stopped.notes))
     monkeypatch.undo()
     whole = diagnose(planar2, (recording,))
     assert {finding.effect for finding in whole.findings} == {"coulomb_friction"}
-    assert not any("stopped before its end" in said for said in sentences(whole.notes))
+    assert not any("was stopped after" in said for said in sentences(whole.notes))
 
 
 HAND = """<link name="hand"><inertial><origin xyz="0 0 -0.05"/><mass value="0.6"/>
