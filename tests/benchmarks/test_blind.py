@@ -1,9 +1,11 @@
 """Sealed cases: reproducible, without a hint, unreadable answers, and some through the command line."""
 
 import json
+import shutil
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +30,14 @@ LARGE = 4.0
 @pytest.fixture(scope="module")
 def case():
     return draw_case(SEED, "single")
+
+
+@pytest.fixture(scope="module")
+def drawn_once(tmp_path_factory):
+    """A folder with the folders of one case and its answer, which are only copied."""
+    work = tmp_path_factory.mktemp("drawn")
+    draw_one(SEED, work / "cases", work / "answers")
+    return work
 
 
 def test_the_generator_runs_where_the_diagnosis_and_its_engine_cannot_be_imported():
@@ -73,8 +83,8 @@ def test_an_unknown_kind_is_refused():
         draw_case(SEED, "double")
 
 
-def test_the_case_folder_holds_robot_configuration_and_log_only(tmp_path):
-    folder, answer = draw_one(SEED, tmp_path / "cases", tmp_path / "answers")
+def test_the_case_folder_holds_robot_configuration_and_log_only(drawn_once):
+    (folder,), (answer,) = ((drawn_once / name).iterdir() for name in ("cases", "answers"))
     assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "robot.urdf", "robot.yaml"]
     text = "".join(p.read_text() for p in folder.iterdir())
     said = {"rotor_inertia"}  # the owner states the modelled one of every joint
@@ -146,28 +156,32 @@ pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(resul
 """
 
 
-def spied(tmp_path, answer_name):
+@pytest.fixture
+def work(drawn_once, tmp_path):
+    return Path(shutil.copytree(drawn_once, tmp_path / "work"))
+
+
+def spied(work, answer_name):
     """What the spy finds of a word that stands only in the answer, run in place of the diagnosis."""
-    work = tmp_path / "work"
-    folder, answer = draw_one(SEED, work / "cases", work / "answers")
+    (folder,), (answer,) = ((work / name).iterdir() for name in ("cases", "answers"))
     word = '"drawn_size"'
     assert word in answer.read_text()
     answer.rename(answer.with_name(answer_name or answer.name))
-    spy = tmp_path / "spy.py"
+    spy = work.parent / "spy.py"
     spy.write_text(SPY)
     command = [sys.executable, str(spy), str(work), word]
     diagnose_all([folder.name], work / "cases", work / "answers", work / "results", command=command, jobs=1)
     return json.loads((work / "results" / f"{folder.name}.json").read_text())["diagnosis"]
 
 
-def test_the_diagnosing_process_cannot_read_the_answer(tmp_path):
-    seen = spied(tmp_path, None)
+def test_the_diagnosing_process_cannot_read_the_answer(work):
+    seen = spied(work, None)
     assert seen["looked_at"] >= 4
     assert seen["found"] == []
 
 
-def test_the_spy_would_have_found_an_answer_that_is_not_sealed(tmp_path):
-    assert spied(tmp_path, "left_open.txt")["found"]
+def test_the_spy_would_have_found_an_answer_that_is_not_sealed(work):
+    assert spied(work, "left_open.txt")["found"]
 
 
 def test_a_case_with_a_result_is_not_diagnosed_again(tmp_path):

@@ -22,7 +22,7 @@ from benchmarks.gapbench.baselines.windows import Windows, read_windows, robot_s
 from places import CHECKOUT
 
 SAMPLES = 400
-DRY, SECONDS, DT = 0.3, 14.0, 0.002
+DRY, SECONDS, DT = 0.3, 8.0, 0.002
 
 URDF = """
 <robot name="arm">

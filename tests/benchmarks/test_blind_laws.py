@@ -55,8 +55,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(("name", "joint"), [*((name, 1) for name in LAWS), ("coulomb_friction", 0)])
 def test_a_joint_effect_acts_on_the_moving_robot_as_the_contract_states(name, joint):
     setup = short_setup(5, "planar2")
     parameters, law = LAWS[name]

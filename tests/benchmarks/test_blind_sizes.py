@@ -83,17 +83,10 @@ def test_a_move_inside_the_tolerance_leaves_nothing_beyond_it():
     assert measure.beyond_tolerance(change) < 0.05
 
 
-@pytest.mark.parametrize(
-    ("robot", "effect", "joint", "shape"),
-    [
-        ("spatial3", "encoder_offset", 0, {"sign": 1.0}),
-        ("six", "encoder_offset", 0, {"sign": 1.0}),
-        ("phantom", "encoder_offset", 0, {"sign": 1.0}),
-    ],
-)
-def test_an_offset_of_a_vertical_first_joint_is_never_drawn(robot, effect, joint, shape):
+@pytest.mark.parametrize("robot", by_night(["spatial3", "six", "phantom"], 0))
+def test_an_offset_of_a_vertical_first_joint_is_never_drawn(robot):
     setup, measure = measured_setup(4, robot)
-    recipe = Recipe(effect, joint, shape)
+    recipe = Recipe("encoder_offset", 0, {"sign": 1.0})
     assert first_guess(recipe, measure, 2.0) == 0.0
     assert sized(recipe, setup, measure, 2.0) is None
 

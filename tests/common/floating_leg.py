@@ -20,7 +20,7 @@ URDF = f"""<robot name="leg"><link name="trunk">{BODY.format(mass=4)}</link><lin
 </joint><joint name="end" type="fixed"><parent link="shank"/><child link="foot"/><origin xyz="0 0 -0.2"/></joint>
 </robot>"""
 FRICTION, DAMPING = 0.2, 0.05
-RATE, SECONDS = 500.0, 24.0
+RATE, SECONDS = 500.0, 14.0
 TURN, SCALE, OFFSET = 0.02, np.array([0.99, 1.01, 1.012]), np.array([0.15, -0.2, 0.1])
 LATE = 0.003
 

@@ -124,35 +124,33 @@ def _energy(joints: list, masses: list, q: Mapping[str, float]) -> float:
 
 
 def _placed(joints: list, q: Mapping[str, float]) -> dict[str, Array]:
-    children = {child for _, _, child, _, _, _ in joints}
-    out = {next(parent for _, parent, _, _, _, _ in joints if parent not in children): np.eye(4)}
-    todo = list(joints)
-    while todo:
-        waiting = []
-        for joint in todo:
-            name, parent, child, origin, axis, kind = joint
-            if parent not in out:
-                waiting.append(joint)
-                continue
-            move = np.eye(4)
-            if kind in ("revolute", "continuous"):
-                move[:3, :3] = rotation(axis * q.get(name, 0.0))
-            elif kind == "prismatic":
-                move[:3, 3] = axis * q.get(name, 0.0)
-            out[child] = out[parent] @ origin @ move
-        todo = waiting
+    out = {joints[0][1]: np.eye(4)} if joints else {}
+    for name, parent, child, origin, axis, kind in joints:
+        place = out[parent] @ origin
+        angle = q.get(name, 0.0)
+        if kind in ("revolute", "continuous"):
+            place[:3, :3] = place[:3, :3] @ rotation(axis * angle)
+        elif kind == "prismatic":
+            place[:3, 3] += place[:3, :3] @ axis * angle
+        out[child] = place
     return out
 
 
 @cache
 def _joints(text: str) -> list:
-    out = []
+    """Joints of a URDF from the root outwards: name, parent, child, origin, axis, kind."""
+    todo = []
     for joint in ElementTree.fromstring(text).findall("joint"):
         stated = joint.find("axis")
         axis = np.array([float(x) for x in ("1 0 0" if stated is None else stated.get("xyz")).split()])
         parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
         place = _pose(joint.find("origin"))
-        out.append((joint.get("name"), parent, child, place, axis / np.linalg.norm(axis), joint.get("type")))
+        todo.append((joint.get("name"), parent, child, place, axis / np.linalg.norm(axis), joint.get("type")))
+    children = {one[2] for one in todo}
+    known, out = {one[1] for one in todo} - children, []
+    while len(out) < len(todo):
+        out += [one for one in todo if one[1] in known and one[2] not in known]
+        known |= {one[2] for one in out}
     return out
 
 

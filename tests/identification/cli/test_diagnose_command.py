@@ -9,8 +9,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from identification.cli.main import main
@@ -112,19 +110,10 @@ def test_what_is_ours_is_replaced_and_the_rest_kept(tmp_path, pendulum, log):
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "explained"
 
 
-def test_json_alone_writes_one_file(log, pendulum, diagnosed):
-    diagnosed(pendulum, log)
-    assert names_in(log.parent) == ["diagnosed.json", "log.csv"]
-
-
-def test_nothing_is_written_where_nothing_is_asked_for(log, pendulum, monkeypatch):
+def test_the_summary_is_short_and_plain_and_nothing_is_written(log, pendulum, capsys, monkeypatch):
     monkeypatch.chdir(log.parent)
     assert main(["diagnose", str(pendulum), "log.csv"]) == 0
     assert names_in(log.parent) == ["log.csv"]
-
-
-def test_the_summary_is_short_and_plain(log, pendulum, capsys):
-    main(["diagnose", str(pendulum), str(log)])
     text = capsys.readouterr().out
     assert text.startswith("The gap between robot and model is explained by Coulomb friction on joint pin.\n")
     assert len(text.splitlines()) < 60
@@ -172,30 +161,9 @@ def test_a_profile_of_several_processes_is_refused(log, pendulum, capsys):
     assert "profile one of them" in capsys.readouterr().err
 
 
-def test_two_runs_say_the_same(log, pendulum, diagnosed, plain):
+def test_two_runs_say_the_same_and_json_alone_writes_one_file(log, pendulum, diagnosed, plain):
     assert diagnosed(pendulum, log) == plain
-
-
-def test_npz_says_the_same_as_csv(tmp_path, pendulum, swing, diagnosed, plain):
-    np.savez(tmp_path / "log.npz", **swing)
-    assert diagnosed(pendulum, tmp_path / "log.npz") == plain
-
-
-def test_parquet_says_the_same_as_csv(tmp_path, pendulum, swing, diagnosed, plain):
-    pq.write_table(pa.table(swing), tmp_path / "log.parquet")
-    assert diagnosed(pendulum, tmp_path / "log.parquet") == plain
-
-
-def test_the_order_of_columns_does_not_matter(tmp_path, pendulum, swing, diagnosed, plain, written):
-    turned = written(tmp_path / "turned.csv", dict(reversed(swing.items())))
-    assert diagnosed(pendulum, turned) == plain
-
-
-def test_mjcf_and_urdf_say_the_same(tmp_path, arm, made_columns, written, causes):
-    log = written(tmp_path / "arm.csv", made_columns(arm, seconds=6.0))
-    found = causes(arm.with_suffix(".xml"), log)
-    assert ("coulomb_friction", "tilt") in found
-    assert found == causes(arm, log)
+    assert names_in(log.parent) == ["diagnosed.json", "log.csv"]
 
 
 def test_current_and_torque_say_the_same(tmp_path, pendulum, swing, causes, written):
@@ -248,18 +216,6 @@ def test_what_was_found_before_is_part_of_the_model(finished, pendulum, diagnose
 
 def test_options_may_stand_before_the_log(pendulum, log, diagnosed, plain):
     assert diagnosed("--jobs", "2", pendulum, log) == plain
-
-
-def test_identical_repeated_rows_are_counted(pendulum, log, diagnosed):
-    lines = log.read_text().splitlines()
-    log.write_text("\n".join([*lines[:80], lines[79], lines[79], *lines[80:]]) + "\n")
-    assert "log.csv: 2 rows that repeat the one before were dropped." in diagnosed(pendulum, log)["data_warnings"]
-
-
-def test_a_broken_triangle_inequality_is_a_warning(tmp_path, pendulum, log, diagnosed):
-    (tmp_path / "robot.urdf").write_text(pendulum.read_text().replace('izz="0.01"', 'izz="0.3"'))
-    warnings = diagnosed(tmp_path / "robot.urdf", log)["data_warnings"]
-    assert any("no rigid body has the inertia of link rod" in text for text in warnings)
 
 
 def test_warnings_stand_in_the_summary(pendulum, log, capsys):

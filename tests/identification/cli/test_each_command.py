@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from by_night import by_night
 from identification.cli.main import main
 from identification.export.file_names import NAMES as MODELS
 from identification.reporting.stored.diagnosis_files import INDEX, REPORT
@@ -132,11 +133,14 @@ def command(tmp_path):
 @pytest.mark.whole
 @pytest.mark.parametrize(
     "line",
-    [
-        f"excite {PENDULUM} --duration 5 --out new.csv",
-        f"identify {PENDULUM} log.csv --out new",
-        f"diagnose {PENDULUM} log.csv --out new",
-    ],
+    by_night(
+        [
+            f"excite {PENDULUM} --duration 5 --out new.csv",
+            f"identify {PENDULUM} log.csv --out new",
+            f"diagnose {PENDULUM} log.csv --out new",
+        ],
+        2,
+    ),
     ids=lambda line: line.split()[0],
 )
 def test_a_full_disk_is_one_sentence_and_leaves_no_half_of_a_file(line, command, log, tmp_path):

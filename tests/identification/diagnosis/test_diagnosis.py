@@ -41,7 +41,7 @@ def places(diagnosis: Diagnosis) -> list[tuple[str, str | None]]:
     return [(finding.effect, finding.joint) for finding in diagnosis.findings]
 
 
-@pytest.mark.parametrize(("effect", "joint", "theta"), INJECTED)
+@pytest.mark.parametrize(("effect", "joint", "theta"), by_night(INJECTED, 1, 3, 5, 8))
 def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, joint, theta):
     found = diagnosed((effect, joint, tuple(theta.values())))
     assert places(found) == [(effect, joint)]
@@ -57,7 +57,9 @@ def test_a_torque_that_has_nothing_to_do_with_the_motion_explains_nothing(planar
     assert all(joint.is_noise for joint in found.joints)
 
 
-@pytest.mark.parametrize(("effect", "joint", "theta"), [case for case in INJECTED if case[0] != "stribeck_friction"])
+@pytest.mark.parametrize(
+    ("effect", "joint", "theta"), by_night([case for case in INJECTED if case[0] != "stribeck_friction"], 1, 4, 7)
+)
 def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
     # Known truth; the places of a payload across the plane leave no trace.
     parameters = diagnosed((effect, joint, tuple(theta.values()))).findings[0].parameters
@@ -193,9 +195,7 @@ def test_the_order_of_joints_does_not_matter(lab, planar2, tmp_path):
     recording = lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0])
     order = [planar2.joint_names.index(name) for name in other.joint_names]
     moved = replace(recording, joint_names=other.joint_names, q=recording.q[:, order], tau=recording.tau[:, order])
-    assert (
-        places(diagnose(other, (moved,))) == places(diagnose(planar2, (recording,))) == [("coulomb_friction", "elbow")]
-    )
+    assert places(diagnose(other, (moved,))) == [("coulomb_friction", "elbow")]
 
 
 def test_a_recording_that_is_too_short_to_hold_data_back_is_refused(lab, planar2):

@@ -93,7 +93,7 @@ def log(tmp_path, columns: tuple[np.ndarray, ...], late: int) -> str:
 @pytest.mark.parametrize("seed", by_night([3, 2], 0))
 def test_mujoco_fits_its_own_model(tmp_path, seed):
     robot, text = arm(tmp_path)
-    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 0))
+    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 12.0), 0))
     assert (found.verdict, found.findings) == ("no_gap", ())
     assert Note(Code.SOFT_FRICTION) in found.result.notes
 
@@ -102,7 +102,7 @@ def test_mujoco_fits_its_own_model(tmp_path, seed):
 def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
     # Known truth: five samples. In the motion of seed 3 Stribeck friction on one joint does as well.
     robot, text = arm(tmp_path)
-    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 20.0), 5))
+    found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 12.0), 5))
     first = found.findings[0]
     assert (first.effect, first.joint) == ("input_delay", None)
     assert first.probability > 0.95
@@ -111,7 +111,7 @@ def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
 def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):
     # The same motion under the torque that Coulomb's law asks for.
     robot, text = arm(tmp_path)
-    t, q, v, a, _, none = recorded(text, 2, 20.0)
+    t, q, v, a, _, none = recorded(text, 2, 12.0)
     torque = inverse_dynamics(robot, Motion(t[:, 0], q, v, a)) + 1e-3 * np.random.default_rng(0).standard_normal(
         q.shape
     )
@@ -129,7 +129,7 @@ def found_friction(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bare")
     (folder / "arm.xml").write_text(BARE.format(step=0.002, solver=""))
     robot = dyn.load_robot(folder / "arm.xml")
-    path = log(folder, recorded(ARM.format(step=0.002, solver=""), 2, 20.0), 0)
+    path = log(folder, recorded(ARM.format(step=0.002, solver=""), 2, 12.0), 0)
     return robot, path, dyn.diagnose(robot, path)
 
 
@@ -172,7 +172,7 @@ def test_stribeck_friction_is_found_on_a_robot_of_a_mujoco_file(tmp_path):
     # Oracle: the law, on torques of Pinocchio's along MuJoCo's motion.
     (tmp_path / "arm.xml").write_text(BARE.format(step=0.002, solver=""))
     robot = dyn.load_robot(tmp_path / "arm.xml")
-    t, q, v, a, _, none = recorded(ARM.format(step=0.002, solver=""), 2, 20.0)
+    t, q, v, a, _, none = recorded(ARM.format(step=0.002, solver=""), 2, 12.0)
     torque = inverse_dynamics(robot, Motion(t[:, 0], q, v, a))
     torque[:, 1] += (0.4 + 0.5 * np.exp(-((v[:, 1] / 0.15) ** 2))) * np.sign(v[:, 1])
     torque += 1e-3 * np.random.default_rng(0).standard_normal(q.shape)
