@@ -115,7 +115,7 @@ def drive_loop(
     if use.sum() < _FEWEST:
         return None
     delays = delays[_about(_PER_STEP * _coarse_best(t, y, q_ref, q, use, delays[::_PER_STEP]), 2 * _PER_STEP)]
-    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in delays])
+    errors = _errors(t, q_ref, q, delays)
     sums = _sums(errors, y, use)
     gain, delay, rest = _best(sums.sum(axis=0), delays)
     if gain <= 0 or rest > np.sqrt(1.0 - _EXPLAINED) * float(np.std(y[use])):
@@ -246,7 +246,7 @@ def _asked(
     """Output that a loop asks for with the gain that fits best, and with the best delay of whole samples."""
     coarse = delays[::_PER_STEP]
     coarse = coarse[_about(_coarse_best(t, y, q_ref, q, use, coarse), 1)]
-    errors = np.column_stack([np.interp(t - delay, t, q_ref) - q for delay in coarse])
+    errors = _errors(t, q_ref, q, coarse)
     gain, delay, _ = _best(_sums(errors, y, use).sum(axis=0), coarse)
     return gain * (np.interp(t - delay, t, q_ref) - q)
 
@@ -255,10 +255,17 @@ def _coarse_best(t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " 
     """Index of the delay that leaves least of some thousand rows: near it all rows are looked at."""
     rows = np.flatnonzero(use)
     rows = rows[:: max(len(rows) // _ROWS_OF_DELAY, 1)]
-    errors = np.column_stack([np.interp(t[rows] - delay, t, q_ref) - q[rows] for delay in coarse])
+    errors = _errors(t, q_ref, q, coarse, rows)
     e, z = errors - errors.mean(axis=0), y[rows] - y[rows].mean()
     left = z @ z - (z @ e) ** 2 / np.maximum(np.sum(e * e, axis=0), 1e-300)
     return int(np.argmin(left))
+
+
+def _errors(
+    t: Array, q_ref: Array, q: Array, delays: Float[Array, " d"], rows: slice | Array = slice(None)
+) -> Float[Array, "n d"]:
+    """References less positions at some rows, if the references arrive late, by one delay a column."""
+    return np.column_stack([np.interp(t[rows] - delay, t, q_ref) - q[rows] for delay in delays])
 
 
 def _about(k: int, reach: int) -> slice:

@@ -31,7 +31,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, torque_edge
 from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
-from phantom_dyn.signals.splines import quintic_derivatives
+from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
 # Positions, torques and rate of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
@@ -78,7 +78,7 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
     if np.max(np.abs(steps - step)) > 1e-3 * step:
         grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
         q = CubicSpline(t, q)(grid)
-        tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
+        tau = interpolated(grid, t, tau)
         t = grid
     return t, q, tau, _valid(recording, t, _GAP_STEPS * step)
 
@@ -283,7 +283,7 @@ def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
     """Linear interpolation of references and the like, which are no smoother than their generator left them."""
     if grid is t:
         return columns
-    return np.column_stack([np.interp(grid, t, column) for column in columns.T])
+    return interpolated(grid, t, columns)
 
 
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:

@@ -32,6 +32,7 @@ from phantom_dyn.effects.support.rows import hidden_behind_drive, row_of
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.splines import interpolated
 from phantom_dyn.simulation.simulate import simulate
 
 Values = Mapping[str, tuple[float, ...]]
@@ -285,7 +286,7 @@ def _at_rows(robot: Robot, log: Log, table: Table, values: Array, *, held: bool 
     if held and robot.torque_hold == "zoh":
         values = 0.5 * (values + np.vstack([values[1:], values[-1:]]))
     t = table.columns["t"]
-    return np.column_stack([np.interp(t, log.motion.t, column) for column in values.T])
+    return interpolated(t, log.motion.t, values)
 
 
 def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change: Array) -> tuple[str, ...]:

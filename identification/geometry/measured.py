@@ -14,6 +14,7 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.signals.splines import interpolated
 
 MOST = 1200
 """Largest number of poses that are used of a recording, evenly spread: neighbours in time are redundant."""
@@ -137,7 +138,7 @@ def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bo
     at = t[rows]
 
     def there(values: Array) -> Array:
-        return np.column_stack([np.interp(at, smooth.t, column) for column in values.T])
+        return interpolated(at, smooth.t, values)
 
     v = there(smooth.v)
     load = link_torque(robot, Motion(at, recording.q[rows], v, there(smooth.a)))
@@ -154,7 +155,7 @@ def load_of(robot: Robot, recording: Recording) -> Float[Array, "n nv"]:
     smooth = smoothed(recording) if is_motion(recording) else None
     v = a = np.zeros_like(recording.q)
     if smooth is not None:
-        v, a = (np.column_stack([np.interp(recording.t, smooth.t, x) for x in of.T]) for of in (smooth.v, smooth.a))
+        v, a = (interpolated(recording.t, smooth.t, of) for of in (smooth.v, smooth.a))
     return link_torque(robot, Motion(recording.t, recording.q, v, a))
 
 

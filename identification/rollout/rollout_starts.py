@@ -21,6 +21,7 @@ from phantom_dyn.dynamics.dynamics import link_torque, mass_matrix
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
+from phantom_dyn.signals.splines import interpolated
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
@@ -267,7 +268,7 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
     out = np.array(tau, dtype=float)
     if model.late:
         dt = (t[-1] - t[0]) / (len(t) - 1)
-        out = np.column_stack([np.interp(t - model.late * dt, t, column) for column in out.T])
+        out = interpolated(t - model.late * dt, t, out)
     for drive in model.drives:
         out = drive.given(t, out)
     return out

@@ -1,4 +1,4 @@
-"""Derivatives of sampled motions, by splines with the ends of not-a-knot."""
+"""Sampled series at other times, by lines, and their derivatives, by splines with the ends of not-a-knot."""
 
 from __future__ import annotations
 
@@ -13,3 +13,8 @@ def quintic_derivatives(x: Float[Array, "N k"], rate_hz: float) -> tuple[Float[A
     t = np.arange(len(x)) / rate_hz
     spline = make_interp_spline(t, x, k=5)
     return spline(t, 1), spline(t, 2)
+
+
+def interpolated(at: Float[Array, " n"], t: Float[Array, " N"], x: Float[Array, "N k"]) -> Float[Array, "n k"]:
+    """Series at other times, linear between their samples, one a column; the ends hold beyond them."""
+    return np.column_stack([np.interp(at, t, column) for column in x.T])

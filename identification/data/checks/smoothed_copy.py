@@ -12,6 +12,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge
 from phantom_dyn.signals.recursive import low_passed
+from phantom_dyn.signals.splines import interpolated
 
 _FEWEST = 100  # samples that a spectrum needs
 
@@ -77,16 +78,14 @@ def smoothed(recording: Recording) -> Smooth | None:
     rate = 1 / step
     grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
 
-    def on_grid(values: Array | None) -> Array | None:
-        if values is None:
-            return None
-        return np.column_stack([np.interp(grid, t, column) for column in values.T])
-
-    q = np.column_stack([np.interp(grid, t, column) for column in recording.q.T])
+    q = interpolated(grid, t, recording.q)
     edges = [edge for column in q.T if (edge := acceleration_edge(column, rate)) is not None]
     cutoff = float(np.clip(np.median(edges) if edges else 0.1 * rate, 10 / (t[-1] - t[0]), 0.2 * rate))
     q, v, a = differentiate(q, rate, cutoff)
-    tau, measured = on_grid(recording.tau), on_grid(recording.v)
+    tau, measured = (
+        None if values is None else _low_passed(interpolated(grid, t, values), rate, cutoff)
+        for values in (recording.tau, recording.v)
+    )
     margin = int(min(2 * rate / cutoff, 0.1 * len(grid)))
     inside = np.interp(grid, t, included(recording)) > 0.999
     inside[:margin] = inside[len(grid) - margin :] = False
@@ -98,7 +97,7 @@ def smoothed(recording: Recording) -> Smooth | None:
         v=v,
         a=a,
         sign=_low_passed(np.sign(v), rate, cutoff),
-        tau=None if tau is None else _low_passed(tau, rate, cutoff),
-        v_measured=None if measured is None else _low_passed(measured, rate, cutoff),
+        tau=tau,
+        v_measured=measured,
         inside=inside,
     )

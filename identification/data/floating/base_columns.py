@@ -19,7 +19,7 @@ from phantom_dyn.errors import LogError, RobotError, known_names, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, read_only
 from phantom_dyn.signals.recursive import low_passed
-from phantom_dyn.signals.splines import quintic_derivatives
+from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
 _CONTACT = "contact."
 _SENSORS = {"w": "gyroscope, the angular velocity [rad/s]", "sf": "accelerometer, the specific force [m/s^2]"}
@@ -153,7 +153,7 @@ def filtered_base(
     assert base is not None
     both = np.hstack([base.w, base.sf])
     if t is not recording.t:
-        both = np.column_stack([np.interp(t, recording.t, column) for column in both.T])
+        both = interpolated(t, recording.t, both)
     w, dw, sf = _filtered(both, rate_hz, cutoff_hz)
     return base_motion(robot, base.gyroscope, base.accelerometer, w, dw, sf)
 

@@ -20,7 +20,7 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.signals.recursive import low_passed
-from phantom_dyn.signals.splines import quintic_derivatives
+from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
 _STEPS_HZ = 20.0
 """Edge of a low pass that keeps the difference between swing and stance [Hz]."""
@@ -55,7 +55,7 @@ def slow_motion(recording: Recording, robot: Robot) -> tuple[Motion, Float[Array
     assert recording.tau is not None
     rate = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
     t = np.linspace(recording.t[0], recording.t[-1], len(recording.t))
-    both = np.column_stack([np.interp(t, recording.t, x) for x in (*recording.q.T, *recording.tau.T)])
+    both = interpolated(t, recording.t, np.hstack([recording.q, recording.tau]))
     edge = min(_STEPS_HZ, 0.2 * rate)
     both = low_passed(both, edge, rate, order=4, padding=min(int(3 * rate / edge), len(t) - 1))
     q, tau = np.hsplit(both, 2)

@@ -10,6 +10,7 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.splines import interpolated
 
 
 def residual_of_moves(
@@ -45,5 +46,5 @@ def residual_of_moves(
 def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, "n nv"]) -> Operation:
     """The operation with the residual of a fit, interpolated to the full rate."""
     t = operation.t
-    full = np.column_stack([np.interp(t, t[log.samples], column) for column in residual.T])
+    full = interpolated(t, t[log.samples], residual)
     return operation.again(operation.expected, full)

@@ -33,6 +33,7 @@ from phantom_dyn.errors import RobotError
 from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.splines import interpolated
 
 _STEP = 1e-3  # step of a rollout [s]
 _LEAD = 300  # number of steps before a rollout in which joints with encoders follow the recorded motion
@@ -141,17 +142,19 @@ def rollout_errors(
     errors = np.empty((len(chosen), robot.nv))
     for row, k in enumerate(chosen):
         t = motion.t[k] + np.arange(-lead, count) * _STEP
-        asked = _at(t + 0.5 * _STEP, motion.t, tau)[:, driven]
+        asked = interpolated(t + 0.5 * _STEP, motion.t, tau)[:, driven]
         mujoco.mj_resetData(model, data)
         _set_drives(model, data, float(t[0]), asked[0])
-        for q, v, torque in zip(_at(t[:lead], motion.t, tree.q), _at(t[:lead], motion.t, tree.v), asked, strict=False):
+        for q, v, torque in zip(
+            interpolated(t[:lead], motion.t, tree.q), interpolated(t[:lead], motion.t, tree.v), asked, strict=False
+        ):
             data.qpos[order], data.qvel[order], data.ctrl[: len(driven)] = q, v, torque
             mujoco.mj_step(model, data)
         data.qpos[order], data.qvel[order] = tree.q[k], tree.v[k]
         for torque in asked[lead:]:
             data.ctrl[: len(driven)] = torque
             mujoco.mj_step(model, data)
-        errors[row] = data.qpos[order][active] - _at(t[-1:] + _STEP, motion.t, motion.q)[0]
+        errors[row] = data.qpos[order][active] - interpolated(t[-1:] + _STEP, motion.t, motion.q)[0]
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
@@ -164,10 +167,6 @@ def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> I
     if len(inside) == 0:
         raise RobotError(f"The motion is shorter than {before + behind:g} s: give more of it for a rollout.")
     return inside[np.unique(np.linspace(0, len(inside) - 1, most).astype(int))]
-
-
-def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, "N n"]) -> Float[Array, "k n"]:
-    return np.column_stack([np.interp(times, t, column) for column in columns.T])
 
 
 def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:

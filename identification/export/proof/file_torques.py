@@ -39,6 +39,7 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_
 from phantom_dyn.model.files.plain_file import unnamed_file
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.signals.splines import interpolated
 
 OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
 """Numbers of an effect that act on the command of the drive, and not as an added torque."""
@@ -244,7 +245,7 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> Asked:
 
 def _later(t: Float[Array, " N"], x: Float[Array, "N nv"], seconds: float) -> Float[Array, "N nv"]:
     """A series advanced by some time; its last value is held at the end."""
-    return x if seconds == 0 else np.column_stack([np.interp(t + seconds, t, column) for column in x.T])
+    return x if seconds == 0 else interpolated(t + seconds, t, x)
 
 
 def torque_of_actuators(

@@ -21,7 +21,7 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.signals.splines import quintic_derivatives
+from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
 _ROWS = 400  # samples in the regression of a lag
 _FEWEST = 100  # without which nothing is said
@@ -185,7 +185,7 @@ def _lightly_smoothed(
     kernel /= kernel.sum()
 
     def filtered(columns: Float[Array, "N nv"]) -> Float[Array, "M nv"]:
-        on_grid = np.column_stack([np.interp(smooth.t, recording.t, column) for column in columns.T])
+        on_grid = interpolated(smooth.t, recording.t, columns)
         padded = np.pad(on_grid, ((half, half), (0, 0)), mode="reflect")
         return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
 
