@@ -1,48 +1,19 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motion of the joints of a robot, Pinocchio's configurations for it, and arrays that nobody can change."""
+"""Motion of the joints of a robot, and Pinocchio's configurations for it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from functools import cache
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 
 Rows = slice | np.ndarray
 
 _PIECE = 4096
-# Numbers that the annotations of arrays name.
-_NUMBERS = {"Float": float, "Complex": complex, "Bool": bool, "Int": int}
-
-
-def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to; itself if it is one already."""
-    if array.dtype == dtype and array.flags.owndata and array.flags.c_contiguous and not array.flags.writeable:
-        return array
-    copy = np.array(array, dtype=dtype, order="C")
-    copy.flags.writeable = False
-    return copy
-
-
-@cache
-def _arrays_of(kind: type[ReadOnlyArrays]) -> tuple[tuple[str, type], ...]:
-    """Names and types of the fields that hold arrays, from their annotations."""
-    named = ((field.name, str(field.type).partition("[")[0]) for field in fields(kind))  # type: ignore[arg-type]
-    return tuple((name, _NUMBERS[word]) for name, word in named if word in _NUMBERS)
-
-
-class ReadOnlyArrays:
-    """Base of frozen dataclasses whose arrays are copied and cannot be written to; None stays None."""
-
-    def __post_init__(self):
-        for name, dtype in _arrays_of(type(self)):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, read_only(value, dtype))
 
 
 @dataclass(frozen=True)

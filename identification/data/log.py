@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from phantom_dyn._kernels.fir import filtered
-from phantom_dyn.array_types import Array, Bool, Float, Int
+from phantom_dyn.array_types import Array, Bool, Float, Int, read_only
 from phantom_dyn.effects.operation import References
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 
 
 @dataclass(frozen=True)

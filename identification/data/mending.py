@@ -15,8 +15,7 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.data.times import when
-from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.motion import read_only
+from phantom_dyn.array_types import Array, Bool, Float, read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
 # A jump is a whole turn if its remainder is at most this [rad], and at most this many times the largest ordinary step

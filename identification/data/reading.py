@@ -37,10 +37,10 @@ from identification.data.readers.read_table import Files, table_of
 from identification.data.recording import Recording, Table
 from identification.data.times import time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
-from phantom_dyn.array_types import Array
+from phantom_dyn.array_types import Array, read_only
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only, side_by_side
+from phantom_dyn.motion import side_by_side
 
 # Largest deviation of a quaternion's length from one: rounding to three decimals.
 _UNIT = 2e-3

@@ -9,8 +9,7 @@ import numpy as np
 
 from identification.data.floating.base_columns import some_readings
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.motion import read_only
+from phantom_dyn.array_types import Array, Float, read_only
 
 LONGEST = 600.0
 """Seconds up to which a recording is used from end to end."""

@@ -12,10 +12,10 @@ import numpy as np
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.log import Log
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Bool
+from phantom_dyn.array_types import Array, Bool, read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 
 
 def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:

@@ -21,14 +21,14 @@ from identification.excitation.regressor_slope import regressor_slope
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
 from phantom_dyn._kernels import rigid_body
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.dynamics.moving_base import any_base_motion
 from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_friction, tree_motion
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, ReadOnlyArrays
+from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 _ORDINARY = 400  # samples of the ordinary motion that gives the sizes

@@ -26,10 +26,10 @@ from identification.excitation.design_problem import DesignProblem, Grid, base_o
 from identification.excitation.limits import Limits, limits_of
 from identification.excitation.motion_shapes import Shapes
 from identification.stages import Announcement, Progress, Stage
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, ReadOnlyArrays
+from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10

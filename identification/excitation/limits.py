@@ -15,10 +15,10 @@ import pinocchio as pin
 
 from identification.excitation.closable import CLEAR, largest_slope, solved_numerically
 from identification.excitation.collisions import CLEARANCE, Collisions, distances
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import ReadOnlyArrays, linear_joints
+from phantom_dyn.motion import linear_joints
 
 _HUGE = 1e6  # files write numbers of this size or larger for "none"
 

@@ -17,9 +17,8 @@ from identification.data.recording import Recording
 from identification.data.signals import differentiate, uniform
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import LogError, ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
 
 _STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
 _HARMONICS = 20.0  # of the triangle that are kept: its corners lie above

@@ -10,10 +10,10 @@ from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Float, Int
+from phantom_dyn.array_types import Array, Float, Int, read_only
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 MOST = 1200

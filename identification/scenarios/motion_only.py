@@ -12,10 +12,9 @@ import numpy as np
 from identification.data.drives.joint_torque import voltage_bound
 from identification.data.recording import Recording
 from identification.notes import Code, Note
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Actuator, Controller, Robot
-from phantom_dyn.motion import read_only
 
 _LEAST_ROWS = 20
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array
-from phantom_dyn.motion import read_only
+from phantom_dyn.array_types import Array, read_only
 
 REVOLUTE, CONTINUOUS, PRISMATIC, FREE = 1, 2, 3, 4
 """Kinds of joints: the configuration of a continuous one is cos, sin, that of a free one position and quaternion."""

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.dynamics.dynamics import (
     inverse_dynamics,
     inverse_dynamics_derivatives,
@@ -23,7 +23,7 @@ from phantom_dyn.dynamics.dynamics import (
     rotor_torque,
 )
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, ReadOnlyArrays
+from phantom_dyn.motion import Motion
 
 
 @dataclass(frozen=True)

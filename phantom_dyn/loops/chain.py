@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.motion import ReadOnlyArrays, configurations
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
+from phantom_dyn.motion import configurations
 
 _MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
 _LAST_STEP = 1e-11

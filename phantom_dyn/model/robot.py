@@ -12,13 +12,13 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels.tree_arrays import TreeArrays, tree_arrays
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import RecentSolutions
 from phantom_dyn.model.attached import Attached, attached_bodies
 from phantom_dyn.model.robot_xml import SoftFriction
-from phantom_dyn.motion import configurations, read_only
+from phantom_dyn.motion import configurations
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import BaseMotion, Motion, ReadOnlyArrays
+from phantom_dyn.motion import BaseMotion, Motion
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking, with_late_references

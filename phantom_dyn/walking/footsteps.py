@@ -7,9 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
 
 Side = Literal["left", "right"]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Bool, Float
-from phantom_dyn.motion import ReadOnlyArrays, minimum_jerk
+from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
+from phantom_dyn.motion import minimum_jerk
 from phantom_dyn.walking.divergent_component import PendulumState, Profile, entry, holding_point, pendulum
 from phantom_dyn.walking.footsteps import (
     Command,

@@ -11,11 +11,10 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.loading import parsed_urdf
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.motion import read_only
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float, Int
+from phantom_dyn.array_types import Array, Float, Int, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick
 from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk

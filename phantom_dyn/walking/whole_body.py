@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker

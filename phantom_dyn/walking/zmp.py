@@ -25,9 +25,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import phantom_dyn as dyn
 from phantom_dyn import libraries, load_robot
 from phantom_dyn._kernels.regressor_loop import regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import frame_loop, mass_loop, torque_loop
-from phantom_dyn.array_types import Bool, Complex, Float, Int
+from phantom_dyn.array_types import Bool, Complex, Float, Int, read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread, starts_processes, worker_count
@@ -33,7 +33,7 @@ from phantom_dyn.maps import operational_map as streaming
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.map_model import map_model
 from phantom_dyn.maps.operational_map import operational_map
-from phantom_dyn.motion import Motion, read_only, side_by_side
+from phantom_dyn.motion import Motion, side_by_side
 
 
 @pytest.mark.parametrize(("kind", "dtype"), [(Bool, bool), (Complex, complex), (Float, float), (Int, int)])

@@ -13,11 +13,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from identification.data.recording import Recording, Table
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only
 
 
 def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ from identification.data.drive_loop import DriveLoop, drive_loop
 from identification.data.mending import mended_position
 from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.model.robot import Actuator, Robot
-from phantom_dyn.motion import read_only, side_by_side
+from phantom_dyn.motion import side_by_side
 
 # Relative growth of copper's resistance per kelvin.
 _COPPER = 0.00393

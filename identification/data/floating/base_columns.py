@@ -13,11 +13,11 @@ import numpy as np
 
 from identification.data.log import BaseSensors, Log
 from identification.data.recording import BaseReadings, Recording, Table
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.moving_base import base_motion, place_on_base
 from phantom_dyn.errors import LogError, RobotError, known_names, listed
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import BaseMotion, read_only
+from phantom_dyn.motion import BaseMotion
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 

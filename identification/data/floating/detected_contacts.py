@@ -14,11 +14,11 @@ from scipy import ndimage
 
 from identification.data.floating.base_columns import carriers, filtered_base
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.array_types import Array, Bool, Float, read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 

@@ -14,9 +14,8 @@ from typing import Literal, cast
 import numpy as np
 
 from identification.data.recording import RawTable, Table
-from phantom_dyn.array_types import Array
+from phantom_dyn.array_types import Array, read_only
 from phantom_dyn.errors import LogError, listed, shortened
-from phantom_dyn.motion import read_only
 
 Quantity = Literal[
     "t", "q", "tau", "v", "i", "u", "q_ref", "v_ref", "duty", "x", "temp", "supply", "f", "p", "o", "w", "sf", "contact"

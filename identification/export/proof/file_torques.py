@@ -31,14 +31,14 @@ from identification.export.corrected.given_drives import holds_reference_delay
 from identification.export.file_names import ISAAC, RESIDUAL
 from identification.export.model_files.reload import robot_with_urdf
 from identification.export.uses.feedforward import OWN_LAWS, loaded, over_samples
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.described import ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
 from phantom_dyn.model.files.plain_file import unnamed_file
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})

@@ -22,13 +22,12 @@ from identification.export.corrected.corrected_model import CorrectedModel, torq
 from identification.export.file_names import FEEDFORWARD
 from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only
 
 _POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
 _JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1

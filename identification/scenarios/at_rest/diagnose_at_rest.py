@@ -34,10 +34,9 @@ from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_
 from identification.scenarios.measured_poses import with_poses
 from identification.words.user_words import user_words
 from phantom_dyn import __version__
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.effects import catalogue
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only
 
 _GIVES = ("backlash", "transmission_compliance")
 _ON_MOTOR = (

@@ -12,12 +12,24 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    row_of,
+    torque_law,
+    torque_on_joint,
+    torque_unit,
+)
 from phantom_dyn.effects.support.position_waves import (
     comes_back,
     each_wave,
@@ -29,8 +41,7 @@ from phantom_dyn.effects.support.position_waves import (
     wave_parameters,
     waves_at,
 )
-from phantom_dyn.effects.support.rows import row_of, stated_limit, torque_on_joint, torque_unit
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.rows import stated_limit
 
 
 class Cogging(Effect):

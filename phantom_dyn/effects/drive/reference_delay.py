@@ -12,14 +12,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
+)
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
-from phantom_dyn.model.robot import Robot
 
 # Longest delay that is fitted [s]: beyond it the reference and the motion are unrelated.
 _LONGEST = 1.0

@@ -9,15 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    inertia_unit,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+)
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
-from phantom_dyn.effects.support.rows import inertia_unit, on_one_joint, row_of, torque_on_joint
-from phantom_dyn.model.robot import Robot
 
 # Acceleration that a drive can give to its own rotor at least [rad/s^2]: a third of the least of public models, which
 # are in docs/plausible_ranges.md.

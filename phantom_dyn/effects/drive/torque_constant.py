@@ -14,14 +14,23 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Simulated, command_law
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    FormulaTerm,
+    Law,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
+    command_law,
+)
 from phantom_dyn.effects.support.rows import rows_of
-from phantom_dyn.model.robot import Robot
 
 # Range of ratios: beyond it the torque is in another unit, or on the other side of a gear.
 _LEAST, _MOST = 0.1, 10.0

@@ -12,14 +12,26 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Simulated, torque_law
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, stated_limit, torque_on_joint, torque_unit
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    FormulaTerm,
+    Law,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    on_one_joint,
+    row_of,
+    torque_law,
+    torque_on_joint,
+    torque_unit,
+)
+from phantom_dyn.effects.support.rows import stated_limit
 
 
 class TorqueOffset(Effect):

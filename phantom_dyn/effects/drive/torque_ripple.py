@@ -16,12 +16,23 @@ from dataclasses import replace
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    Law,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    row_of,
+    torque_law,
+    torque_on_joint,
+)
 from phantom_dyn.effects.support.position_waves import (
     comes_back,
     each_wave,
@@ -32,8 +43,6 @@ from phantom_dyn.effects.support.position_waves import (
     wave_parameters,
     waves_at,
 )
-from phantom_dyn.effects.support.rows import row_of, torque_on_joint
-from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import low_passed
 
 # Largest ripple as a share of the load.

@@ -12,22 +12,25 @@ import numpy as np
 from scipy import ndimage
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Simulated, command_law
-from phantom_dyn.effects.support.rows import (
-    hidden_behind_drive,
-    moving_average,
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Law,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    command_law,
     on_one_joint,
     row_of,
-    stated_limit,
     torque_on_joint,
     torque_unit,
 )
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
 # Limits are tried that the command exceeds in these shares of the recording, and one that the needed torque exceeds.
 _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)

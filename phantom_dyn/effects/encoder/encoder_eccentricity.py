@@ -12,15 +12,22 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import within
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Simulated, reading_law
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Law,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    reading_law,
+    row_of,
+)
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
-from phantom_dyn.effects.support.rows import branch_rows, row_of
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.motion import Motion
 
 # Periods in one turn of the joint.

@@ -10,12 +10,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    FormulaTerm,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    torque_unit,
+)
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import (
     dry_range,
@@ -23,9 +31,7 @@ from phantom_dyn.effects.support.rows import (
     on_any_joint,
     speed_of,
     torque_on_any_joint,
-    torque_unit,
 )
-from phantom_dyn.model.robot import Robot
 
 
 class CoulombFriction(Effect):

@@ -14,21 +14,28 @@ from itertools import combinations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.rows import (
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
     damping_unit,
     inertia_unit,
     row_of,
-    stated_limit,
-    torque_on_rows,
+    torque_law,
     torque_unit,
 )
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.described import Coupling
+from phantom_dyn.effects.support.rows import stated_limit, torque_on_rows
 
 # Up to this many joints any two may be coupled; on longer arms a belt spans a joint at most.
 _ALL_PAIRS = 4

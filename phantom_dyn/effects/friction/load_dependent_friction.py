@@ -12,14 +12,26 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, FormulaTerm
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    FormulaTerm,
+    Law,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
+    on_one_joint,
+    row_of,
+    torque_law,
+    torque_on_joint,
+)
+from phantom_dyn.effects.support.rows import never_reverses
 
 # Share of its load that a transmission cannot lose.
 _SELF_LOCKING = 1.0

@@ -16,22 +16,28 @@ from dataclasses import replace
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.rows import (
-    dry_range,
-    modelled_friction_of,
-    never_reverses,
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
     row_of,
+    torque_law,
     torque_on_joint,
     torque_unit,
 )
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import dry_range, modelled_friction_of, never_reverses
 
 # Numbers of positions over the travel that are tried; with the most, a bump over a tenth of the travel is seen.
 _COUNTS = (5, 9, 14)

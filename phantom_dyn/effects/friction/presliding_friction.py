@@ -16,23 +16,29 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.rows import (
-    never_reverses,
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
     on_one_joint,
     row_of,
-    stated_limit,
+    torque_law,
     torque_on_joint,
     torque_unit,
-    turning_points,
     velocity_unit,
 )
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.rows import never_reverses, stated_limit, turning_points
 
 # Keeps the law defined where a fit goes to Coulomb friction [rad or m].
 _LEAST_DISPLACEMENT = 1e-12

@@ -10,23 +10,29 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.rows import (
-    dry_range,
-    modelled_friction_of,
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
     on_one_joint,
     row_of,
+    torque_law,
     torque_on_joint,
     torque_unit,
     velocity_unit,
 )
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import dry_range, modelled_friction_of
 
 # Speed [rad/s, m/s] beyond which no joint is still in mixed lubrication.
 _FASTEST, _FASTEST_LINEAR = 3.0, 0.5

@@ -14,26 +14,35 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    FormulaTerm,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
+    damping_unit,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+)
+from phantom_dyn.effects.described import less
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import (
-    damping_unit,
     dry_range,
     modelled_friction_of,
     never_reverses,
-    on_one_joint,
-    row_of,
     stated_limit,
-    torque_on_joint,
-    torque_unit,
     viscous_range,
 )
-from phantom_dyn.model.robot import Robot
 
 # Temperatures that a drive with grease in its gear and magnets in its motor works at [deg C].
 _COLDEST, _HOTTEST = -60.0, 200.0

@@ -15,15 +15,22 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Stated
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    Stated,
+)
 from phantom_dyn.effects.support.changed_robot import with_gravity
-from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 # In place of an angle about an axis across gravity that leaves no torque: it has no column, and is reported as zero.

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
-from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    row_of,
+)
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, point_mass_parameters
-from phantom_dyn.model.robot import Robot
 
 
 def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:

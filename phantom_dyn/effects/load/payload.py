@@ -18,13 +18,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
-from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Stated
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    Stated,
+)
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import (
@@ -35,7 +42,6 @@ from phantom_dyn.model.inertia import (
     payload_body,
     point_mass_parameters,
 )
-from phantom_dyn.model.robot import Robot
 
 # Largest load [kg], and its largest distance from its link [m].
 _HEAVIEST, _FARTHEST = 1000.0, 3.0

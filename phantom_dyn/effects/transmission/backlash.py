@@ -16,16 +16,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit, within
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import Simulated, Transmission
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    Float,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    Transmission,
+    row_of,
+)
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
-from phantom_dyn.effects.support.rows import branch_rows, row_of
+from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
-from phantom_dyn.model.robot import Robot
 
 # Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
 _FLIGHTS = np.geomspace(0.008, 0.06, 12)

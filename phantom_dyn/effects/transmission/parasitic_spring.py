@@ -12,14 +12,29 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array
-from phantom_dyn.effects.described import EffectWords, FormulaTerm, ModelNumbers, less
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature, SpecialCase
-from phantom_dyn.effects.simulated import Law, Moment, Simulated, torque_law
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    FormulaTerm,
+    Law,
+    ModelNumbers,
+    Moment,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    SpecialCase,
+    on_one_joint,
+    row_of,
+    stiffness_unit,
+    torque_law,
+    torque_on_joint,
+    torque_unit,
+)
+from phantom_dyn.effects.described import less
 
 # Largest rest position [rad or m]; its square is a number too.
 _FARTHEST = 1e150

@@ -14,17 +14,26 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array
 from phantom_dyn.dynamics.dynamics import mass_matrix
-from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import Shape, Signature
-from phantom_dyn.effects.simulated import SPRING_DAMPING, Simulated, Transmission
+from phantom_dyn.effects.author import (
+    Array,
+    Effect,
+    EffectWords,
+    ModelNumbers,
+    Operation,
+    Parameter,
+    Robot,
+    Shape,
+    Signature,
+    Simulated,
+    Transmission,
+    row_of,
+    stiffness_unit,
+)
+from phantom_dyn.effects.simulated import SPRING_DAMPING
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.support.encoder_lattice import stated_step
-from phantom_dyn.effects.support.rows import branch_rows, row_of, stiffness_unit
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.signals.recursive import low_passed
 from phantom_dyn.signals.spectra import power_density
 

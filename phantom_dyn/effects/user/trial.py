@@ -15,10 +15,10 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.effects.law_effect import LawEffect, at_moment, rows_of, unit_of
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Shape, Signature
 from phantom_dyn.effects.simulated import Moment, Simulated
-from phantom_dyn.effects.user.law_effect import LawEffect, at_moment, rows_of, unit_of
 from phantom_dyn.errors import EffectError, PhantomDynError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion

@@ -20,11 +20,10 @@ from functools import cached_property
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
 from phantom_dyn.haptics.device.transfer_function import Axis
-from phantom_dyn.motion import ReadOnlyArrays
 
 Controller = tuple[Array, Array, Array, float]
 """State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""

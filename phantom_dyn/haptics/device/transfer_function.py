@@ -7,9 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)

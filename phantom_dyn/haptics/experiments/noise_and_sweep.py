@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
@@ -41,7 +41,6 @@ from phantom_dyn.haptics.number_checks import (
     require_whole,
     sample_count,
 )
-from phantom_dyn.motion import ReadOnlyArrays
 
 
 @dataclass(frozen=True)

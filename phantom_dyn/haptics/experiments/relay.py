@@ -18,12 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
-from phantom_dyn.motion import ReadOnlyArrays
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _SETTLING = 0.4

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
@@ -34,7 +34,6 @@ from phantom_dyn.haptics.device.frequency_kernels import (
 )
 from phantom_dyn.haptics.device.transfer_function import Axis
 from phantom_dyn.haptics.number_checks import require_numbers
-from phantom_dyn.motion import ReadOnlyArrays
 
 Values = Sequence[float] | Float[Array, " _"]
 _BELOW = 0.03

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import Controller, SampledAxis, discretise
@@ -30,7 +30,6 @@ from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.held_device import Device, HeldDevice
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
-from phantom_dyn.motion import ReadOnlyArrays
 
 _MOST_STATES = 60
 """Largest number of states of a loop: it has 1830 second moments, which take a second to solve for."""

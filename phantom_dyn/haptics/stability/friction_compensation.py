@@ -27,14 +27,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.dynamics.tree_motion import project, tree_friction, tree_motion
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_positive, require_whole
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, ReadOnlyArrays
+from phantom_dyn.motion import Motion
 
 _SUBSTEPS = 50
 """Steps per sample: the spring of the friction swings at some 50 Hz, and a sample is a millisecond."""

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from phantom_dyn.array_types import Array, Complex, Float
+from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis
 from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
-from phantom_dyn.motion import ReadOnlyArrays
 
 _MARGINAL = 1e-7
 """Tolerance of the spectral radius: a free device has an eigenvalue of one, which rounding changes by some 1e-9."""

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
+from phantom_dyn.array_types import read_only
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 
 
 def multi_sine(t: np.ndarray, nv: int, seed: int, amplitude: float = 0.9) -> Motion:

@@ -15,12 +15,13 @@ from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded, over_samples
 from phantom_dyn import load_robot
+from phantom_dyn.array_types import read_only
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.motion import Motion
 
 # Of one effect at a time the drive has to give the model's torque less the effect's.
 EXACT = {

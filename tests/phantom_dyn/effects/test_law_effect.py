@@ -8,8 +8,8 @@ import pytest
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.author import LawEffect, Parameter, row_of, torque_on_joint
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.law_effect import unit_of
 from phantom_dyn.effects.support.changed_robot import with_gravity
-from phantom_dyn.effects.user.law_effect import unit_of
 from phantom_dyn.errors import EffectError
 from phantom_dyn.simulation.simulate import Cause, simulate
 
