@@ -218,6 +218,7 @@ def test_single_bad_readings_do_not_move_the_gain(q, rng):
     assert found.gain == pytest.approx(GAIN, rel=0.01)
 
 
+@pytest.mark.nightly
 def test_the_interval_of_the_delay_covers_it(q):
     # Deviations are of a jackknife: over noise that lasts for ten samples, three of them cover nearly always.
     inside = 0

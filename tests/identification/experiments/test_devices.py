@@ -56,6 +56,7 @@ def test_all_16_parameters_are_within_the_published_intervals(result):
     assert (np.abs(result.fit.theta - VALUES) < 2 * np.hypot(published, result.fit.std())).all()
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_95_per_cent_intervals_hold_the_truth_in_about_95_per_cent_of_the_draws(rng):
     # Known truth; 12 recordings of 16 parameters each.

@@ -238,6 +238,7 @@ def test_the_noise_is_found_with_the_square_that_equation_5_lost(rng):
     assert printed < 0.05 * fit.sigma**2
 
 
+@pytest.mark.nightly
 def test_95_per_cent_intervals_hold_the_truth_in_95_per_cent_of_the_draws(rng):
     # Known truth; 1200 intervals, so that the share scatters by 0.6 %.
     inside = []

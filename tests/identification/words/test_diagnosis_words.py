@@ -25,12 +25,11 @@ def test_every_regime_of_the_contract_has_words():
     assert list(REGIMES) == CONTRACT_REGIMES
 
 
-@pytest.mark.parametrize("effect", [effect.name for effect in EFFECTS])
-def test_words_show_no_internal_name_and_the_next_step_is_a_sentence(effect):
-    entry = effect_words(effect)
-    assert "_" not in entry.name + entry.meaning + entry.next_step
-    assert entry.next_step[0].isupper()
-    assert entry.next_step.endswith(".")
+def test_words_show_no_internal_name_and_the_next_step_is_a_sentence():
+    entries = [effect_words(effect.name) for effect in EFFECTS]
+    assert [entry.name for entry in entries if "_" in entry.name + entry.meaning + entry.next_step] == []
+    steps = [entry.next_step for entry in entries]
+    assert [step for step in steps if not (step[0].isupper() and step.endswith("."))] == []
 
 
 def test_an_effect_or_regime_from_elsewhere_is_shown_as_it_is():

@@ -94,26 +94,24 @@ def test_an_unknown_effect_is_refused_with_the_known_names():
         effect_named("magic")
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
 @pytest.mark.parametrize(("joint", "kind"), [("turn", 0), ("slide", 1)])
-def test_parameters_have_the_names_and_units_of_the_contract(arm, name, joint, kind):
-    given = {p.name: p.unit for p in effect_named(name).parameters(arm, joint)}
-    assert given == {parameter: units[kind] for parameter, units in PARAMETERS[name].items()}
-    assert list(given) == list(PARAMETERS[name])
+def test_parameters_have_the_names_and_units_of_the_contract(arm, joint, kind):
+    given = {name: [(p.name, p.unit) for p in effect_named(name).parameters(arm, joint)] for name in PARAMETERS}
+    assert given == {name: [(p, units[kind]) for p, units in stated.items()] for name, stated in PARAMETERS.items()}
 
 
-@pytest.mark.parametrize("effect", ON_ONE_JOINT, ids=name_of)
-def test_an_unknown_joint_is_refused_with_the_known_names(arm, operation, effect):
-    shape = first_shape(effect, arm, operation, "turn")
-    with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
-        effect.signature(arm, operation, "knee", shape)
+def test_an_unknown_joint_is_refused_with_the_known_names(arm, operation):
+    for effect in ON_ONE_JOINT:
+        shape = first_shape(effect, arm, operation, "turn")
+        with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
+            effect.signature(arm, operation, "knee", shape)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_places_are_joints_of_the_robot_each_once(arm, effect):
-    places = effect.places(arm)
-    assert len(set(places)) == len(places) > 0
-    assert {name for place in places if place for name in place.split("+")} <= set(arm.joint_names)
+def test_places_are_joints_of_the_robot_each_once(arm):
+    places = {effect.name: effect.places(arm) for effect in EFFECTS}
+    assert [name for name, one in places.items() if not len(set(one)) == len(one) > 0] == []
+    named = {joint for one in places.values() for place in one if place for joint in place.split("+")}
+    assert named == set(arm.joint_names)
 
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in DEPARTING], ids=name_of)
@@ -131,10 +129,10 @@ def test_the_drive_makes_up_for_the_torque_of_an_effect(arm, smooth, rng, effect
     np.testing.assert_allclose(torque, expected, atol=1e-11)
 
 
-@pytest.mark.parametrize("effect", LINEAR, ids=name_of)
-def test_the_coefficients_of_a_linear_effect_are_its_parameters(arm, rng, effect):
-    theta = rng.normal(size=len(effect.parameters(arm, "tilt")))
-    np.testing.assert_array_equal(effect.from_coefficients(arm, "tilt", theta, ()), theta)
+def test_the_coefficients_of_a_linear_effect_are_its_parameters(arm, rng):
+    for effect in LINEAR:
+        theta = rng.normal(size=len(effect.parameters(arm, "tilt")))
+        np.testing.assert_array_equal(effect.from_coefficients(arm, "tilt", theta, ()), theta, err_msg=effect.name)
 
 
 @pytest.mark.parametrize("effect", [e for e in ON_ONE_JOINT if e.name not in SPREADING], ids=name_of)
@@ -147,22 +145,19 @@ def test_an_effect_of_one_joint_touches_no_other(arm, operation, effect):
     assert np.any(torque[:, 1] != 0)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, operation, effect):
+def at_last(effect, arm, operation):
+    """The last place of an effect, a shape to look at, and its columns there."""
     place = effect.places(arm)[-1]
     shape = first_shape(effect, arm, operation, place)
-    signature = effect.signature(arm, operation, place, shape)
-    assert signature.columns.shape == (40, len(signature.rows), len(signature.names))
-    assert len(signature.units) == len(signature.names)
-    assert len(effect.coefficient_bounds(arm, place, shape)) in {0, len(signature.names)}
+    return place, shape, effect.signature(arm, operation, place, shape)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_the_next_shapes_are_as_long_as_the_last(arm, operation, effect):
-    place = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, operation, place)
-    coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
-    assert {len(next_shape) for next_shape in effect.refined(coefficients, shape)} == {len(shape)}
+def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, operation):
+    for effect in EFFECTS:
+        place, shape, signature = at_last(effect, arm, operation)
+        assert signature.columns.shape == (40, len(signature.rows), len(signature.names)), effect.name
+        assert len(signature.units) == len(signature.names), effect.name
+        assert len(effect.coefficient_bounds(arm, place, shape)) in {0, len(signature.names)}, effect.name
 
 
 LISTS = {"cogging", "torque_ripple", "position_dependent_friction"}
@@ -201,33 +196,35 @@ def first_shape(effect, arm, motion, joint):
 SCALED = {"torque_constant", "torque_saturation"}
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in SCALED], ids=name_of)
-def test_columns_move_with_the_inertias_of_the_model_where_the_effect_says_so(arm, smooth, effect):
-    # One shape for both, so that only the columns can differ.
-    joint = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, smooth, joint)
+def moves_with(arm, smooth, other, kept, shapes=None) -> dict[str, bool]:
+    """By effect, whether its columns are others in another operation; one shape for both, so that only they differ."""
+    out = {}
+    for effect in (effect for effect in EFFECTS if effect.name not in kept):
+        joint = effect.places(arm)[-1]
+        shape = (shapes or {}).get(effect.name) or first_shape(effect, arm, smooth, joint)
+        one, two = (effect.signature(o.robot, o, joint, shape).columns for o in (smooth, other))
+        out[effect.name] = bool(np.any(np.abs(one - two) > 1e-9))
+    return out
+
+
+def test_columns_move_with_the_inertias_of_the_model_where_the_effect_says_so(arm, smooth):
     heavier = with_parameters(arm, 0.2 * standard_parameters(arm))
-    other = Operation.of(heavier, smooth, smooth.logged, smooth.temperature)
-    one, two = (effect.signature(o.robot, o, joint, shape).columns for o in (smooth, other))
-    assert bool(np.any(np.abs(one - two) > 1e-9)) == effect.follows_model
+    moved = moves_with(arm, smooth, Operation.of(heavier, smooth, smooth.logged, smooth.temperature), SCALED)
+    assert moved == {name: effect_named(name).follows_model for name in moved}
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_columns_move_with_the_findings_where_the_effect_says_so(arm, smooth, effect):
-    joint = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, smooth, joint)
-    found = smooth.again(1.4 * smooth.expected)
-    one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, found))
-    assert bool(np.any(np.abs(one - two) > 1e-9)) <= effect.follows_torque
+def test_columns_move_with_the_findings_only_where_the_effect_says_so(arm, smooth):
+    moved = moves_with(arm, smooth, smooth.again(1.4 * smooth.expected), ())
+    assert [name for name, moves in moved.items() if moves > effect_named(name).follows_torque] == []
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_every_parameter_has_a_plausible_range_within_the_possible_one_and_a_reason(arm, effect):
-    place = effect.places(arm)[-1]
-    for parameter in (*effect.parameters(arm, place), *effect.optional_parameters(arm, place)):
-        low, high = parameter.plausible
-        assert parameter.lower <= low < high <= parameter.upper
-        assert len(parameter.plausible_because.split()) > 3
+def test_every_parameter_has_a_plausible_range_within_the_possible_one_and_a_reason(arm):
+    for effect in EFFECTS:
+        place = effect.places(arm)[-1]
+        for parameter in (*effect.parameters(arm, place), *effect.optional_parameters(arm, place)):
+            low, high = parameter.plausible
+            assert parameter.lower <= low < high <= parameter.upper, (effect.name, parameter.name)
+            assert len(parameter.plausible_because.split()) > 3, (effect.name, parameter.name)
 
 
 FRICTION = ("viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction")
@@ -246,13 +243,12 @@ def test_friction_takes_away_no_more_than_is_modelled(arm, name):
     assert bounds == ([-0.7, 0.0] if name == "stribeck_friction" else modelled)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_the_special_cases_of_an_effect_are_effects_of_the_catalogue(arm, operation, effect):
-    place = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, operation, place)
-    count = len(effect.signature(arm, operation, place, shape).names)
-    cases = effect.special_cases(arm, place, np.full(count, 0.1), shape)
-    assert {name for case in cases for name in case.names} <= {other.name for other in EFFECTS} - {effect.name}
+def test_the_special_cases_of_an_effect_are_other_effects_of_the_catalogue(arm, operation):
+    names = {effect.name for effect in EFFECTS}
+    for effect in EFFECTS:
+        place, shape, signature = at_last(effect, arm, operation)
+        cases = effect.special_cases(arm, place, np.full(len(signature.names), 0.1), shape)
+        assert {name for case in cases for name in case.names} <= names - {effect.name}, effect.name
 
 
 @pytest.mark.parametrize("name", ["direction_dependent_friction", "stribeck_friction", "presliding_friction"])
@@ -288,15 +284,14 @@ def test_only_rounding_leaves_nothing_but_noise():
 ABOUT = [e for e in EFFECTS if not e.shape_is_estimate and e.name not in {"transmission_compliance"}]
 
 
-@pytest.mark.parametrize("effect", ABOUT, ids=name_of)
-def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth, effect):
-    place = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, smooth, place)
-    coefficients = np.full(len(effect.signature(arm, smooth, place, shape).names), 0.1)
-    factors = np.array([np.divide(found, shape) for found in effect.refined(coefficients, shape)])
-    assert (factors == 1.0).all(axis=1).any()
-    assert np.abs(factors - 1.0).max(initial=0.0) < 0.5
-    assert len(set(map(tuple, factors))) == len(factors)
+def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth):
+    for effect in ABOUT:
+        _, shape, signature = at_last(effect, arm, smooth)
+        next_shapes = effect.refined(np.full(len(signature.names), 0.1), shape)
+        factors = np.array([np.divide(found, shape) for found in next_shapes])
+        assert (factors == 1.0).all(axis=1).any(), effect.name
+        assert np.abs(factors - 1.0).max(initial=0.0) < 0.5, effect.name
+        assert len(set(map(tuple, factors))) == len(factors), effect.name
 
 
 @pytest.mark.parametrize(
@@ -326,32 +321,27 @@ def test_effects_of_waves_and_of_places_take_lists(arm):
     assert {effect.name for effect in EFFECTS if effect.takes_lists(arm, effect.places(arm)[-1])} == LISTS
 
 
-@pytest.mark.parametrize("attribute", APART)
-def test_what_is_true_of_few_effects_is_true_of_those(attribute):
-    assert {effect.name for effect in EFFECTS if getattr(effect, attribute)} == APART[attribute]
+def test_what_is_true_of_few_effects_is_true_of_those():
+    assert {name: {effect.name for effect in EFFECTS if getattr(effect, name)} for name in APART} == APART
 
 
 # Columns of the load that a play passes end at an edge of their own; limits are compared with a smoothed command.
 SMOOTHED = {"backlash", "torque_saturation"}
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in SMOOTHED], ids=name_of)
-def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, effect):
-    joint = effect.places(arm)[-1]
-    shape = UNASKED.get(effect.name) or first_shape(effect, arm, smooth, joint)
+def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth):
     faster = Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a)
-    other = Operation.of(arm, faster, temperature=smooth.temperature)
-    one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, other))
-    assert bool(np.any(np.abs(one - two) > 1e-9)) == effect.uses_acceleration
+    moved = moves_with(arm, smooth, Operation.of(arm, faster, temperature=smooth.temperature), SMOOTHED, UNASKED)
+    assert moved == {name: effect_named(name).uses_acceleration for name in moved}
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_the_last_of_the_next_shapes_is_the_estimate_where_the_shape_is_one(arm, operation, effect):
-    place = effect.places(arm)[-1]
-    shape = first_shape(effect, arm, operation, place)
-    coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
-    last = effect.refined(coefficients, shape)[-1]
-    assert (len(shape) > 0 and np.array_equal(last, coefficients)) is effect.shape_is_estimate
+def test_the_next_shapes_are_as_long_as_the_last_and_end_with_the_estimate_where_the_shape_is_one(arm, operation):
+    for effect in EFFECTS:
+        _, shape, signature = at_last(effect, arm, operation)
+        coefficients = np.full(len(signature.names), 0.1)
+        *_, last = shapes = effect.refined(coefficients, shape)
+        assert {len(next_shape) for next_shape in shapes} == {len(shape)}, effect.name
+        assert (len(shape) > 0 and np.array_equal(last, coefficients)) is effect.shape_is_estimate, effect.name
 
 
 def test_numbers_that_are_not_stated_are_none():
@@ -360,11 +350,11 @@ def test_numbers_that_are_not_stated_are_none():
     assert (empty.viscous, empty.coulomb, empty.rotor_inertia, empty.waves) == (0.0, 0.0, 0.0, ())
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
-def test_no_device_has_a_stiffness_or_a_step_of_zero(arm, effect):
+def test_no_device_has_a_stiffness_or_a_step_of_zero(arm):
     # By their laws: a stiffness and a step are divided by; every other parameter may be zero.
-    above = {p.name for p in effect.parameters(arm, effect.places(arm)[-1]) if p.above_zero}
-    assert above == {"transmission_compliance": {"stiffness"}, "encoder_quantization": {"step"}}.get(effect.name, set())
+    every = [(effect.name, one) for effect in EFFECTS for one in effect.parameters(arm, effect.places(arm)[-1])]
+    above = {(name, one.name) for name, one in every if one.above_zero}
+    assert above == {("transmission_compliance", "stiffness"), ("encoder_quantization", "step")}
 
 
 SAYING = [effect for effect in EFFECTS if effect.formula(lambda kind: 0.0)]

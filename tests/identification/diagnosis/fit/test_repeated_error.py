@@ -42,6 +42,7 @@ def test_the_scatter_of_white_noise_is_that_of_least_squares_on_average(design, 
     np.testing.assert_allclose(mean, np.eye(3), atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_white_noise_comes_again_as_rarely_as_a_normal_number_is_a_deviation_off(design, rng):
     # Closed form: a sum of four squares of normal numbers less its mean is more than its deviation in 15 % of cases
     # (chi-square law of four degrees of freedom: more than 4 + sqrt(8)).

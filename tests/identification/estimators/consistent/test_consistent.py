@@ -129,6 +129,7 @@ def test_a_prior_makes_deviations_smaller_and_a_weak_one_leaves_them(arm, noisy)
     np.testing.assert_allclose(consistent(torque_regressor(arm, log), prior=1e-8).std(), weighted.std(), rtol=1e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_intervals_cover_the_truth_where_no_constraint_acts(swing, make_log, rubbing, friction, rng):
     # 95 % intervals of all base parameters over 200 draws of coloured noise; the columns are those of one motion.

@@ -164,6 +164,7 @@ def test_intervals_hold_the_truth_in_95_per_cent_of_draws(pendulum, swing, make_
     assert 0.92 < coloured < 0.99
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_intervals_hold_the_truth_with_noise_that_has_a_memory(pendulum, swing, make_log, rng):
     # First-order autoregression with a memory of ten samples: the white formula is far off.

@@ -63,6 +63,7 @@ def test_motor_damping_of_the_phantom_is_that_of_the_table(rng):
     assert found.axis.motor_damping == pytest.approx(0.0085, rel=0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_95_per_cent_intervals_cover():
     # 12 experiments of 6 parameters; 95 % of 72 is 68.4, and parameters of one experiment err together.
