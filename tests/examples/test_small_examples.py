@@ -130,11 +130,13 @@ def branches(tmp_path_factory) -> str:
     return printed("cea_two_branches.py", tmp_path_factory.mktemp("two"))
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_it_counts_the_parameters_of_both_branches(branches):
     assert "58 inertial base parameters: 21 of each branch" in branches
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_it_moves_within_the_published_workspace(branches):
     """Published: more than 200 mm in translation in any direction."""
@@ -143,6 +145,7 @@ def test_it_moves_within_the_published_workspace(branches):
     assert min(map(int, found.groups())) > 200
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_its_platform_turns_by_more_than_is_published(branches):
     """Published: over 150 degrees about any axis. A universal joint has half a turn between its singularities."""
@@ -151,12 +154,14 @@ def test_its_platform_turns_by_more_than_is_published(branches):
     assert [int(angle) for angle in found.groups()] == [180, 360]
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_each_rod_has_one_parameter(branches):
     """Published: one parameter per rod."""
     assert re.findall(r"^  (?:no|one|both) rods?.*? (\d+)$", branches, flags=re.MULTILINE) == ["22", "23", "24", "22"]
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_the_page_states_the_mass_that_is_printed(branches):
     found = re.search(r"apparent mass ([\d.]+ to [\d.]+ kg)", branches)
@@ -164,11 +169,13 @@ def test_the_page_states_the_mass_that_is_printed(branches):
     assert f"{found[1]} at the handle" in " ".join((CHECKOUT / "docs" / "haptics.md").read_text().split())
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_friction_is_found_proportional_to_the_pretension(branches):
     assert "proportional True" in branches
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_maps_are_written_where_the_output_says(branches):
     assert re.search(r"^wrote .*apparent_mass\.png$", branches, flags=re.MULTILINE)

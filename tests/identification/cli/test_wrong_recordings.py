@@ -43,8 +43,9 @@ def test_a_model_without_mass_is_refused(command, massless, swing, written, tmp_
 
 
 @pytest.mark.whole
-def test_what_is_wrong_leads_the_verdict_of_what_is_judged_anyway(massless, swing, written, tmp_path, capsys):
-    log, file = written(tmp_path / "log.csv", swing), tmp_path / "found.json"
+def test_what_is_wrong_leads_the_verdict_of_what_is_judged_anyway(massless, made_columns, written, tmp_path, capsys):
+    columns = made_columns(ROBOTS / "pendulum.urdf", seconds=5.0, rate=100.0)
+    log, file = written(tmp_path / "log.csv", columns), tmp_path / "found.json"
     assert main(["diagnose", str(massless), str(log), "--anyway", "--json", str(file)]) == 0
     assert capsys.readouterr().out.startswith("Judged although log.csv: no moving link of robot.urdf has mass.")
     assert "no moving link of robot.urdf has mass" in json.loads(file.read_text())["data_warnings"][0]
