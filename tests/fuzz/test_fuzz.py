@@ -18,7 +18,7 @@ from fuzz_seeds import Seeds, make_seeds
 from identification.reporting.stored.diagnosis_files import json_text
 from made_up_diagnosis import made_up_diagnosis
 
-CASES = {"csv": 60, "npz": 60, "parquet": 40, "bag": 40, "robot": 80, "robot.yaml": 80, "columns": 60, "json": 60}
+CASES = {"csv": 30, "npz": 30, "parquet": 20, "bag": 20, "robot": 40, "robot.yaml": 40, "columns": 30, "json": 30}
 """Cases of each kind; a whole diagnosis takes as long as all of these and is left to `make fuzz`."""
 FINE = Outcome(0, "done\n", "", "", 0.1, 10**8, {})
 
