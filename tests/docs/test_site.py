@@ -52,8 +52,8 @@ LESSONS = [page for page in PAGES if page.parent.name in ("tutorials", "how_to")
 
 OTHERS = [page for page in PAGES if page not in LESSONS and snippets(page)]
 
-# An arm of six joints takes longest, and laws of a user are compiled.
-LONG = {"ur_rtde", "own_effects"}
+# An arm of six joints takes longest, laws of a user are compiled, and two pages diagnose several recordings.
+LONG = {"ur_rtde", "own_effects", "known_changes", "compare_diagnoses"}
 
 
 @pytest.mark.whole

@@ -59,6 +59,7 @@ def test_the_drive_of_the_xl330_is_on_throughout_every_log(mirror, tmp_path):
         assert [runs[f"{log.stem}__torque_enable"].all() for log in logs] == [True] * 4
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_the_gap_of_the_xl330_is_friction_of_its_servo(mirror, tmp_path):
     # Published: Coulomb and viscous friction at least (Duclusaud et al. 2025); load and rotor inertia are in the model.

@@ -325,6 +325,7 @@ def test_a_map_on_two_workers_is_the_same(cluster, model, grid, small_blocks):
     assert_same_map(operational_map(model, grid, QUANTITIES), operational_map(model, grid, QUANTITIES, jobs=1))
 
 
+@pytest.mark.nightly
 def test_a_map_survives_the_loss_of_a_worker(killing, model, grid, small_blocks):
     found = operational_map(model, grid, QUANTITIES, progress=killing)
     assert_same_map(found, operational_map(model, grid, QUANTITIES, jobs=1))

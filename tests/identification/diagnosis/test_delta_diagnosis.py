@@ -18,8 +18,8 @@ def delta() -> Robot:
 
 
 def diagnosed(delta: Robot, effects: list):
-    """Diagnosis of twelve seconds of sines in all three drives."""
-    t = np.arange(0, 12, 0.004)
+    """Diagnosis of eight seconds of sines in all three drives."""
+    t = np.arange(0, 8, 0.008)
     speed, k = np.array([0.9, 1.3, 1.7]), np.arange(3)
     q = 0.35 * np.sin(np.outer(t, speed)) + 0.2 * (np.sin(np.outer(t, 2.9 * speed) + k) - np.sin(k))
     v = np.gradient(q, t, axis=0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from by_night import by_night
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
@@ -53,7 +54,7 @@ def test_cogging_under_a_load_that_changes_is_not_called_ripple(planar2, lacking
     assert (finding.effect, finding.joint, finding.rivals) == (COGGING, "elbow", ())
 
 
-@pytest.mark.parametrize(("name", "theta"), [(RIPPLE, (40.0, 0.003, 0.7)), (COGGING, (40.0, 0.028, 0.7))])
+@pytest.mark.parametrize(("name", "theta"), by_night([(RIPPLE, (40.0, 0.003, 0.7)), (COGGING, (40.0, 0.028, 0.7))], 0))
 def test_both_are_named_where_the_load_hardly_changes(lab, pendulum, name, theta):
     # A rod that moves slowly about the level has nearly its whole weight as load: 9.3 N m, give or take 0.4.
     t = np.arange(4000) / 200.0

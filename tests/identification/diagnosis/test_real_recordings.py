@@ -86,6 +86,7 @@ def test_a_double_pendulum_corrected_on_five_runs_lacks_nothing_for_certain_on_t
     assert claims(judged_beside(robot, tuple(runs[0::2]), tuple(runs[1::2]))) == []
 
 
+@pytest.mark.nightly
 def test_an_axis_corrected_on_the_second_half_of_its_recording_lacks_nothing_for_certain_in_the_first(data_folder):
     # Not the other way round: corrected on the first half, its second half shows a ripple of 2.5 mm and 1 N, which
     # least squares finds in both halves and both directions with the same phase.

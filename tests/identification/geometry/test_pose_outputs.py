@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from by_night import by_night
 from identification.cli.main import main
 from identification.data.recording import Recording
 from identification.diagnosis.columns.known_geometry import with_known_places
@@ -89,10 +90,13 @@ def test_the_corrected_mjcf_has_the_tip_where_the_corrected_urdf_has_it(ur10, tr
 
 @pytest.mark.parametrize(
     ("moves", "shown"),
-    [
-        ([PLACE], {"encoder_offset", "link_geometry", "joint_elasticity"}),
-        ([PLACE, ("elbow_joint", (0, 0.002, 0), (0, 0.003, 0))], {"link_geometry", "joint_elasticity"}),
-    ],
+    by_night(
+        [
+            ([PLACE], {"encoder_offset", "link_geometry", "joint_elasticity"}),
+            ([PLACE, ("elbow_joint", (0, 0.002, 0), (0, 0.003, 0))], {"link_geometry", "joint_elasticity"}),
+        ],
+        1,
+    ),
 )
 def test_with_what_poses_showed_the_same_poses_show_nothing_more(tracked, tmp_path, moves, shown):
     stiff = {"elbow_joint": 1 / 2e4}

@@ -340,6 +340,7 @@ def left(robot, recording, diagnosis):
     return np.sqrt(np.mean(rest**2, axis=0))
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_where_gravity_points_along_the_axis(lab, pendulum, trusted):
     # A hardening spring is in no catalogue: whatever is named in its place, what is stated is what is left.
@@ -351,6 +352,7 @@ def test_where_gravity_points_along_the_axis(lab, pendulum, trusted):
     assert left(robot, recording, diagnosis)[0] < HELD_OUT * diagnosis.joints[0].rms_after
 
 
+@pytest.mark.nightly
 @pytest.mark.whole
 def test_friction_under_the_load_of_a_payload(lab, planar2, trusted):
     # Known truth: the friction is a tenth of what the transmission passes with the payload.
