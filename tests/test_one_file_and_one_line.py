@@ -75,7 +75,7 @@ def said_by_pytest(checkout: Path, *words: str) -> str:
 def test_what_goes_through_all_effects_passes_with_it(checkout):
     out = said_by_pytest(checkout, *GOING_THROUGH_ALL)
     # It was there: the tests that have each effect as a case have it.
-    assert len(re.findall(rf"^PASSED .*\[.*{NAME}.*\]", out, flags=re.MULTILINE)) > 15
+    assert len(re.findall(rf"^PASSED .*\[.*{NAME}.*\]", out, flags=re.MULTILINE)) > 4
 
 
 def test_it_is_simulated_degraded_and_drawn_as_the_others_are(checkout):
