@@ -98,17 +98,13 @@ class Endogeneity:
     """Outcome of the test.
 
     Attributes:
-        statistic: Chi-squared under the hypothesis that least squares is not biased.
-        freedom: Its degrees of freedom.
-        probability: Of a statistic at least as large without bias.
+        probability: Of a chi-squared statistic at least as large if least squares is not biased.
         difference: Estimates of least squares minus those of instrumental variables, shape ``(r,)``.
         std: Standard deviations of the differences without bias, shape ``(r,)``.
         scatter: Standard deviations of least squares, shape ``(r,)``.
         names: Of the base parameters.
     """
 
-    statistic: float
-    freedom: int
     probability: float
     difference: Float[Array, " r"]
     std: Float[Array, " r"]
@@ -185,4 +181,4 @@ def compared(
     freedom = int(kept.sum())
     probability = float(chdtrc(freedom, statistic)) if freedom else 1.0
     std, scatter = (np.sqrt(np.clip(np.diag(cov), 0.0, None)) for cov in (difference_cov, least_squares_cov))
-    return Endogeneity(statistic, freedom, probability, difference, std, scatter, names)
+    return Endogeneity(probability, difference, std, scatter, names)

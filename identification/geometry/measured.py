@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
-from phantom_dyn.array_types import Array, Float, Int, read_only
+from phantom_dyn.array_types import Array, Float, read_only
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -54,12 +54,6 @@ class Measured:
     position: Float[Array, "n 3"]
     turn: Float[Array, "n 4"] | None
     moving: bool
-
-    def some(self, rows: Int[Array, " m"]) -> Measured:
-        """Some of the poses."""
-        arrays = {name: read_only(getattr(self, name)[rows]) for name in ("t", "q", "v", "load", "position")}
-        turn = None if self.turn is None else read_only(self.turn[rows])
-        return Measured(self.recording, self.file, self.frame, self.index, **arrays, turn=turn, moving=self.moving)
 
 
 @dataclass(frozen=True)

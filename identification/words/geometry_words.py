@@ -20,7 +20,7 @@ from identification.words.verdict_words import headline
 if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
 
-_SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+_SHIFTS = ("x", "y", "z")
 _SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 EFFECTS = {
     ZERO: "a zero error",

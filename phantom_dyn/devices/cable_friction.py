@@ -32,20 +32,16 @@ class CableFriction:
 
     Attributes:
         ratio: Coulomb torque per pretension, r [m]; of a linear joint force per pretension [1].
-        static_ratio: Stiction over Coulomb torque, kappa.
 
     Raises:
-        ParameterError: If the ratio is not above 0, or stiction is less than Coulomb friction.
+        ParameterError: If the ratio is not above 0.
     """
 
     ratio: float
-    static_ratio: float = 1.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.ratio) and self.ratio > 0):
             raise ParameterError(f"The friction per pretension is {self.ratio}: give a number above 0.")
-        if not (math.isfinite(self.static_ratio) and self.static_ratio >= 1):
-            raise ParameterError(f"Stiction is {self.static_ratio} times Coulomb friction: give 1 or more.")
 
     def coulomb(self, pretension: Float[Array, " n"]) -> Float[Array, " n"]:
         """Coulomb torque at the pretensions [N m], shape ``(n,)``.
@@ -60,10 +56,6 @@ class CableFriction:
                 f"Pretension number {bad[0]} is {pulled[bad[0]]:g} N: give one above 0, a slack cable drives nothing."
             )
         return self.ratio * pulled
-
-    def stiction(self, pretension: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Torque at which the joint breaks loose [N m], shape ``(n,)``; raises as `coulomb`."""
-        return self.static_ratio * self.coulomb(pretension)
 
     def torque(self, pretension: Float[Array, " n"], velocity: Float[Array, " n"]) -> Float[Array, " n"]:
         """Coulomb torque against the velocity, as a motor feels it [N m], shape ``(n,)``; 0 at rest."""

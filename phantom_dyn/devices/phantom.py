@@ -24,8 +24,6 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
-JOINTS = ("theta1", "theta2", "theta3")
-
 
 @dataclass(frozen=True)
 class PhantomParameters:

@@ -3,41 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.array_types import Array
-from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.solver import loops_to_follow
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
+from phantom_dyn.simulation.compiled.arm_steps import Arm
 from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, EffectLaws, lines_of, packed
-from phantom_dyn.simulation.compiled.axis_steps import Axis, run_axis
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine
 
 
-class Compiled(NamedTuple):
-    """Arguments of the compiled steps, but for the controller and the state.
-
-    Attributes:
-        run: The compiled loop.
-        machine: Its machine.
-        laws: Laws of all effects.
-    """
-
-    run: Callable[..., int]
-    machine: Axis | Arm
-    laws: EffectLaws
-
-
-def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
+def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> tuple[Arm, EffectLaws] | None:
     """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
 
     That is so for effects that have Python laws only.
@@ -46,16 +29,14 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
         return None
-    one = machine.nv == 1 and machine.robot.chain is None and not machine.robot.floating
-    found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
-    if found[0] is None:
+    arm = _arm(machine)
+    if arm is None:
         return None
     torques, commands, readings = map(packed, channels)
-    laws_of_all = EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
-    return Compiled(found[1], found[0], laws_of_all)
+    return arm, EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
 
 
-def require_closed_loops(machine: Axis | Arm, t: float, robot: Robot) -> None:
+def require_closed_loops(machine: Arm, t: float, robot: Robot) -> None:
     """Say which loop of a chain could not be closed where compiled steps ended; nothing if that is not why.
 
     Args:
@@ -66,7 +47,7 @@ def require_closed_loops(machine: Axis | Arm, t: float, robot: Robot) -> None:
     Raises:
         ChainError: If the loops cannot be closed or are singular at the state that was tried last.
     """
-    loops = machine.chain.loops if isinstance(machine, Arm) else None
+    loops = machine.chain.loops
     if loops is None or robot.chain is None or not np.isfinite(loops.wanted).all():
         return
     try:
@@ -125,31 +106,3 @@ def _chain(robot: Robot, arrays: TreeArrays) -> Chain:
     rotor[passive] = robot.model.armature[passive]
     slope = given.linear_map[:, : robot.nv]
     return chain_of(slope, given.offset, viscous, coulomb, rotor, loops_to_follow(robot.model, given, arrays))
-
-
-def _axis(machine: Machine) -> Axis | None:
-    robot = machine.robot
-    arrays = robot.arrays
-    # Joints that are held fixed leave one joint and one body.
-    if arrays is None or len(arrays.kinds) != 2 or FREE in arrays.kinds:
-        return None
-    loose, rotor = bool(machine.loose), float(machine.rotor[0]) + float(machine.coupled[0, 0])
-    at = gravity_torque(robot, np.array([[0.0], [0.5 * np.pi]]))[:, 0]
-    link = float(mass_matrix(robot, np.zeros((1, 1)))[0, 0, 0])
-    stiffness, damping, gap = (
-        float(part[0]) if loose else 0.0 for part in (machine.stiffness, machine.damping, machine.gap)
-    )
-    return Axis(
-        link - float(machine.rotor[0]) if loose else link + float(machine.coupled[0, 0]),
-        rotor,
-        loose,
-        float(robot.viscous_friction[0]),
-        float(robot.coulomb_friction[0]),
-        stiffness,
-        damping,
-        gap,
-        float(at[0]),
-        float(at[1]),
-        not bool(robot.prismatic[0]) and bool(np.any(at != 0.0)),
-        machine.encoders[0] == 1,
-    )

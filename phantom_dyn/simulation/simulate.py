@@ -22,8 +22,9 @@ from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError, RunawayError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
-from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
-from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
+from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
+from phantom_dyn.simulation.compiled.arrays import EffectLaws, Moving, Plan, Rows, moving_from, rows_for
+from phantom_dyn.simulation.compiled_machine import compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking, with_late_references
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 
@@ -139,7 +140,7 @@ def simulate(
         rows = _in_python(machine, start, channels, plan)
     else:
         moving = moving_from(start.x, start.v, start.transmitted)
-        rows = _compiled(steps, moving, channels, plan, controller, robot)
+        rows = _compiled(*steps, moving, channels, plan, controller, robot)
     return _recorded(machine, t, rows, sensed=robot.torque_source == "sensor")
 
 
@@ -173,16 +174,16 @@ def _with_late_references(controller: Controller, parts: tuple[Simulated, ...]) 
 
 
 def _compiled(
-    steps: Compiled, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
+    arm: Arm, laws: EffectLaws, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
 ) -> Rows:
     """Compiled steps: all at once under a tracking law, else from one call of the controller to the next."""
     rows = rows_for(len(plan.t), robot.nv, len(moving.x))
     control = control_of(controller, robot)
 
     def run(now: Plan, out: Rows) -> None:
-        broke = steps.run(steps.machine, steps.laws, control, moving, now, out)
+        broke = run_arm(arm, laws, control, moving, now, out)
         if broke >= 0:
-            require_closed_loops(steps.machine, float(now.t[broke]), robot)
+            require_closed_loops(arm, float(now.t[broke]), robot)
             raise RunawayError(float(now.t[broke]))
 
     if isinstance(controller, Tracking):

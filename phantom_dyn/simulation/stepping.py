@@ -25,7 +25,7 @@ from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
-from phantom_dyn.simulation.compiled.axis_steps import spring_torque
+from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 """Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""

@@ -19,7 +19,6 @@ from identification.export.corrected.found_effects import effect_of, lasting_fin
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
-from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
 SIGMAS = 2.0
@@ -38,7 +37,7 @@ class Randomisation:
         found: The same as effects, with their parameters in the order of the catalogue.
         loadings: Matrix that turns ``k`` independent standard normal numbers into the errors of all ``p`` numbers.
         unseen: Effects that were not seen, with the size from which they would have been seen.
-        control_step: Time from one command to the next [s]; None if it is not known.
+        control_step: Time from one command to the next [s], that between samples; None if it is not known.
         posture: Mean recorded positions [rad or m]; the zero posture by default.
     """
 
@@ -75,20 +74,13 @@ class Randomisation:
         return np.clip(out, -1.0, 1.0)
 
 
-def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float | None = None) -> Randomisation:
+def randomisation_of(diagnosis: Diagnosis, robot: Robot) -> Randomisation:
     """Distribution of a robot after a diagnosis.
 
     Args:
         diagnosis: The diagnosis.
         robot: The given model.
-        control_step: Time from one command to the next [s]; by default the sample period of the recordings.
-
-    Raises:
-        ParameterError: If the control step is not a positive number.
     """
-    step = diagnosis.evidence.sample_period if control_step is None else control_step
-    if step is not None and not (np.isfinite(step) and step > 0):
-        raise ParameterError(f"The control step is {step} s, wanted a time above zero: give it in seconds.")
     findings = lasting_findings(diagnosis)
     found = tuple(effect_of(robot, finding) for finding in findings)
     parts = [loadings_of(robot, finding) for finding in findings]
@@ -96,31 +88,7 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
     unseen = tuple(bound for bound in diagnosis.bounds if np.isfinite(bound.below) and bound.below > 0)
     loadings = np.vstack(parts) if shared else np.asarray(block_diag(*parts, np.zeros((0, 0))))
     posture = diagnosis.evidence.q.mean(axis=0) if len(diagnosis.evidence.q) else None
-    return Randomisation(robot, findings, found, loadings, unseen, step, posture)
-
-
-def draws(
-    randomisation: Randomisation, count: int, rng: np.random.Generator, *, unseen: int = 1
-) -> tuple[tuple[KnownEffect, ...], ...]:
-    """The effects of robots that are drawn at random, for `corrected_model` or a simulation.
-
-    Args:
-        randomisation: Distribution of the robot.
-        count: Number of robots.
-        rng: Random number generator.
-        unseen: Number of effects that were not seen, which each robot has in addition.
-
-    Raises:
-        ParameterError: If a number is below zero.
-    """
-    if count < 0 or unseen < 0:
-        raise ParameterError(f"{count} draws with {unseen} unseen effects were asked for: give numbers of 0 or more.")
-    known = tuple(bound for bound in randomisation.unseen if unseen_effect(randomisation, bound, 1.0) is not None)
-    normal = rng.standard_normal((count, randomisation.loadings.shape[1]))
-    values = randomisation.values + normal @ randomisation.loadings.T
-    return tuple(
-        (*_drawn(randomisation, row), *_hidden(randomisation, known, rng, min(unseen, len(known)))) for row in values
-    )
+    return Randomisation(robot, findings, found, loadings, unseen, diagnosis.evidence.sample_period, posture)
 
 
 def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
@@ -206,21 +174,3 @@ def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
     """Bounds of all numbers as the effects state them."""
     parameters = [p for effect in randomisation.found for _, p in parameters_of(randomisation.robot, effect)]
     return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-
-
-def _drawn(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
-    low, high = _bounds(randomisation)
-    mean = randomisation.values
-    return randomisation.with_values(np.clip(values, np.minimum(low, mean), np.maximum(high, mean)))
-
-
-def _hidden(
-    randomisation: Randomisation, known: tuple[Bound, ...], rng: np.random.Generator, count: int
-) -> tuple[KnownEffect, ...]:
-    out = []
-    for place in rng.choice(len(known), count, replace=False) if count else ():
-        low, high = unseen_sizes(randomisation.robot, known[place])
-        share = float(rng.uniform(low, high)) / known[place].below
-        effect = unseen_effect(randomisation, known[place], share)
-        out += [] if effect is None else [effect]
-    return tuple(out)

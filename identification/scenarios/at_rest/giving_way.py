@@ -61,7 +61,6 @@ class GivingWay:
         probabilities: Probability of each model, see `engine.resampling`.
         replicates: Share of the gap that the first model explains, in each bootstrap replicate.
         shift: Distance of the rests under loads of opposite sign [rad or m].
-        shift_std: Its standard deviation.
         detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
         shown: Whether the shift is larger than by chance; both numbers are squares in units of its deviation.
         both: Whether backlash and compliance, fitted together, both differ from zero; None where loads of one size, or
@@ -73,7 +72,6 @@ class GivingWay:
     probabilities: tuple[float, ...]
     replicates: Float[Array, " B"]
     shift: float
-    shift_std: float
     detectable_sizes: float
     shown: GateResult
     both: GateResult | None = None
@@ -103,7 +101,7 @@ def giving_way(stills: Stills) -> GivingWay:
     detectable_sizes = (needed + 1.645) * deviation
     shown = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
     if not shown.passed:
-        return GivingWay(before, (), (), np.zeros(0), width, deviation, detectable_sizes, shown)
+        return GivingWay(before, (), (), np.zeros(0), width, detectable_sizes, shown)
     columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
     sizes = np.abs(load)
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
@@ -126,7 +124,6 @@ def giving_way(stills: Stills) -> GivingWay:
         tuple(float(wins[k]) for k in ranked),
         closed,
         width,
-        deviation,
         detectable_sizes,
         shown,
         both,

@@ -53,9 +53,9 @@ LAST, RAW, SPEED, MASS_X, MASS_V, STUCK, ANCHOR, COUNT = range(8)
 """Indices into the state of an axis."""
 FORCES = 8
 """Index in the state at which the last `WINDOW` forces of the coupling begin."""
-FORCE, COUPLING, SIDE, X, V, PROBE_SPEED, STICKS = range(7)
+FORCE, COUPLING, SIDE, X, PROBE_SPEED, STICKS = range(6)
 """Columns of the output of `along`."""
-COLUMNS = 7
+COLUMNS = 6
 _clipped, _cogging = jit(held_within), jit(sum_of_waves)
 
 
@@ -174,7 +174,7 @@ def along(axis: AxisNumbers, state: Array, steps: Array, positions: Array, asked
         if mass > 0.0:
             direct += np.sum(state[FORCES:]) / WINDOW
         out[k, FORCE], out[k, COUPLING], out[k, SIDE] = direct, coupling, side
-        out[k, X], out[k, V], out[k, PROBE_SPEED] = state[MASS_X], state[MASS_V], speed
+        out[k, X], out[k, PROBE_SPEED] = state[MASS_X], speed
         out[k, STICKS] = state[STUCK]
         state[LAST] = x
 
@@ -239,7 +239,6 @@ class Rendered:
         force: Force on the hand [N or N m].
         coupling: Force of the virtual mass on the probe, before it is averaged [N or N m].
         mass_position: Position of the virtual mass; without one, that of the probe [m or rad].
-        mass_velocity: Velocity of the virtual mass [m/s or rad/s].
         velocity: Filtered velocity of the probe [m/s or rad/s].
         contact: True while the probe presses a wall of the gap.
         stuck: True while the friction sticks.
@@ -248,7 +247,6 @@ class Rendered:
     force: Float[Array, " N"]
     coupling: Float[Array, " N"]
     mass_position: Float[Array, " N"]
-    mass_velocity: Float[Array, " N"]
     velocity: Float[Array, " N"]
     contact: Bool[Array, " N"]
     stuck: Bool[Array, " N"]
@@ -306,7 +304,6 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
         force=out[:, FORCE],
         coupling=out[:, COUPLING],
         mass_position=out[:, X],
-        mass_velocity=out[:, V],
         velocity=out[:, PROBE_SPEED],
         contact=out[:, SIDE] != 0,
         stuck=out[:, STICKS] != 0,

@@ -63,15 +63,13 @@ class LimitCycle(ReadOnlyArrays):
         stiffness: First harmonic of force over that of position: the critical stiffness [N/m or N m/rad].
         amplitude: First harmonic of the position [m or rad].
         frequencies: Frequencies of the spectra [rad/s], shape ``(k,)``.
-        force_density: Power spectral density of the force, in its unit squared per hertz, shape ``(k,)``.
-        position_density: Power spectral density of the position, shape ``(k,)``.
+        position_density: Power spectral density of the position, in its unit squared per hertz, shape ``(k,)``.
     """
 
     frequency: float
     stiffness: float
     amplitude: float
     frequencies: Float[Array, " k"]
-    force_density: Float[Array, " k"]
     position_density: Float[Array, " k"]
 
     @property
@@ -140,7 +138,7 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     # The noise of force and position is not correlated: power of the force over the cross power of both.
     stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
     amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
-    return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, force_density, density)
+    return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, density)
 
 
 @jit

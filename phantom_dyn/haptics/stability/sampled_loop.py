@@ -101,10 +101,6 @@ class SampledLoop:
         """Sampling period [s]."""
         return self.plants[0].period
 
-    def open_loop(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
-        """Open loop per unit of gain, with the fixed filter closed, at the frequencies [rad/s], shape ``(k,)``."""
-        return -1.0 / self.gain_on_axis(frequency)
-
     def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """Gain that puts a root on the unit circle at each frequency [rad/s], where it is real and positive."""
         response = sum(plant.response(frequency) for plant in self.plants)
@@ -145,26 +141,16 @@ class SampledLoop:
 
 @dataclass(frozen=True)
 class CriticalGain:
-    """Gain up to which a loop is stable, with its Bode data.
+    """Gain up to which a loop is stable.
 
     Attributes:
         gain: Upper end of the stable gains from 0 on; 0 if the smallest gain is unstable, infinite if every gain is
             stable.
         frequency: Frequency of the oscillation there [rad/s]; NaN if gain is 0 or infinite.
-        crossing_frequency: All frequencies at which the open loop crosses the negative real axis, shape ``(c,)``.
-        crossing_gain: Gains at which these crossings reach -1, in increasing order, shape ``(c,)``.
-        stable: True if the loop is stable below each crossing gain, and above the last, shape ``(c + 1,)``.
-        bode_frequency: Frequencies of the Bode data [rad/s], shape ``(k,)``.
-        open_loop: Open loop per unit of gain, shape ``(k,)``.
     """
 
     gain: float
     frequency: float
-    crossing_frequency: Float[Array, " c"]
-    crossing_gain: Float[Array, " c"]
-    stable: Array
-    bode_frequency: Float[Array, " k"]
-    open_loop: Complex[Array, " k"]
 
 
 def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
@@ -203,7 +189,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
         end = 0.0
     elif len(unstable):
         end, frequency = map(float, crossing[unstable[0] - 1])
-    return CriticalGain(end, frequency, crossing[:, 1], crossing[:, 0], stable, grid, -1.0 / gains)
+    return CriticalGain(end, frequency)
 
 
 def _roots(loop: SampledLoop, low: Float[Array, " n"], high: Float[Array, " n"]) -> Float[Array, " n"]:

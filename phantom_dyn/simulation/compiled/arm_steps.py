@@ -15,7 +15,6 @@ from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias, move_root
 from phantom_dyn.array_types import Array
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
-from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
 
 
@@ -189,6 +188,18 @@ def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> N
         push[j] += torque
         push[at] -= torque
         transmitted[j] = torque
+
+
+@jit
+def spring_torque(apart: float, rate: float, stiffness: float, damping: float, gap: float) -> float:
+    """Torque on a link behind its transmission: none inside the play, and contact never pulls."""
+    if gap <= 0.0:
+        return stiffness * apart + damping * rate
+    if apart > 0.5 * gap:
+        return max(stiffness * (apart - 0.5 * gap) + damping * rate, 0.0)
+    if apart < -0.5 * gap:
+        return min(stiffness * (apart + 0.5 * gap) + damping * rate, 0.0)
+    return 0.0
 
 
 @within

@@ -209,7 +209,8 @@ def _timed(estimate: Estimate) -> Estimate:
 def problem(ur10, tracked, slow_motion) -> PoseProblem:
     t, q = slow_motion
     sets, paths = measured_poses(ur10, (tracked(1, q=q, t=t, turned=True, zeros={"elbow_joint": 0.01}),))
-    sets = tuple(one.some(np.arange(0, len(one.t), 100)) for one in sets)
+    arrays = ("t", "q", "v", "load", "position", "turn")
+    sets = tuple(replace(one, **{name: getattr(one, name)[::100] for name in arrays}) for one in sets)
     return PoseProblem(ur10, sets, paths, terms_of(ur10, ["tool0"]))
 
 

@@ -15,13 +15,12 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Bound, Value
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
-from identification.export.uses.randomisation import draws, randomisation_of, unseen_effect
+from identification.export.uses.randomisation import randomisation_of, unseen_effect, unseen_sizes
 from identification.export.uses.randomisation_file import mjcf_ranges, randomisation_text
 from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -45,34 +44,10 @@ def friction(made):
     )
 
 
-def test_draws_have_the_deviations_and_correlations_of_the_fit(planar, diagnosed, friction, rng):
-    made = randomisation_of(diagnosed(*friction), planar)
-    values = np.array([[effect.theta[0] for effect in robot] for robot in draws(made, 4000, rng, unseen=0)])
-    np.testing.assert_allclose(values.mean(axis=0), [0.5, 0.1], atol=0.003)
-    np.testing.assert_allclose(values.std(axis=0), [0.03, 0.01], rtol=0.05)
-    assert np.corrcoef(values.T)[0, 1] == pytest.approx(-0.8, abs=0.03)
-
-
 def test_findings_that_do_not_say_what_they_share_are_drawn_apart(planar, diagnosed, friction):
     made = randomisation_of(diagnosed(*(replace(f, loadings=()) for f in friction)), planar)
     np.testing.assert_allclose(made.correlation, np.eye(2))
     np.testing.assert_allclose(made.std, [0.03, 0.01])
-
-
-def test_draws_stay_within_the_bounds_of_a_parameter(planar, diagnosed, made, rng):
-    delay = made("input_delay", None, delay=Value(0.001, 0.01, "s"))
-    found = draws(randomisation_of(diagnosed(delay), planar), 200, rng)
-    assert min(effect.theta[0] for robot in found for effect in robot) == 0.0
-
-
-def test_an_unseen_effect_is_no_larger_than_what_would_have_been_seen(planar, diagnosed, friction, rng):
-    made = randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar)
-    extra = [robot[2:] for robot in draws(made, 300, rng)]
-    assert {len(effects) for effects in extra} == {1}
-    offsets = [effect.theta[0] for (effect,) in extra if effect.effect == "torque_offset"]
-    assert -0.05 < min(offsets) < 0 < max(offsets) < 0.05
-    stiffness = [effect.theta[0] for (effect,) in extra if effect.effect == "transmission_compliance"]
-    assert min(stiffness) > 1000.0
 
 
 def test_a_bound_that_says_too_little_makes_no_effect(planar, diagnosed):
@@ -86,9 +61,10 @@ def test_fields_have_the_ranges_of_drawn_robots(planar, diagnosed, made, frictio
         center_y=Value(0.0, 0.001, "m"), center_z=Value(-0.4, 0.005, "m"),
     )  # fmt: skip
     found = randomisation_of(diagnosed(*friction, payload), planar)
+    values = rng.multivariate_normal(found.values, found.loadings @ found.loadings.T, 300)
     models = [
         mujoco.MjModel.from_xml_string(corrected_mjcf(corrected_model(planar, robot)))
-        for robot in draws(found, 300, rng, unseen=0)
+        for robot in map(found.with_values, values)
     ]
     ranges = {(f.name, f.attribute): f for f in mjcf_ranges(found)[0]}
     for field, values in (
@@ -128,17 +104,6 @@ def test_without_findings_and_bounds_the_file_is_empty_but_valid(planar, diagnos
 def test_a_finding_of_one_recording_only_is_no_part_of_the_robot(planar, diagnosed, friction):
     own = replace(friction[0], recording="second.csv")
     assert randomisation_of(diagnosed(own, friction[1]), planar).findings == (friction[1],)
-
-
-@pytest.mark.parametrize("step", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_control_step_that_is_none_is_refused(planar, diagnosed, step):
-    with pytest.raises(ParameterError, match=r"The control step is .* s, wanted a time above zero"):
-        randomisation_of(diagnosed(), planar, control_step=step)
-
-
-def test_fewer_than_no_draws_are_refused(planar, diagnosed, rng):
-    with pytest.raises(ParameterError, match=r"-1 draws with 1 unseen effects .*: give numbers of 0 or more"):
-        draws(randomisation_of(diagnosed(), planar), -1, rng)
 
 
 def test_an_unseen_payload_sits_where_its_bound_was_asked_for(planar, diagnosed):
@@ -231,16 +196,16 @@ def test_an_unseen_parameter_is_one_that_a_finding_has(effect, planar, content, 
 
 
 @pytest.mark.parametrize("effect", SIZED, ids=lambda effect: effect.name)
-def test_robots_are_drawn_from_the_range_that_is_stated(effect, planar, diagnosed, content, motion, rng):
+def test_sizes_that_were_not_seen_fill_the_range_that_is_stated(effect, planar, diagnosed, content, motion):
     bound = bound_of(effect, planar, motion, 0.04)
     (entry,) = content(bounds=(bound,))["unseen"]
     drawn = randomisation_of(diagnosed(bounds=(bound,)), planar)
     names = [one.name for one in effect.parameters(planar, bound.joint)]
     place = names.index(entry["parameter"])
-    values = np.array([one.theta[place] for robot in draws(drawn, 200, rng) for one in robot])
     if unseen_effect(drawn, bound, 1.0) is None:
-        assert not len(values)
         return
+    shares = np.linspace(*unseen_sizes(planar, bound), 200)[1:-1] / bound.below
+    values = np.array([unseen_effect(drawn, bound, share).theta[place] for share in shares])
     low, high = entry["range"]
     assert ((low <= values) & (values <= high)).all()
     # They reach both ends, but for one that is infinite.
