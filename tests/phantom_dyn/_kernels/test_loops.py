@@ -19,7 +19,7 @@ from scipy.signal import firwin, oaconvolve
 from phantom_dyn._kernels import jit
 from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
 from phantom_dyn._kernels.fir import filtered
-from phantom_dyn.simulation.compiled.axis_steps import spring_torque
+from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 
 
 def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):
@@ -83,7 +83,7 @@ def test_a_column_does_not_depend_on_its_neighbours(step):
 
 # A spring of 2 N m/rad that is wound up by half a radian: known in closed form.
 SPRING = """
-from phantom_dyn.simulation.compiled.axis_steps import spring_torque
+from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 print(spring_torque(0.5, 0.0, 2.0, 0.0, 0.0), hasattr(spring_torque, "signatures"))
 """
 
@@ -181,8 +181,8 @@ def test_a_part_is_called_by_compiled_functions_and_by_python(decorator):
 
 def test_numba_is_loaded_by_the_first_call_and_not_before():
     words = (
-        "import sys\nimport identification.pipeline\nfrom phantom_dyn.simulation.compiled import axis_steps\n"
-        "print('numba' in sys.modules)\naxis_steps.spring_torque(0.5, 0.0, 2.0, 0.0, 0.0)\n"
+        "import sys\nimport identification.pipeline\nfrom phantom_dyn.simulation.compiled import arm_steps\n"
+        "print('numba' in sys.modules)\narm_steps.spring_torque(0.5, 0.0, 2.0, 0.0, 0.0)\n"
         "print('numba' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)

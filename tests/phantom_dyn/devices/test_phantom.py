@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from phantom_dyn.devices import phantom
 from phantom_dyn.devices import phantom as closed
-from phantom_dyn.devices.phantom import JOINTS, PHANTOM_1_5
+from phantom_dyn.devices.phantom import PHANTOM_1_5
 from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.model.inertia import payload_body
@@ -280,7 +280,7 @@ def test_the_printed_sign_of_c32_disagrees_with_pinocchio(robot):
 
 
 def test_its_joints_are_those_of_the_contract(robot):
-    assert robot.joint_names == JOINTS
+    assert robot.joint_names == ("theta1", "theta2", "theta3")
     assert robot.passive_names == ("elbow", "crank")
 
 
