@@ -52,7 +52,7 @@ def five_bar() -> Robot:
 
 @pytest.fixture(scope="module")
 def designed(five_bar) -> Excitation:
-    return excite(five_bar, SHAPES, limits=limits_of(five_bar, velocity=5.0, acceleration=60.0), starts=4)
+    return excite(five_bar, SHAPES, limits=limits_of(five_bar, velocity=5.0, acceleration=60.0), starts=2)
 
 
 # The condition number of the four-bar's eight parameters is rounding in motions that every limit is exceeded by.
@@ -122,7 +122,7 @@ def test_the_condition_number_is_that_of_the_base_parameters(designed, five_bar)
 def test_a_four_bar_is_excited_too():
     # Known truth: one drive feels the eight base parameters of three links in a plane.
     robot = load_robot(ROBOTS / "fourbar.xml")
-    design = excite(robot, SHAPES, limits=limits_of(robot, velocity=6.0, acceleration=60.0), starts=4)
+    design = excite(robot, SHAPES, limits=limits_of(robot, velocity=6.0, acceleration=60.0), starts=2)
     assert design.rank == 8
     assert design.condition < design.start
     assert distance_from_singularity(robot.solutions.at(design.motion(300.0).q).inverse).min() >= CLEAR

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.servo_cases import case
+from by_night import by_night
 from identification.data.drive_loop import DriveLoop
 from identification.data.drives.joint_torque import per_speed, per_volt
 from identification.data.reading import read_recording
@@ -248,7 +249,7 @@ def notes_of(robot: Robot, recording: Recording) -> tuple[Note, ...]:
     return protection_notes(session_of(robot, (with_commanded_torque(recording, robot),)))
 
 
-@pytest.mark.parametrize("seed", [415, 418])
+@pytest.mark.parametrize("seed", by_night([415, 418], 0))
 def test_protection_shows_in_the_torque_that_the_model_needs(seed, tmp_path):
     robot, recording, loop = servo("protection", seed, tmp_path)
     (note,) = notes_of(robot, recording)
