@@ -152,12 +152,6 @@ def test_friction_of_a_passive_joint_comes_back_within_four_deviations(found):
 
 
 @pytest.mark.whole
-def test_a_closed_chain_without_a_gap_has_none(with_friction, phantom):
-    clean = with_friction(phantom, 0.0)
-    assert (clean.verdict, clean.findings) == ("no_gap", ())
-
-
-@pytest.mark.whole
 def test_modelled_friction_of_a_passive_joint_that_is_off_within_its_tolerance_is_no_gap(with_friction, rubbing):
     # 8 % more than modelled, within two tolerances of 5 %.
     inside = with_friction(rubbing, 0.08 * TORQUE)

@@ -204,18 +204,15 @@ def test_a_recording_that_is_too_short_to_hold_data_back_is_refused(lab, planar2
         diagnose(planar2, (lab.recording(planar2, motion),))
 
 
-def test_progress_is_announced_by_stage(lab, planar2):
+def test_warnings_of_robot_and_recording_are_passed_on_and_progress_is_announced_by_stage(lab, planar2):
     announced: list[Announcement] = []
-    diagnose(planar2, (lab.recording(planar2, lab.motion(2)),), progress=announced.append)
+    recording = replace(lab.recording(planar2, lab.motion(2)), warnings=("sim.csv: 3 repeated rows were dropped",))
+    robot = replace(planar2, warnings=("planar2.urdf breaks the triangle inequality",))
+    found = diagnose(robot, (recording,), progress=announced.append)
+    assert found.data_warnings == (*robot.warnings, *recording.warnings)
     stages = [one.stage for one in announced]
     assert stages[0] is Stage.FILTERING
     assert Stage.NOISE in stages
-
-
-def test_warnings_of_robot_and_recording_are_passed_on(lab, planar2):
-    recording = replace(lab.recording(planar2, lab.motion(2)), warnings=("sim.csv: 3 repeated rows were dropped",))
-    robot = replace(planar2, warnings=("planar2.urdf breaks the triangle inequality",))
-    assert diagnose(robot, (recording,)).data_warnings == (*robot.warnings, *recording.warnings)
 
 
 def test_evidence_holds_the_samples_in_the_band(diagnosed):

@@ -46,8 +46,9 @@ def plain(lab, pendulum, motion) -> Recording:
     return lab.recording(pendulum, motion, -COULOMB * np.sign(motion.v) - VISCOUS * motion.v)
 
 
-def named(diagnosis: Diagnosis) -> set[str]:
-    return {finding.effect for finding in diagnosis.findings}
+@pytest.fixture(scope="module")
+def without_temperature(pendulum, plain) -> Diagnosis:
+    return diagnose(pendulum, (plain,))
 
 
 def without_what_warms(diagnosis: Diagnosis) -> tuple[object, ...]:
@@ -102,14 +103,14 @@ def test_a_null_with_a_temperature_has_no_finding(lab, pendulum, motion, warming
 
 def test_constant_friction_with_a_temperature_is_plain_friction(pendulum, plain, warming):
     diagnosis = diagnose(pendulum, (replace(plain, temperature=warming),))
-    assert named(diagnosis) == {"coulomb_friction", "viscous_friction"}
+    assert {finding.effect for finding in diagnosis.findings} == {"coulomb_friction", "viscous_friction"}
 
 
-def test_a_temperature_that_does_not_change_changes_no_answer(pendulum, plain, warming):
-    one, other = diagnose(pendulum, (plain,)), diagnose(pendulum, (replace(plain, temperature=0.0 * warming + 40.0),))
-    assert without_what_warms(one) == without_what_warms(other)
+def test_a_temperature_that_does_not_change_changes_no_answer(pendulum, plain, without_temperature, warming):
+    other = diagnose(pendulum, (replace(plain, temperature=0.0 * warming + 40.0),))
+    assert without_what_warms(without_temperature) == without_what_warms(other)
 
 
-def test_without_a_temperature_it_is_said_that_it_cannot_be_tested(pendulum, plain):
-    (why,) = (one.why for one in diagnose(pendulum, (plain,)).not_testable if one.effect == WARM)
+def test_without_a_temperature_it_is_said_that_it_cannot_be_tested(without_temperature):
+    (why,) = (one.why for one in without_temperature.not_testable if one.effect == WARM)
     assert why == "the temperature of its drive was not recorded (column temp.pin)"

@@ -139,26 +139,27 @@ def refused(made_up, tmp_path) -> Callable[..., str]:
     return read
 
 
+@pytest.mark.parametrize(
+    ("part", "key", "value", "said"),
+    [
+        ("findings", "joint", ["j1"], "$.findings[0].joint"),
+        ("findings", "gap_closed", 10**400, "gap_closed"),
+        ("findings", "gap_closed", 1e300, "gap_closed"),  # its square is no float
+        ("ledger", "outcome", "perhaps", "$.ledger[0].outcome"),
+    ],
+)
+def test_what_no_diagnosis_holds_is_refused_with_its_place(refused, part, key, value, said):
+    assert said in refused(lambda content: content[part][0].update({key: value}))
+
+
+def test_an_unknown_key(refused):
+    assert "more" in refused(lambda content: content.update(more=1))
+
+
 def test_a_text_for_a_number(refused):
     said = refused(lambda content: content["joints"][0].update(rms_before="much"))
     assert "Expected float" in said
     assert "$.joints[0].rms_before" in said
-
-
-def test_a_list_for_a_name(refused):
-    assert "$.findings[0].joint" in refused(lambda content: content["findings"][0].update(joint=["j1"]))
-
-
-def test_a_number_too_large_for_a_float(refused):
-    assert "gap_closed" in refused(lambda content: content["findings"][0].update(gap_closed=10**400))
-
-
-def test_a_number_whose_square_is_too_large(refused):
-    assert "gap_closed" in refused(lambda content: content["findings"][0].update(gap_closed=1e300))
-
-
-def test_an_outcome_that_there_is_not(refused):
-    assert "$.ledger[0].outcome" in refused(lambda content: content["ledger"][0].update(outcome="perhaps"))
 
 
 def test_a_file_without_a_ledger_is_read(made_up, tmp_path):
@@ -167,10 +168,6 @@ def test_a_file_without_a_ledger_is_read(made_up, tmp_path):
     path = tmp_path / "diagnosis.json"
     path.write_text(json.dumps(content))
     assert read_diagnosis(path).ledger == ()
-
-
-def test_an_unknown_key(refused):
-    assert "more" in refused(lambda content: content.update(more=1))
 
 
 def test_fewer_deviations_than_values(refused):
