@@ -50,16 +50,19 @@ def test_a_free_joint_slows_down_by_the_law(pendulum):
     np.testing.assert_allclose(moved.links.v[:, 0], 3.0 / (1.0 + TRUTH * 3.0 * t / inertia), rtol=1e-5)
 
 
+@pytest.mark.nightly
 def test_it_is_named_where_it_is_and_nothing_else_is(diagnosis):
     assert [(finding.effect, finding.joint) for finding in diagnosis.findings] == [("quadratic_drag", "elbow")]
     assert diagnosis.verdict == "explained"
 
 
+@pytest.mark.nightly
 def test_its_parameter_is_within_its_interval(diagnosis):
     found = diagnosis.findings[0].parameters["coefficient"]
     assert abs(found.value - TRUTH) < 2.0 * found.std < 0.1 * TRUTH
 
 
+@pytest.mark.nightly
 def test_the_report_says_it_in_its_words(diagnosis):
     page = report_html(diagnosis)
     assert "The recording shows quadratic drag of 0.4" in page
