@@ -13,8 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.data.recording import Recording
-from identification.data.times import when
+from identification.data.recording import Recording, when
 from phantom_dyn.array_types import Array, Bool, Float, read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]

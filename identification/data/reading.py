@@ -34,8 +34,7 @@ from identification.data.readers.contract_columns import (
     column_of,
 )
 from identification.data.readers.read_table import Files, table_of
-from identification.data.recording import Recording, Table
-from identification.data.times import time_text
+from identification.data.recording import Recording, Table, time_text
 from identification.data.unknown_drives import unknown_words, without_unknown_torques
 from phantom_dyn.array_types import Array, read_only
 from phantom_dyn.errors import LogError, known_names, listed, shortened

@@ -19,8 +19,7 @@ from identification.data.drives.joint_torque import external_torque, voltage_bou
 from identification.data.floating.base_columns import filtered_base, sensors_of_base
 from identification.data.floating.swings import band_of_swings, touched_rows
 from identification.data.log import Band, Log
-from identification.data.recording import Recording
-from identification.data.times import time_text
+from identification.data.recording import Recording, time_text
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

@@ -23,7 +23,6 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.least_size import large_enough
 from identification.gates.possible import possible_size
 from identification.geometry.equations import DELAY
-from identification.geometry.held_out import blocks_of, left_of_rows
 from identification.geometry.judgement import (
     ExplainedPoses,
     Gap,
@@ -47,7 +46,7 @@ from identification.geometry.result import (
     PoseFinding,
 )
 from identification.geometry.stated_frames import problem_of
-from identification.geometry.whitened import SEEN
+from identification.geometry.whitened import SEEN, blocks_of, left_of_rows
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError

@@ -19,10 +19,9 @@ from identification.engine.search.few_columns import SetFits, few_columns, rival
 from identification.engine.shapley import shapley_values
 from identification.geometry.equations import BASE, TOOL, Equations, Estimate, PoseProblem
 from identification.geometry.fit import fitted, start_of
-from identification.geometry.held_out import Blocks
 from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
 from identification.geometry.terms import ELASTIC, ZERO, PoseTerm, bounds_of
-from identification.geometry.whitened import BLOCKS, Noise, Whitened, noise_of, whitened
+from identification.geometry.whitened import BLOCKS, Blocks, Noise, Whitened, noise_of, whitened
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.random_streams import random_stream
 

@@ -1,6 +1,7 @@
 """Pose equations weighted by their noise, which is estimated from the residual of the base kinematic parameters.
 
 The noise of each series is the residual of the best kinematic model; where it is correlated in time, poses count less.
+Errors on held-out blocks of poses come from products, which the engine takes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from identification.engine.autocorrelation import lagged_products, positive_sequence, samples_per_independent
 from identification.engine.numerics.spans import orthonormal, without
+from identification.engine.products.block_products import BlockProducts, block_products, left_of_each
 from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
@@ -155,3 +157,41 @@ def whitened(
     rank = len(base_columns(own, *named))
     whole = np.hstack([nuisance, columns, left[:, None]])
     return Whitened(without(left, basis), own, seen, whole, block[kept], rank)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Products of nuisances, terms and residual, by block of poses.
+
+    Attributes:
+        products: In units of noise, nuisances first.
+        rows: Of each block.
+        nuisances: Number of columns that are always in the fit.
+    """
+
+    products: BlockProducts
+    rows: Float[Array, " B"]
+    nuisances: int
+
+    def losses(self, chosen: Sequence[int]) -> Float[Array, " B"]:
+        """Squared residuals of each block by a fit of the others, in units of noise."""
+        return self.products.losses(self.columns(chosen))
+
+    def columns(self, chosen: Sequence[int]) -> list[int]:
+        """Columns of a fit of some terms, the nuisances among them."""
+        return [*range(self.nuisances), *(self.nuisances + k for k in chosen)]
+
+
+def blocks_of(found: Whitened) -> Blocks:
+    """Products of each block of poses."""
+    _, block, rows = np.unique(found.block, return_inverse=True, return_counts=True)
+    weight = np.ones(len(block))
+    products = block_products(found.whole[:, :-1], found.whole[:, -1], weight, block, len(rows))
+    return Blocks(products, rows.astype(float), found.nuisances)
+
+
+def left_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
+    """Residual of each row by fits of the other blocks, in units of noise."""
+    at = blocks.columns(chosen)
+    place = np.searchsorted(np.unique(found.block), found.block)
+    return left_of_each(found.whole[:, at], found.whole[:, -1], place, blocks.products.without_each(at))

@@ -10,9 +10,8 @@ import numpy as np
 
 from identification.data.checks.positions import still_joints
 from identification.data.log import Log
-from identification.data.recording import Recording
+from identification.data.recording import Recording, time_text
 from identification.data.signals import choose_cutoff, process, uniform, within_limits
-from identification.data.times import time_text
 from identification.estimators.fit import Fit
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from identification.data.times import time_text
+from identification.data.recording import time_text
 from identification.diagnosis.evidence import Followed
 from identification.notes import Code, Note
 from identification.words.numbers_and_names import NO_BREAK

@@ -36,10 +36,13 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices.cea import GRAVITY, LENGTHS
-from phantom_dyn.devices.urdf_elements import Vector, add_joint, add_link, branch_elements, urdf_text
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import builtin_robots
 
+Vector = tuple[float, float, float]
+
+_BRANCH = "cea_branch"
 UPPER, LOWER = "upper_", "lower_"
 """Before the names of the links and joints of either branch."""
 ACTIVE = ("lower_q2", "lower_q5", "upper_q1", "upper_q2", "handle", "upper_q5")
@@ -225,3 +228,77 @@ def branch_with_rods_yaml(rods: Rods) -> str:
     given = ", ".join(f'{name}: "{says}"' for name, says in passive.items())
     gravity = ", ".join(f"{g:g}" for g in GRAVITY)
     return f"gravity: [{gravity}]\nloops:\n  - {{kind: linear, active: [q2, q5], passive: {{{given}}}}}\n"
+
+
+def branch_elements(prefix: str = "") -> list[ET.Element]:
+    """Links and joints of the built-in branch, a prefix before their names.
+
+    Raises:
+        RobotError: If the built-in branch is not installed.
+    """
+    found = builtin_robots().get(_BRANCH)
+    if found is None:
+        raise RobotError(f"The built-in robot {_BRANCH} is not there: install the package with its robots.")
+    elements = list(ET.parse(found).getroot())
+    for element in elements:
+        for part in element.iter():
+            for key in ("name", "link"):
+                if key in part.attrib:
+                    part.set(key, prefix + part.attrib[key])
+    return elements
+
+
+def add_link(robot: ET.Element, name: str, mass: float, center: Vector, moments: Vector) -> None:
+    """Put a link into a robot.
+
+    Args:
+        robot: The element of the robot.
+        name: Of the link.
+        mass: [kg].
+        center: Of mass, in the link's axes [m].
+        moments: Of inertia about the centre of mass, along the link's axes [kg m2].
+    """
+    inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
+    ET.SubElement(inertial, "origin", xyz=_words(center))
+    ET.SubElement(inertial, "mass", value=repr(float(mass)))
+    x, y, z = (repr(float(moment)) for moment in moments)
+    ET.SubElement(inertial, "inertia", ixx=x, ixy="0", ixz="0", iyy=y, iyz="0", izz=z)
+
+
+def add_joint(
+    robot: ET.Element,
+    name: str,
+    links: tuple[str, str],
+    origin: Vector,
+    *,
+    axis: Vector | None = None,
+    turn: Vector = (0.0, 0.0, 0.0),
+) -> None:
+    """Put a revolute joint into a robot, or a fixed one where no axis is given.
+
+    Args:
+        robot: The element of the robot.
+        name: Of the joint.
+        links: Parent and child.
+        origin: Of the joint in the parent [m].
+        axis: In the joint's axes.
+        turn: Roll, pitch and yaw of the joint's axes in the parent [rad].
+    """
+    joint = ET.SubElement(robot, "joint", name=name, type="fixed" if axis is None else "revolute")
+    ET.SubElement(joint, "parent", link=links[0])
+    ET.SubElement(joint, "child", link=links[1])
+    ET.SubElement(joint, "origin", xyz=_words(origin), rpy=_words(turn))
+    if axis is not None:
+        # Limits of torque and speed are not published: these bind nothing.
+        ET.SubElement(joint, "axis", xyz=_words(axis))
+        ET.SubElement(joint, "limit", lower=repr(-math.pi), upper=repr(math.pi), effort="10", velocity="10")
+
+
+def urdf_text(robot: ET.Element) -> str:
+    """The file, indented."""
+    ET.indent(robot)
+    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _words(values: Vector) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.smoothed_copy import Smooth, included
-from identification.data.recording import Recording
-from identification.data.times import time_text, when
+from identification.data.recording import Recording, time_text, when
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot

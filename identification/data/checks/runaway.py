@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.smoothed_copy import included
-from identification.data.recording import Fault, Recording
-from identification.data.times import time_text
+from identification.data.recording import Fault, Recording, time_text
 from phantom_dyn.array_types import Array, Bool, Float
 
 # Number of pieces into which a recording is cut; the usual size of a motion is the median over them.

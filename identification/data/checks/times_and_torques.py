@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.smoothed_copy import included
-from identification.data.recording import Recording
-from identification.data.times import time_text
+from identification.data.recording import Recording, time_text
 from phantom_dyn.array_types import Array, Float
 
 # A step that differs from the median by more than this share is irregular; timers of a real-time system keep 1 %.

@@ -7,10 +7,9 @@ import pytest
 
 from identification.data.log import Band, Log
 from identification.data.reading import read_recording, recording, unassigned_recording
-from identification.data.recording import Fault, Recording, Table
+from identification.data.recording import Fault, Recording, Table, time_text, when
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.data.signals import low_pass
-from identification.data.times import time_text, when
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Actuator
 from phantom_dyn.motion import Motion

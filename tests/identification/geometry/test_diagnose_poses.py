@@ -10,9 +10,8 @@ from identification.engine.claims import Claim
 from identification.gates import ORDER
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.equations import Equations
-from identification.geometry.held_out import blocks_of, left_of_rows
 from identification.geometry.result import GeometryResult
-from identification.geometry.whitened import Noise, noise_of, whitened
+from identification.geometry.whitened import Noise, blocks_of, left_of_rows, noise_of, whitened
 from identification.reporting.comparison import compare, comparison_text
 from identification.reporting.stored.diagnosis_files import json_text
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
