@@ -69,8 +69,11 @@ class Session:
 
     @cached_property
     def largest_speed(self) -> Float[Array, " nv"]:
-        """Largest speed of each joint in all logs."""
-        return np.max([_largest(log.motion.v) for log in self.logs], axis=0)
+        """Largest speed of each joint in samples that fits may use.
+
+        At the ends of a log the recorder's filters may leave a jump of the positions, which is no motion of the joint.
+        """
+        return np.max([_largest(log.motion.v[log.samples][log.valid_in_band]) for log in self.logs], axis=0)
 
     @cached_property
     def in_one_sine(self) -> frozenset[int]:

@@ -47,6 +47,14 @@ def test_one_stretch_that_is_long_enough_is_used(whole, planar2):
     assert used.min() > 5.0
 
 
+def test_a_jump_at_an_end_of_a_log_is_no_speed_of_the_joint(whole, planar2):
+    # Known truth: the speed of the same motion without the jump.
+    q = whole.q.copy()
+    q[0] += 0.1
+    jumped, smooth = (session_of(planar2, (replace(whole, q=own),)) for own in (q, whole.q))
+    np.testing.assert_allclose(jumped.largest_speed, smooth.largest_speed, rtol=1e-3)
+
+
 @pytest.mark.parametrize(("last", "enough"), [(5.0, True), (8.0, False)])
 def test_blocks_that_gaps_leave_no_sample_of_are_not_counted(lab, planar2, last, enough):
     # Of ten blocks of a second at least four have to be left, to be held out in turn.

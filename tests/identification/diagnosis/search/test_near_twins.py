@@ -173,7 +173,7 @@ def test_a_torque_constant_is_plausible_between_a_half_and_two(quiet, excess, ra
 def test_no_drive_moves_a_joint_against_twice_the_torque_that_it_ever_gave(quiet, effect, by_speed):
     # By hand: twice the largest torque of the elbow, for viscous friction over its largest speed.
     (log,) = quiet.session.logs
-    most = 2.0 * np.abs(log.tau[:, 1]).max() / (np.abs(log.motion.v[:, 1]).max() if by_speed else 1.0)
+    most = 2.0 * np.abs(log.tau[:, 1]).max() / (np.abs(log.motion.v[log.samples, 1]).max() if by_speed else 1.0)
     term = quiet.term(effect, "elbow")
     assert implausible(quiet.session, term, np.array([0.99 * most])) is None
     fault = implausible(quiet.session, term, np.array([1.01 * most]))
