@@ -46,7 +46,10 @@ _NEEDED = (0.6, 1.4)
 _SURE = 0.8
 # Beyond a limit the needed torque stays constant while the command rises: its steepest slope over the command, and its
 # largest spread over the limit. Without a limit the slope is one, with a weak supply about a third, at a limit zero.
+# Log odds by which the slope of a weak supply may be more likely than the steepest at a limit.
 _SLOPE = 0.12
+_WEAK_SUPPLY = 1.0 / 3.0
+_MOST_ODDS = 1.0
 _SPREAD = 0.8
 # Commands from this share of the limit up to the limit show how noisy the needed torque is.
 _BELOW = 0.3
@@ -189,6 +192,8 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
     """True if beyond the limit the needed torque neither rises nor falls with the command, within its noise.
 
+    The slope of a weak supply may not be clearly more likely either: noise of a tenth would let a slope of a third pass.
+
     The noise is the deviation of the needed torque from the command below the limit, or its own scatter about the line
     if that is smaller: friction that the model lacks makes the first one large.
     """
@@ -202,7 +207,9 @@ def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> boo
         return abs(slope) < _SLOPE
     off = (needed - command)[below]
     noise = min(noise, 1.4826 * float(np.median(np.abs(off - np.median(off)))))
-    return abs(slope) < _SLOPE + 2.0 * _slope_error(operation, noise, square)
+    error = _slope_error(operation, noise, square)
+    steeper, from_weak = max(abs(slope) - _SLOPE, 0.0), max(_WEAK_SUPPLY - abs(slope), 0.0)
+    return steeper <= 2.0 * error and steeper**2 - from_weak**2 <= 2.0 * _MOST_ODDS * error**2
 
 
 def _line(excess: Array, needed: Array) -> tuple[float, float, float]:

@@ -225,13 +225,16 @@ def rising(
 @pytest.mark.parametrize(("noise", "scatter", "counts"), [(0.0, 0.2, 0.0), (0.1, 0.2, 0.14826), (0.1, 0.05, 0.05)])
 @pytest.mark.parametrize(("more", "flat"), [(-1e-3, True), (1e-3, False)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_needed_torque_is_flat_that_rises_or_falls_by_an_eighth_of_the_command_and_two_errors(
+def test_a_needed_torque_is_flat_that_rises_or_falls_by_an_eighth_of_the_command_and_its_error(
     arm, smooth, dt, independent, noise, scatter, counts, more, flat, side
 ):
     # Closed form: a slope over excesses whose squares about their mean sum to 6.65, the noise the same within 30 ms:
-    # 1.4826 times the median of what is off below the limit, or the scatter about the line if that is smaller.
+    # 1.4826 times the median of what is off below the limit, or the scatter about the line if that is smaller. The slope
+    # is at most two errors above an eighth, and a third is at most e times as likely: of normal errors
+    # (s - 0.12)^2 - (1/3 - s)^2 = 2 error^2.
     error = counts * np.sqrt(independent / 6.65)
-    operation, excess = rising(arm, smooth, side * (0.12 + 2.0 * error + more), noise, dt, scatter)
+    steepest = min(0.12 + 2.0 * error, (2.0 * error**2 + 1.0 / 9.0 - 0.12**2) / (2.0 / 3.0 - 0.24))
+    operation, excess = rising(arm, smooth, side * (steepest + more), noise, dt, scatter)
     assert _is_flat(operation, 1, 2.0, excess) is flat
 
 
