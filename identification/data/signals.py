@@ -28,7 +28,7 @@ from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_ste
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, torque_edge
+from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, slow_motion_edge, torque_edge
 from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
 from phantom_dyn.signals.splines import interpolated, quintic_derivatives
 
@@ -344,7 +344,13 @@ def _within_rate(edge: float, signals: list[Signals]) -> float:
 
 
 def _moving_edge(signals: list[Signals]) -> float:
-    """Median, over moving joints, of the frequency up to which the acceleration is more than noise; else infinite."""
-    moving = [acceleration_edge(column, rate) for q, _, rate in signals for column in q.T]
-    edges = [edge for edge in moving if edge is not None]
-    return float(np.median(edges)) if edges else np.inf
+    """Median, over moving joints, of the frequency up to which the acceleration is more than noise; else infinite.
+
+    If no joint moves at frequencies that its spectrum resolves, slow motions count.
+    """
+    for edge_of in (acceleration_edge, slow_motion_edge):
+        moving = [edge_of(column, rate) for q, _, rate in signals for column in q.T]
+        edges = [edge for edge in moving if edge is not None]
+        if edges:
+            return float(np.median(edges))
+    return np.inf

@@ -7,21 +7,23 @@ import itertools
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.signals.spectra import power_density
+from phantom_dyn.signals.spectra import Window, power_density
 
 _BINS_PER_OCTAVE = 6
 # White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
 _RISE = 2.5
 # Power of the peak of an acceleration's spectrum over that of its floor: five times the amplitude that its edge has.
 _PEAK = 250.0
+# Power of noise over that of a slow motion, at most: an inertia comes out a hundredth too small.
+_QUIET = 0.01
 # Below this share of the modelled torque's power, what moves a joint is not its drive.
 _DRIVEN = 0.5
 
 
-def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
+def _welch(x: Float[Array, " N"], rate_hz: float, window: Window = "blackman") -> tuple[Array, Array, int]:
     """Frequencies [Hz] and power of a series, and how many samples a segment has: 4 s, a fifth of it, or 256."""
     length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
-    f, power = power_density(x, rate_hz, length, window="blackman")
+    f, power = power_density(x, rate_hz, length, window=window)
     return f, power, length
 
 
@@ -42,9 +44,11 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     return _edge_above_encoder_noise(centre, level, rate_hz) if edge is None else edge
 
 
-def _acceleration_spectrum(q: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
+def _acceleration_spectrum(
+    q: Float[Array, " N"], rate_hz: float, window: Window = "blackman"
+) -> tuple[Array, Array, int]:
     """Spectrum of the second derivative of ``q``, by second differences less what these take off near half the rate."""
-    f, power, length = _welch(np.diff(q, 2) * rate_hz**2, rate_hz)
+    f, power, length = _welch(np.diff(q, 2) * rate_hz**2, rate_hz, window)
     w = np.pi * f / rate_hz
     return f, power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0), length
 
@@ -96,6 +100,24 @@ def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " 
     last = int(np.argmax(level < 10 * noise))
     # Three bins are half an octave: less is a line or a chance peak, not motion.
     return float(centre[last - 1]) if last >= 3 else None
+
+
+def slow_motion_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
+    """Frequency [Hz] up to which noise is a hundredth of the power of a slow motion's acceleration; None without one.
+
+    A slow motion lies below the frequencies that the spectrum of a recording of some seconds resolves, so that
+    `acceleration_edge` does not see it. Where the spectrum is least, the motion ends and noise begins.
+    """
+    f, power, length = _acceleration_spectrum(q, rate_hz, "blackmanharris")
+    resolved = f >= 4 * rate_hz / length
+    motion, rest = power[~resolved].sum(), power[resolved & (f < 0.4 * rate_hz)]
+    if not len(rest):
+        return None
+    least = int(np.argmin(rest))
+    quiet = np.cumsum(rest[least:]) <= _QUIET * motion
+    if quiet.all() or not quiet[0]:
+        return None
+    return float(f[resolved][least + int(np.argmin(quiet)) - 1])
 
 
 def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:

@@ -192,7 +192,7 @@ def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: A
 def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
     """True if beyond the limit the needed torque neither rises nor falls with the command, within its noise.
 
-    The slope of a weak supply may not be clearly more likely either: noise of a tenth would let a slope of a third pass.
+    A weak supply may not be clearly more likely: noise of a tenth alone would let its slope of a third pass.
 
     The noise is the deviation of the needed torque from the command below the limit, or its own scatter about the line
     if that is smaller: friction that the model lacks makes the first one large.

@@ -11,6 +11,7 @@ from phantom_dyn.signals.band_edges import (
     _welch,
     acceleration_edge,
     driven_edge,
+    slow_motion_edge,
     torque_edge,
 )
 
@@ -99,6 +100,27 @@ def test_the_edge_of_ramps_is_where_the_noise_of_the_encoder_takes_over(rng, noi
 def test_a_spectrum_that_does_not_rise_like_that_of_an_encoder_has_no_edge(rng):
     # White acceleration, twice integrated: nothing tells its end.
     assert acceleration_edge(np.cumsum(np.cumsum(1e-5 * rng.normal(size=len(T)))), RATE) is None
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.005, 0.01])
+def test_noise_is_a_hundredth_of_a_slow_motion_up_to_its_edge(rng, noise):
+    # Closed form: the acceleration of x = sin(2 pi t) has the power (2 pi)^4 / 2, that of white noise of the position
+    # below f has 2 noise^2 / rate (2 pi)^4 f^5 / 5.
+    rate_hz = 300.0
+    t = np.arange(0.0, 4.0, 1.0 / rate_hz)
+    q = np.sin(2 * np.pi * t) + noise * rng.normal(size=len(t))
+    assert acceleration_edge(q, rate_hz) is None
+    expected = (0.01 * 0.5 * 5 * rate_hz / (2 * noise**2)) ** 0.2
+    assert slow_motion_edge(q, rate_hz) == pytest.approx(expected, rel=0.2)
+
+
+@pytest.mark.parametrize("q", [np.zeros(1200), np.arange(1200.0), np.ones(5)])
+def test_a_joint_that_does_not_accelerate_has_no_edge_of_a_slow_motion(q):
+    assert slow_motion_edge(q, 300.0) is None
+
+
+def test_the_noise_of_a_joint_at_rest_is_no_slow_motion(rng):
+    assert slow_motion_edge(rng.normal(size=1200), 300.0) is None
 
 
 def lines(*hz: float) -> np.ndarray:

@@ -229,8 +229,8 @@ def test_a_needed_torque_is_flat_that_rises_or_falls_by_an_eighth_of_the_command
     arm, smooth, dt, independent, noise, scatter, counts, more, flat, side
 ):
     # Closed form: a slope over excesses whose squares about their mean sum to 6.65, the noise the same within 30 ms:
-    # 1.4826 times the median of what is off below the limit, or the scatter about the line if that is smaller. The slope
-    # is at most two errors above an eighth, and a third is at most e times as likely: of normal errors
+    # 1.4826 times the median of what is off below the limit, or the scatter about the line if that is smaller. The
+    # slope is at most two errors above an eighth, and a third is at most e times as likely: of normal errors
     # (s - 0.12)^2 - (1/3 - s)^2 = 2 error^2.
     error = counts * np.sqrt(independent / 6.65)
     steepest = min(0.12 + 2.0 * error, (2.0 * error**2 + 1.0 / 9.0 - 0.12**2) / (2.0 / 3.0 - 0.24))
