@@ -55,7 +55,9 @@ def least_closed(
 ) -> dict[Term, float]:
     """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Minus one for an effect that closes nothing. Near twins are left out, as each closes the gap of the other.
+    Each joint counts in its noise, or in what all effects leave of it where that is more: else a joint on which much is
+    unexplained would hide what an effect closes on another. Minus one for an effect that closes nothing. Near twins are
+    left out, as each closes the gap of the other.
 
     Args:
         left: Squared residuals of a set of them in the judged band.
@@ -64,11 +66,12 @@ def least_closed(
     """
     base, out = left(chosen), {}
     once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)
+    scale = np.maximum(floor, base.rms())
     for term in ordered(chosen):
         if any(are_near_twins(term, other) for other in chosen):
             continue
         without = left(chosen - {term})
-        closed, draws = (without.loss(floor, weights) - base.loss(floor, weights) for weights in (once, drawn))
+        closed, draws = (without.loss(scale, weights) - base.loss(scale, weights) for weights in (once, drawn))
         out[term] = float(np.percentile(draws, 2.5) / closed[0]) if closed[0] > 0.0 else -1.0
     return out
 
