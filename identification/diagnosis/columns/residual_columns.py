@@ -17,7 +17,7 @@ from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import Local, lay_out
 from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
 from identification.diagnosis.columns.motion.standstill import (
-    encoder_stands,
+    friction_is_open,
     reversal_doubt,
     standing_doubt,
     usable_samples,
@@ -289,7 +289,7 @@ def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, .
 def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
     """Deviation of the friction torque of standing joints in each log, with the friction of the last fit."""
     return tuple(
-        standing_doubt(log, encoder_stands(session.robot, log), friction_with(operation, found))
+        standing_doubt(log, friction_is_open(session.robot, log), friction_with(operation, found))
         for log, operation in zip(session.logs, operations, strict=True)
     )
 

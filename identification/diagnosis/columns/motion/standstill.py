@@ -28,6 +28,9 @@ _SWING = 0.2
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
 # Smallest travel of a joint that moves [rad or m], and in deviations of its readings.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
+# Time over which a joint travels [s], and share by which it travels more than the sign of its velocity says. A velocity
+# that rises steadily through zero has at most 0.3. Counts of the encoder from which on the direction shows.
+_WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
 # Factor over the estimate for white noise, as the noise of readings is not white.
 _CAUTION = 3.0
 
@@ -156,6 +159,33 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     return out
 
 
+def friction_is_open(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+    """True where friction may point either way: a joint's encoder shows no motion, or not in which direction."""
+    steps = np.array([counted_step(robot, log, j) for j in range(robot.nv)])
+    return encoder_stands(robot, log) | direction_hidden(log, steps)
+
+
+def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"]:
+    """True where a joint travels some counts one way, and its velocity changes sign all the time.
+
+    A slow joint with a coarse encoder moves from count to count, and between two counts its velocity seems to be zero
+    or to point backwards. Friction of the model then has no certain sign. Before and behind the sample the joint has to
+    travel: what starts or turns is no such joint.
+
+    Args:
+        log: A recording.
+        steps: Step of each joint's readings [rad or m], see `counted_step`; zero where it is not known.
+    """
+    v = log.motion.v
+    width = max(3, round(_WATCHED * log.band.rate_hz))
+    way, net, sign = (
+        ndimage.uniform_filter1d(part, width, axis=0, mode="nearest") for part in (np.abs(v), v, np.sign(v))
+    )
+    hidden = (np.abs(net) > (np.abs(sign) + _HIDDEN) * way) & (way * _WATCHED < _COUNTS * steps)
+    before, behind = (np.roll(hidden, shift, axis=0) for shift in (width // 2, -(width // 2)))
+    return before & behind
+
+
 def counted_step(robot: Robot, log: Log, row: int) -> float:
     """Step [rad or m] of a joint's readings, or the stated one of its encoder if that is larger; zero without either.
 
@@ -209,7 +239,7 @@ def open_friction(
         friction: Friction torque of the model, findings included.
         doubt: Standard deviation of the friction torque near reversals, in the band.
     """
-    standing = standing_doubt(log, encoder_stands(robot, log), friction)
+    standing = standing_doubt(log, friction_is_open(robot, log), friction)
     return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
 
 

@@ -10,6 +10,7 @@ from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import (
     creeping_doubt,
+    direction_hidden,
     encoder_stands,
     near_reversals,
     open_friction,
@@ -85,6 +86,30 @@ def test_a_reading_that_does_not_change_stands_where_no_count_is_known(pendulum,
     stands = encoder_stands(unstated, replace(log, raw_q=moves[:, None]))[:, 0]
     assert stands[(T >= 1.0) & (T <= 2.0)].all()
     assert not stands[(T < 0.99) | (T > 2.01)].any()
+
+
+def read_coarsely(pendulum, q: np.ndarray) -> Log:
+    """A motion at 100 Hz, read in steps of a 4096th of a turn, through the filters."""
+    t, step = np.arange(len(q)) / 100.0, 2 * np.pi / 4096
+    read = np.round(q / step)[:, None] * step
+    return process(Recording("a.csv", ("pin",), t, read, np.zeros_like(read)), pendulum, cutoff_hz=6.0)
+
+
+@pytest.mark.parametrize(("speed", "backwards"), [(0.012, 0.5), (0.05, 0.0), (0.5, 0.0)])
+def test_a_joint_that_creeps_from_count_to_count_hides_its_direction(pendulum, speed, backwards):
+    # Known truth: it never moves backwards. At 0.012 rad/s a count passes in 0.13 s.
+    log = read_coarsely(pendulum, speed * np.arange(1000) / 100.0)
+    inside = slice(100, -100)
+    assert np.mean(log.motion.v[inside] <= 0.0) == pytest.approx(backwards, abs=0.1)
+    hidden = direction_hidden(log, np.array([2 * np.pi / 4096]))[inside]
+    assert hidden.all() if backwards else not hidden.any()
+
+
+def test_a_joint_that_turns_or_starts_hides_nothing(pendulum):
+    t = np.arange(2000) / 100.0
+    for q in (0.3 * np.sin(2.0 * t), np.maximum(t - 10.0, 0.0) * 0.3):
+        hidden = direction_hidden(read_coarsely(pendulum, q), np.array([2 * np.pi / 4096]))
+        assert not hidden[t > 10.0].any()
 
 
 def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
