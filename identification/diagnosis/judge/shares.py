@@ -14,6 +14,7 @@ from identification.diagnosis.result import Gap
 from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.squares_left import squares_left
+from identification.engine import contract_levels
 from identification.engine.resampling import block_counts
 from identification.engine.shapley import shapley_values
 from phantom_dyn.array_types import Array, Float
@@ -55,9 +56,9 @@ def least_closed(
 ) -> dict[Term, float]:
     """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Each joint counts in its noise, or in what all effects leave of it where that is more: else a joint on which much is
-    unexplained would hide what an effect closes on another. Minus one for an effect that closes nothing. Near twins are
-    left out, as each closes the gap of the other.
+    Each joint counts in its noise, or in what all effects leave of it where that is a gap: else a joint on which much
+    is unexplained would hide what an effect closes on another. Minus one for an effect that closes nothing. Near twins
+    are left out, as each closes the gap of the other.
 
     Args:
         left: Squared residuals of a set of them in the judged band.
@@ -66,7 +67,7 @@ def least_closed(
     """
     base, out = left(chosen), {}
     once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)
-    scale = np.maximum(floor, base.rms())
+    scale = np.maximum(floor, base.rms() / contract_levels.FLOORS_LEFT)
     for term in ordered(chosen):
         if any(are_near_twins(term, other) for other in chosen):
             continue
