@@ -22,11 +22,18 @@ class Judge:
         problem: Columns and fits.
         floor: Noise floor of each joint in that band, ``(nv,)``.
         highest: Upper end of its interval, ``(nv,)``.
+        discrepancy: Error of a sound model on each joint, ``(nv,)``; None for none.
     """
 
     problem: Problem
     floor: Float[Array, " nv"]
     highest: Float[Array, " nv"]
+    discrepancy: Float[Array, " nv"] | None = None
+
+    @property
+    def sound(self) -> Float[Array, " nv"]:
+        """What a sound model leaves on each joint: noise and discrepancy, ``(nv,)``."""
+        return self.floor if self.discrepancy is None else np.hypot(self.floor, self.discrepancy)
 
     def narrow(self, series: Series) -> Series:
         """Series of each log in the judged band."""

@@ -199,7 +199,9 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
     floor = sensed_floor(floor, sensed, problem, noise, whole, doubt)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    return _Left(torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high))
+    return _Left(
+        torque, residual, whole, doubt, rounding, floor, Judge(problem, floor.value, floor.high, floor.discrepancy)
+    )
 
 
 def _with_foreseen_noise(

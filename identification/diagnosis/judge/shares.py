@@ -52,22 +52,22 @@ def drawn_blocks(counted: Sums) -> Float[Array, "R B"]:
 
 
 def least_closed(
-    left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term], floor: Float[Array, " nv"]
+    left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term], sound: Float[Array, " nv"]
 ) -> dict[Term, float]:
     """Lower end of the bootstrap interval of the gap that each effect closes, over the gap that it closes.
 
-    Each joint counts in its noise, or in what all effects leave of it where that is a gap: else a joint on which much
-    is unexplained would hide what an effect closes on another. Minus one for an effect that closes nothing. Near twins
-    are left out, as each closes the gap of the other.
+    Each joint counts in what a sound model leaves of it, or in what all effects leave where that is a gap: else a joint
+    on which much is unexplained would hide what an effect closes on another. Minus one for an effect that closes
+    nothing. Near twins are left out, as each closes the gap of the other.
 
     Args:
         left: Squared residuals of a set of them in the judged band.
         chosen: The effects.
-        floor: Noise floor of each joint.
+        sound: What a sound model leaves of each joint.
     """
     base, out = left(chosen), {}
     once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)
-    scale = np.maximum(floor, base.rms() / contract_levels.FLOORS_LEFT)
+    scale = np.maximum(sound, base.rms() / contract_levels.FLOORS_LEFT)
     for term in ordered(chosen):
         if any(are_near_twins(term, other) for other in chosen):
             continue

@@ -137,7 +137,7 @@ def _sure(bench: Bench, state: State) -> State:
     if not state.shown:
         return state
     left = bench.left(state.found | state.shown)
-    least = least_closed(left, state.shown, bench.residuals.judge_of(state.shown).floor)
+    least = least_closed(left, state.shown, bench.residuals.judge_of(state.shown).sound)
     return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, _hide)
 
 
