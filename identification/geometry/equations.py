@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from identification.geometry.measured import Measured, Path
-from identification.geometry.pins import Loops, closed_positions, followed, is_carried, move_frame, rounded
+from identification.geometry.pins import Loops, closed_positions, followed, is_carried, joint_index, move_frame, rounded
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
@@ -143,7 +143,7 @@ def changed_model(model: pin.Model, terms: Sequence[PoseTerm], values: Float[Arr
             twists.setdefault((term.row, term.frame), np.zeros(6))[term.part] = value
     for (row, frame), twist in twists.items():
         if frame < 0:
-            index = _joint_index(model, row)
+            index = joint_index(model, row)
             out.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
         else:
             move_frame(out, frame, pin.exp6(twist))
@@ -305,11 +305,7 @@ def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[
 def _column(model: pin.Model, term: PoseTerm, regressor: Array, motions: Array, load: Array) -> Float[Array, "n 6"]:
     """Twist of the target per unit of a term."""
     if term.effect == LINK:
-        return regressor[:, :, 6 * (_joint_index(model, term.row) - 1) + term.part]
+        return regressor[:, :, 6 * (joint_index(model, term.row) - 1) + term.part]
     # The position of the link is the reading, less the wrong zero, less the deflection under load.
     along = -motions[:, :, term.row]
     return along * load[:, term.row, None] if term.effect == ELASTIC else along
-
-
-def _joint_index(model: pin.Model, row: int) -> int:
-    return next(index for index in range(1, model.njoints) if model.joints[index].idx_v == row)

@@ -142,7 +142,7 @@ def _with_found_pins(loops: Loops) -> Loops:
 
 def _staying_together(model: pin.Model, x: Float[Array, "n nt"], first: int, second: int) -> Array | None:
     """Points of the bodies of two joints [m], ``(2, 3)``, that are together at all positions; None without such."""
-    data, joints = model.createData(), [_index(model, row) for row in (first, second)]
+    data, joints = model.createData(), [joint_index(model, row) for row in (first, second)]
     if set(model.supports[joints[0]]) & {joints[1]} or set(model.supports[joints[1]]) & {joints[0]}:
         return None
     matrix, right = [], []
@@ -197,7 +197,7 @@ def _determined(loops: Loops, x: Float[Array, "n nt"]) -> bool:
 
 def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str) -> int:
     """A frame of the body at a point: one of the file, if it differs only along the joint's axis, else a new one."""
-    index = _index(model, row)
+    index = joint_index(model, row)
     body, axis = _link_frame(model, index), _axis(model, index)
     for frame in range(model.nframes):
         one = model.frames[frame]
@@ -221,7 +221,8 @@ def _axis(model: pin.Model, index: int) -> Float[Array, " 3"]:
     return axis / max(float(np.linalg.norm(axis)), 1e-300)
 
 
-def _index(model: pin.Model, row: int) -> int:
+def joint_index(model: pin.Model, row: int) -> int:
+    """Pinocchio's index of the joint whose velocity is row ``row``."""
     return next(index for index in range(1, model.njoints) if model.joints[index].idx_v == row)
 
 
@@ -233,7 +234,7 @@ def _link_frame(model: pin.Model, index: int) -> int:
 
 
 def _link(model: pin.Model, row: int) -> str:
-    return model.frames[_link_frame(model, _index(model, row))].name
+    return model.frames[_link_frame(model, joint_index(model, row))].name
 
 
 _STEPS = 20

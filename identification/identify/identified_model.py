@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from identification.estimators.consistent.consistent import full_parameters
 from identification.estimators.fit import Fit
+from identification.export.corrected.corrected_urdf import with_rotors_of
 from identification.export.file_names import MJCF, URDF
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import (
@@ -210,7 +211,7 @@ def robots_in_files(full: FullModel, given: Robot) -> dict[str, Robot]:
         given: The robot as its file states it; the URDF keeps its rotors.
     """
     writable, _ = _without_negative_friction(full.robot)
-    return {URDF: _with_armature(writable, given), MJCF: writable}
+    return {URDF: with_rotors_of(writable, given), MJCF: writable}
 
 
 def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, config: Path | None) -> tuple[Export, ...]:
@@ -231,7 +232,7 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     stated = config if config is not None else beside if beside.is_file() else None
     few = some_motion(motion)
     writable, cut = _without_negative_friction(full.robot)
-    as_urdf = _with_armature(writable, given)
+    as_urdf = with_rotors_of(writable, given)
 
     def urdf() -> tuple[str, float]:
         text = edited_urdf(as_urdf, given, file, folder) if file.suffix == ".urdf" else new_urdf(as_urdf)
@@ -282,13 +283,6 @@ def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
     model.armature = np.maximum(model.armature, 0.0)
     moved = with_tree_friction(robot, np.maximum(viscous, 0.0), np.maximum(coulomb, 0.0))
     return replace(moved, model=model), cut
-
-
-def _with_armature(robot: Robot, given: Robot) -> Robot:
-    """The robot with the given rotors: a URDF has no place for them, ``robot.yaml`` has."""
-    model = robot.model.copy()
-    model.armature = given.model.armature
-    return replace(robot, model=model)
 
 
 def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]:

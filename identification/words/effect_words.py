@@ -111,7 +111,7 @@ def size_words(finding: Finding) -> str:
 
 def shortfall_words(value: Value) -> str:
     """Size after the name of a finding below the modelled value, as ``by 0.051 N m``."""
-    return f"by {with_unit(number(abs(_listed(value)[0])), value.unit)}"
+    return f"by {with_unit(number(abs(sizes_of(value)[0])), value.unit)}"
 
 
 def meaning_of(named: Named, parameter: str) -> str:
@@ -123,7 +123,7 @@ def meaning_of(named: Named, parameter: str) -> str:
 def value_cell(value: Value) -> str:
     """A value for a table; a single angle in degrees as well."""
     shown = value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
-    values = _listed(value)
+    values = sizes_of(value)
     if value.unit != "rad" or len(values) != 1 or not math.isfinite(values[0]):
         return shown
     return f"{shown}{NO_BREAK}({number(math.degrees(values[0]))}°)"
@@ -131,8 +131,9 @@ def value_cell(value: Value) -> str:
 
 def _shown(value: Value) -> str:
     """A value in a sentence, without its standard deviation, which is in the table of sizes."""
-    return with_unit(" and ".join(number(v) for v in _listed(value)), value.unit)
+    return with_unit(" and ".join(number(v) for v in sizes_of(value)), value.unit)
 
 
-def _listed(value: Value) -> list[float]:
+def sizes_of(value: Value) -> list[float]:
+    """All numbers of a value, of which most have one."""
     return value.value if isinstance(value.value, list) else [value.value]

@@ -5,7 +5,6 @@ Text and axes have the colour of the page, so that dark pages work as well.
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -30,6 +29,7 @@ from identification.reporting.page.explaining import (
     joint_of,
     strongest_variable,
 )
+from identification.reporting.page.robot_scene import packed
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
@@ -275,7 +275,7 @@ def _numbers(
     """The kept samples of a measured curve and of two errors, and the stretch that is shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
     kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
-    return {"view": view, "t": _packed(t[rows], "<f4"), "starts": _starts(t, rows, curves[0]), **kept}
+    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _starts(t, rows, curves[0]), **kept}
 
 
 def _kept(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:
@@ -310,8 +310,4 @@ def _scaled(values: Float[Array, " n"]) -> dict[str, Any]:
     """A curve in whole steps, which takes half the size of single precision; the lowest number means none."""
     there = np.isfinite(values)
     step = float(np.abs(values[there]).max(initial=0.0)) / _STEPS or 1.0
-    return {"step": step, "values": _packed(np.where(there, np.round(values / step), -_STEPS - 1), "<i2")}
-
-
-def _packed(values: Array, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+    return {"step": step, "values": packed(np.where(there, np.round(values / step), -_STEPS - 1), "<i2")}

@@ -120,7 +120,7 @@ def _moves(over_time: Postures, middle: Float[Array, " 3"], half: float) -> dict
         "times": np.round(over_time.t - over_time.t[0], 3).tolist(),
         "start": over_time.middle,
         "bodies": turned.shape[1],
-        "places": _packed(numbers, "<f4"),
+        "places": packed(numbers, "<f4"),
     }
 
 
@@ -153,13 +153,14 @@ def _solid(body: int, mesh: Mesh, text: str, colour: Colour) -> dict[str, str | 
     return {
         "body": body,
         "text": text,
-        "points": _packed(np.round(mesh.points, 5), "<f4"),
-        "faces": _packed(mesh.faces, "<u2"),
-        "colours": _packed(shaded(mesh, colour), "u1"),
+        "points": packed(np.round(mesh.points, 5), "<f4"),
+        "faces": packed(mesh.faces, "<u2"),
+        "colours": packed(shaded(mesh, colour), "u1"),
     }
 
 
-def _packed(values: Array, kind: str) -> str:
+def packed(values: Array, kind: str) -> str:
+    """Numbers of one kind as base64, in which a page takes them."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
