@@ -1,4 +1,4 @@
-"""Draws of robots for training in simulation, with effects that a diagnosis found and with some that it cannot exclude.
+"""Robots for training in simulation: distribution of effects that a diagnosis found, and of some it cannot exclude.
 
 Effects that were found are drawn from their joint normal distribution, with correlations if the diagnosis has them.
 Effects that were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown;
