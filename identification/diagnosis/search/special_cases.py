@@ -55,21 +55,16 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
     return _nearest(cases, x, fitted.shown_by(term))
 
 
-def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """The special case from which an effect does not differ in a joint fit, with the certainty; None if none."""
-    return _if_hardly_more(nearest_case(robot, term, fitted))
-
-
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
     """Effect and joint of a fitted term, or those of the special case that the fit has come to.
 
     None if that is no effect at all, or a size that is impossible. Numbers that the fit has held (a shape) do not
     count.
     """
-    found = _if_hardly_more(nearest_case_of(robot, term, fitted))
-    if found is None:
+    nearest = nearest_case_of(robot, term, fitted)
+    if nearest is None or differs_from_simpler(nearest[0]).passed:
         return (term.place,)
-    return tuple((name, term.joint) for name in found[1]) or None
+    return tuple((name, term.joint) for name in nearest[1]) or None
 
 
 def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tuple[str, ...]] | None:
@@ -95,11 +90,6 @@ def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool
     """
     cases = term.effect.special_cases(robot, term.joint, theta, term.shape)
     return bool(np.any(theta)) and any(not case.names and bool(np.all(np.abs(case.numbers) <= _END)) for case in cases)
-
-
-def _if_hardly_more(case: tuple[float, tuple[str, ...]] | None) -> tuple[float, tuple[str, ...]] | None:
-    """The special case if its certainty is below the gate's, else None."""
-    return None if case is None or differs_from_simpler(case[0]).passed else case
 
 
 def _nearest(
