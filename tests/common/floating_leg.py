@@ -20,7 +20,7 @@ URDF = f"""<robot name="leg"><link name="trunk">{BODY.format(mass=4)}</link><lin
 </joint><joint name="end" type="fixed"><parent link="shank"/><child link="foot"/><origin xyz="0 0 -0.2"/></joint>
 </robot>"""
 FRICTION, DAMPING = 0.2, 0.05
-RATE, SECONDS = 500.0, 14.0
+RATE = 500.0
 TURN, SCALE, OFFSET = 0.02, np.array([0.99, 1.01, 1.012]), np.array([0.15, -0.2, 0.1])
 LATE = 0.003
 
@@ -52,7 +52,9 @@ def with_sensor_errors(columns: dict[str, Array]) -> dict[str, Array]:
     return out
 
 
-def log_of_leg(robot: Path, rng: np.random.Generator, *, dry: float = 0.0, steps: bool = False) -> dict[str, Array]:
+def log_of_leg(
+    robot: Path, rng: np.random.Generator, *, dry: float = 0.0, steps: bool = False, seconds: float = 24.0
+) -> dict[str, Array]:
     """Columns of a log.
 
     Args:
@@ -60,10 +62,11 @@ def log_of_leg(robot: Path, rng: np.random.Generator, *, dry: float = 0.0, steps
         rng: Draws motion and noise.
         dry: Friction torque of the knee beyond the model's [N m].
         steps: The foot stands on the ground half of the time, with whatever torque that takes.
+        seconds: Length.
     """
     free = pin.buildModelFromUrdf(str(robot), pin.JointModelFreeFlyer())
     data, imu = free.createData(), free.getFrameId("imu")
-    t = np.arange(int(RATE * SECONDS)) / RATE
+    t = np.arange(int(RATE * seconds)) / RATE
     q, v, a = _waves(t, 1.0, 2, rng)
     _, w, dw = _waves(t, 0.3, 3, rng)
     _, fast, faster = _waves(t, 0.2, 3, rng)

@@ -27,7 +27,7 @@ def diagnosed(tmp_path_factory) -> Callable[..., Diagnosis]:
 
     @cache
     def run(*, steps: bool, dry: float) -> Diagnosis:
-        columns = log_of_leg(file, np.random.default_rng(1), steps=steps, dry=dry)
+        columns = log_of_leg(file, np.random.default_rng(1), steps=steps, dry=dry, seconds=14.0)
         return diagnose(robot, (recording(Table("log.csv", columns), robot),))
 
     return run
