@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
 from operator import length_hint
 
 import numpy as np
@@ -157,8 +156,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
     fits = 0 if allowed is None else most_fits(session.robot.nv) - length_hint(allowed)
-    # The judge asks for single fits only, of which there may be any number.
-    last.search.fits.allowed = count()
+    last.search.fits.without_limit()
     return replace(last, chosen=chosen, fits=fits, in_band=quiet, coarse=coarse, encoders=encoders)
 
 

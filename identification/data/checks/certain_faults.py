@@ -14,17 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from identification.data.checks import suspects as other
+from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
-from identification.data.checks.plausible_fit import exchanged_columns, unexplained
+from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
-from identification.data.checks.torques.torque_scales import (
-    common_ratio,
-    load_or_current,
-    plain_left,
-    scale_suspects,
-    torque_scales,
-)
+from identification.data.checks.torques.scaled_model import common_ratio, plain_left
+from identification.data.checks.torques.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Bool, Float

@@ -10,18 +10,14 @@ data has a far smaller one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from identification.data.checks.readings import Reading, reading_of, varies
-from identification.data.checks.smoothed_copy import smoothed
-from identification.data.readers.map_entries import entries_words
-from identification.data.recording import Fault, Recording
+from identification.data.checks.readings import Reading, varies
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
-from phantom_dyn.errors import ChainError
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
@@ -42,9 +38,6 @@ _TURNS = 3
 _PARAMETERS = 10  # inertial parameters of a body
 _FIRST = 4  # of them: mass and first moments
 _OWN = 4  # columns that each joint has for itself: rotor, viscous and Coulomb friction, offset
-# Unexplained share of the torque that every joint has to exceed as recorded, and no joint after the exchange. Exchanged
-# recordings in tests have 0.8 and more against 0.01 and less.
-_AS_IT_STANDS, _EXCHANGED = 0.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -193,35 +186,3 @@ def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Arra
         / scale
     )
     return out
-
-
-def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> Fault | None:
-    """The fault of a recording whose positions and torques are exchanged on all joints; None where they are not.
-
-    Args:
-        recording: Raw samples.
-        robot: The given model.
-        reading: Some of its samples, smoothed.
-    """
-    # Torques that were computed from a current, and recordings with forces, are not tested.
-    if recording.tau is None or recording.forces or set(recording.torque_from.values()) - {"tau"}:
-        return None
-    before = unexplained(robot, reading)
-    if np.isnan(before).all() or np.nanmin(before) < _AS_IT_STANDS:
-        return None
-    smooth = smoothed(replace(recording, q=recording.tau, tau=recording.q, v=None))
-    other = None if smooth is None else reading_of(smooth)
-    if other is None:
-        return None
-    try:
-        after = unexplained(robot, other)
-    except ChainError:
-        return None
-    if np.isnan(after).all() or np.nanmax(after) > _EXCHANGED:
-        return None
-    return Fault(
-        "positions and torques stand in each other's columns",
-        f"as it stands no plausible robot explains {100 * min(1.0, float(np.nanmin(before))):.0f} % of any torque; "
-        f"the other way round {max(100 * float(np.nanmax(after)), 0.1):.2g} % are left",
-        entries_words(recording, {"q": '"tau.{joint}"', "tau": '"q.{joint}"'}),
-    )

@@ -56,6 +56,12 @@ class Fits:
         self._recent: deque[tuple[Chosen, Fitted]] = deque(maxlen=_RECENT)
         self._where_read = None if problem.where_read is None else Fits(problem.where_read, allowed)
 
+    def without_limit(self) -> None:
+        """From here on any number of fits may be made: the judge asks for single ones."""
+        self.allowed = count()
+        if self._where_read is not None:
+            self._where_read.without_limit()
+
     def of(self, chosen: Chosen) -> Fits:
         """Fits of the problem with the columns of a set, see `Problem.of`."""
         return self if self._where_read is None or self.problem.of(chosen) is self.problem else self._where_read

@@ -26,7 +26,7 @@ from identification.gates import above_chance
 # Number of joints from which on effects on different ones are added, swapped and dropped in one step, to save time.
 _MANY_JOINTS = 10
 # Most sets that the searches of a diagnosis fit for each joint, of a robot with fewer joints than that and of others.
-# The most that a recording needed was 1600 (a real TX40) and 260 (a biped with a payload).
+# A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by `benchmarks/search_fits.py`.
 _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
 # Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30

@@ -2,16 +2,14 @@
 
 Drives of different sizes have different torques per ampere, so each joint has its own factor. It is the torque of the
 modelled links over the logged one, fitted beside friction of any size, and is as accurate as that model.
-`plain_left` and `common_ratio` say how well a recording fits its model with such factors, friction and offsets.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from identification.data.checks.against_model import Sample, regress_joints
-from identification.data.checks.readings import Reading, varies, with_torques_times
+from identification.data.checks.readings import Reading, with_torques_times
 from identification.data.checks.suspects import Suspect, names
 from identification.data.readers.map_entries import gear_entries
 from phantom_dyn.array_types import Array, Float
@@ -115,35 +113,3 @@ def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
             says="offer",
         )
     ]
-
-
-def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
-    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    felt = reading.tau + reading.external
-    ones, low = np.ones(len(felt)), np.array([0.0, 0.0, 0.0, -np.inf])
-    out, vary = np.full(felt.shape[1], np.nan), varies(felt)
-    for j in range(felt.shape[1]):
-        variance = float(felt[:, j].var())
-        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
-        size = np.linalg.norm(columns, axis=0)
-        if vary[j]:
-            scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
-            factor = np.asarray(np.linalg.qr(scaled, mode="r"))
-            x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
-            out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
-    return out
-
-
-def common_ratio(robot: Robot, reading: Reading) -> float | None:
-    """Measured over modelled torque, where at least two joints agree on it to a factor of two; else None."""
-    model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
-    slopes = [
-        float(np.mean(one.slope)) for one in found if one is not None and one.model_share > 0.1 and min(one.slope) > 0
-    ]
-    if len(slopes) < 2:
-        return None
-    middle = float(np.exp(np.median(np.log(slopes))))
-    agree = [slope for slope in slopes if 0.5 < slope / middle < 2.0]
-    return middle if len(agree) >= 2 else None

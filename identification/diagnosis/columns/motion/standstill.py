@@ -182,8 +182,9 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
         ndimage.uniform_filter1d(part, width, axis=0, mode="nearest") for part in (np.abs(v), v, np.sign(v))
     )
     hidden = (np.abs(net) > (np.abs(sign) + _HIDDEN) * way) & (way * _WATCHED < _COUNTS * steps)
-    before, behind = (np.roll(hidden, shift, axis=0) for shift in (width // 2, -(width // 2)))
-    return before & behind
+    half = width // 2
+    longer = np.pad(hidden, ((half, half), (0, 0)), mode="edge")
+    return longer[: len(v)] & longer[2 * half :]
 
 
 def counted_step(robot: Robot, log: Log, row: int) -> float:

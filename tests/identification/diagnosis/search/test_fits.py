@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns.terms import FoundEffect
+from identification.diagnosis.columns.terms import FoundEffect, Term
 from identification.diagnosis.fit.fitting import Fitted, fit
 from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
@@ -22,7 +22,7 @@ from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.claims import claimed, energy_by_block, least_gain
-from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import RowGaps
 from identification.diagnosis.search.squares_left import squares_left
@@ -46,6 +46,25 @@ def rough(lab, planar2):
     motion = lab.motion(2, 3)
     torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
     return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the_search(rough, monkeypatch):
+    # By hand: two fits may be made, one of each problem.
+    load, rub = (frozenset([rough.term(*place)]) for place in (LOAD, ("coulomb_friction", "elbow")))
+    read = replace(rough.problem)
+    both = replace(rough.problem, where_read=read)
+    monkeypatch.setattr(type(both), "of", lambda self, chosen: read if chosen == load and self is both else self)
+    limited = Fits(both, iter(range(2)))
+    for chosen in (rub, load):
+        limited.held_out(chosen)
+    for chosen in (rub | load, frozenset[Term]()):
+        with pytest.raises(SearchWithoutEnd):
+            limited.held_out(chosen)
+    limited.without_limit()
+    assert limited.of(load) is not limited
+    assert limited.held_out(rub | load).total == Fits(rough.problem).held_out(rub | load).total
+    limited._where_read._held_out.clear()
+    assert limited.held_out(load).total == Fits(rough.problem).held_out(load).total
 
 
 @pytest.mark.parametrize("places", SETS)

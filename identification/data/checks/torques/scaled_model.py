@@ -1,0 +1,44 @@
+"""How well a recording fits its model where each torque may have a factor, friction and an offset of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.readings import Reading, varies
+from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.model.robot import Robot
+
+
+def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
+    """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
+    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    felt = reading.tau + reading.external
+    ones, low = np.ones(len(felt)), np.array([0.0, 0.0, 0.0, -np.inf])
+    out, vary = np.full(felt.shape[1], np.nan), varies(felt)
+    for j in range(felt.shape[1]):
+        variance = float(felt[:, j].var())
+        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
+        size = np.linalg.norm(columns, axis=0)
+        if vary[j]:
+            scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
+            factor = np.asarray(np.linalg.qr(scaled, mode="r"))
+            x = lsq_linear(factor[:, :-1], factor[:, -1], (low, np.inf), method="bvls", tol=1e-14, max_iter=50).x
+            out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
+    return out
+
+
+def common_ratio(robot: Robot, reading: Reading) -> float | None:
+    """Measured over modelled torque, where at least two joints agree on it to a factor of two; else None."""
+    model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
+    slopes = [
+        float(np.mean(one.slope)) for one in found if one is not None and one.model_share > 0.1 and min(one.slope) > 0
+    ]
+    if len(slopes) < 2:
+        return None
+    middle = float(np.exp(np.median(np.log(slopes))))
+    agree = [slope for slope in slopes if 0.5 < slope / middle < 2.0]
+    return middle if len(agree) >= 2 else None
