@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -77,8 +77,31 @@ class Identification:
         return write_outputs(self.result, Path(folder))
 
 
+class Columns(Protocol):
+    """Columns under the names of a log, which can be tabled and written."""
+
+    def columns(self) -> dict[str, Float[Array, " N"]]:
+        """The columns, all of one length."""
+        ...
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The columns as a table."""
+        pandas = optional_library("pandas")
+        return pandas.DataFrame(self.columns())
+
+    @takes(file=FILE)
+    def save(self, file: str | Path) -> Path:
+        """Write the columns as CSV, NPZ or Parquet, by ending.
+
+        Raises:
+            UsageError: If the ending names no format, or the file cannot be written.
+        """
+        write_log(Path(file), self.columns())
+        return Path(file)
+
+
 @dataclass(frozen=True, repr=False, eq=False)
-class Reference:
+class Reference(Columns):
     """A motion for a robot to follow, from rest to rest; ``print`` shows how well it excites and its limits.
 
     Attributes:
@@ -110,24 +133,9 @@ class Reference:
         """Columns ``t``, ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``."""
         return self.design.columns(self.rate_hz)
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The columns as a table."""
-        pandas = optional_library("pandas")
-        return pandas.DataFrame(self.columns())
-
-    @takes(file=FILE)
-    def save(self, file: str | Path) -> Path:
-        """Write the columns as CSV, NPZ or Parquet, by ending.
-
-        Raises:
-            UsageError: If the ending names no format, or the file cannot be written.
-        """
-        write_log(Path(file), self.columns())
-        return Path(file)
-
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SimulatedRecording:
+class SimulatedRecording(Columns):
     """A simulated recording: times, position readings and drive torques.
 
     Attributes:
@@ -151,21 +159,6 @@ class SimulatedRecording:
         for name, values in (("q", self.simulation.q), ("tau", self.simulation.tau)):
             out |= {f"{name}.{joint}": np.array(values[:, k]) for k, joint in enumerate(self.robot.joint_names)}
         return out
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The columns as a table."""
-        pandas = optional_library("pandas")
-        return pandas.DataFrame(self.columns())
-
-    @takes(file=FILE)
-    def save(self, file: str | Path) -> Path:
-        """Write a log as CSV, NPZ or Parquet, by ending.
-
-        Raises:
-            UsageError: If the ending names no format, or the file cannot be written.
-        """
-        write_log(Path(file), self.columns())
-        return Path(file)
 
     @takes(position_noise=NUMBER, torque_noise=NUMBER, seed=SEED)
     def recording(self, *, position_noise: float = 0.0, torque_noise: float = 0.0, seed: int = 0) -> Recording:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.kinematics import frame_index
+from phantom_dyn.array_types import Array
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.map_model import MapModel, map_model, tip_of, within_limits
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 
 CLOSE = 1e-9
 """Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""
@@ -163,28 +161,3 @@ def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Ar
         moving = np.abs(step).max(axis=1) > 1e-13
         left = left[moving & np.isfinite(q[left]).all(axis=1)]
     return q
-
-
-def inverse_kinematics(
-    robot: Robot, points: Float[Array, "N 3"], frame: str, near: Float[Array, " nv"]
-) -> Float[Array, "N nv"]:
-    """Joint positions that bring a frame's origin to points, by Newton's method.
-
-    Args:
-        robot: With three active joints.
-        points: In the root frame [m], shape ``(N, 3)``.
-        frame: Its name.
-        near: Configuration [rad or m]: of several solutions within the joint limits the nearest to it is taken.
-
-    Returns:
-        Shape ``(N, nv)``; a row of NaN where none was found.
-
-    Raises:
-        RobotError: If the robot has no such frame, or it does not move.
-        ParameterError: If the robot has another number of active joints.
-    """
-    frame_index(robot, frame)
-    model = replace(map_model(robot, frame=frame, posture=near), branches=None)
-    if model.nv != 3:
-        raise ParameterError(f"{model.name} has {model.nv} active joints, wanted 3: a tip position fixes no others.")
-    return nearest_branch(model, points, cloud_of(model))

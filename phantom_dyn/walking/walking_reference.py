@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.array_types import Array, Float, Int, ReadOnlyArrays
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.walking.divergent_component import PendulumState
 from phantom_dyn.walking.footsteps import Gait, Joystick
@@ -31,7 +31,6 @@ class WalkingReference(ReadOnlyArrays):
         motion: Motion of the whole robot.
         zmp: Zero moment point of the whole robot [m], all bodies and their spin included, shape ``(N, 2)``.
         polygons: Support polygons, one for each stretch of time with the same feet on the ground.
-        polygon_index: Which of them holds at each sample, shape ``(N,)``.
         margin: Distance of the zero moment point to the edge of its polygon [m], negative outside, shape ``(N,)``.
     """
 
@@ -45,7 +44,6 @@ class WalkingReference(ReadOnlyArrays):
     motion: WholeBodyMotion
     zmp: Float[Array, "N 2"]
     polygons: tuple[SupportPolygon, ...]
-    polygon_index: Int[Array, " N"]
     margin: Float[Array, " N"]
 
     @property
@@ -113,7 +111,7 @@ def walk(
     margin = np.empty(len(t))
     for k, polygon in enumerate(polygons):
         margin[index == k] = polygon.margin(zmp[index == k])
-    return WalkingReference(t, joystick, gait, phases, pendulum, left, right, motion, zmp, polygons, index, margin)
+    return WalkingReference(t, joystick, gait, phases, pendulum, left, right, motion, zmp, polygons, margin)
 
 
 def _polygons(walker: Walker, left: FootMotion, right: FootMotion) -> tuple[tuple[SupportPolygon, ...], Array]:

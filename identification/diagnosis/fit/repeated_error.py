@@ -143,9 +143,9 @@ def _root(total: Float[Array, "p p"]) -> Float[Array, "p r"]:
     return scale[:, None] * axes[:, kept] / np.sqrt(squares[kept])
 
 
-def same_states(series: Float[Array, " m"], count: int = GROUPS) -> Int[Array, " m"]:
+def same_states(series: Float[Array, " m"]) -> Int[Array, " m"]:
     """Groups of samples of a series by its size, equally many in each."""
     if len(series) == 0:  # a joint that never moves
         return np.zeros(0, dtype=int)
-    ends = np.quantile(series, np.linspace(0.0, 1.0, count + 1)[1:-1])
+    ends = np.quantile(series, np.linspace(0.0, 1.0, GROUPS + 1)[1:-1])
     return np.searchsorted(ends, series)

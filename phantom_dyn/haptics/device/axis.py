@@ -241,9 +241,6 @@ def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> 
             raise ParameterError(f"The {name} of the axis is {value:g}: give {wanted}.")
 
 
-FREE_HAND = Operator(0.0, 0.0, 0.0)
-"""Nobody holds the device."""
-
 YOKOKOHJI_YOSHIKAWA = Operator(2.0, 2.0, 10.0)
 """2 kg, 2 N s/m, 10 N/m, as commonly cited after Yokokohji and Yoshikawa (1994).
 

@@ -41,8 +41,6 @@ from phantom_dyn.haptics.device.transfer_function import TransferFunction
 
 PERIOD = 1e-3
 """Sampling period of the experiments [s]."""
-PRINTED_CROSSING = 411.23
-"""Printed single crossing of the LHIfAM with the new cable [rad/s]."""
 PRINTED_PEAK_DISTANCE = 78.16
 """Printed distance Q of the peak of the LHIfAM with the original cable [dB]."""
 

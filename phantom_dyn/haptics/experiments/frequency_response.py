@@ -161,7 +161,6 @@ class TwoMassFit(ReadOnlyArrays):
         response: The measured response.
         model: Response of the fitted model at the same frequencies, shape ``(k,)``.
         misfit: Mean square of the residuals in standard deviations; about one if the model is right.
-        at_zero: Names of dampings at zero, their lower bound.
     """
 
     values: Float[Array, "6"]
@@ -169,7 +168,6 @@ class TwoMassFit(ReadOnlyArrays):
     response: FrequencyResponse
     model: Complex[Array, " k"]
     misfit: float
-    at_zero: tuple[str, ...]
 
     @property
     def axis(self) -> TwoMassAxis:
@@ -286,8 +284,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
             f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. A rigid "
             "device, or a band that leaves its vibration out."
         )
-    zero = tuple(NAMES[k] for k in np.flatnonzero(~_IN_LOG & (best.x < 1e-6)))
-    return TwoMassFit(values, covariance, response, model(best.axis, w), misfit, zero)
+    return TwoMassFit(values, covariance, response, model(best.axis, w), misfit)
 
 
 @dataclass(frozen=True)

@@ -69,12 +69,10 @@ class NoiseFelt:
     Attributes:
         motor_force: Force of the motor [N or N m].
         tip: Position of the body that the hand holds [m or rad].
-        hand_force: Force on the hand, as the sensor reads it behind its low pass [N or N m].
     """
 
     motor_force: float
     tip: float
-    hand_force: float
 
 
 @dataclass(frozen=True)
@@ -155,7 +153,6 @@ def noise_felt(axis: Device, hand: Operator, feedforward: Feedforward, gain: flo
     return NoiseFelt(
         motor_force=math.sqrt(max(float(state[n, n]), 0.0)),
         tip=math.sqrt(max(float(loop.tip @ own @ loop.tip), 0.0)),
-        hand_force=math.sqrt(max(float(loop.plant.output @ own @ loop.plant.output), 0.0)),
     )
 
 

@@ -85,22 +85,6 @@ def largest_share(uncertainty: float) -> float:
     return 1.0 / (1.0 + uncertainty)
 
 
-def friction_left(share: float, uncertainty: float) -> tuple[float, float]:
-    """Least and most of the true friction that is left under compensation; a negative share drives the device.
-
-    Args:
-        share: Share of the modelled friction that is compensated.
-        uncertainty: Share by which the model may be wrong, at most 1.
-
-    Raises:
-        ParameterError: If a number is negative, or the uncertainty above 1.
-    """
-    require_not_negative(share=share, uncertainty=uncertainty)
-    if uncertainty > 1:
-        raise ParameterError(f"The uncertainty of the friction is {uncertainty:g}: give a share of 0 to 1.")
-    return 1.0 - share * (1.0 + uncertainty), 1.0 - share * (1.0 - uncertainty)
-
-
 def least_dead_zone(
     mass: float, coulomb: float, displacement: float, *, step: float = 0.0, window: int = 1, period: float = 1e-3
 ) -> float:

@@ -31,9 +31,9 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
+from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.device.transfer_function import Axis
-from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, sample_count
+from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     AdaptiveWindow,
@@ -145,39 +145,6 @@ def _average(samples: int, period: float) -> DigitalFilter:
     numerator = np.zeros(samples + 1)
     numerator[0], numerator[-1] = 1.0, -1.0
     return DigitalFilter(numerator / (samples * period), np.ones(1))
-
-
-_POINTS = 2000
-"""Points between 0 and the Nyquist frequency; the function is smooth at its maximum, most often at an end."""
-
-
-def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
-    """Least damping b of the device [N s/m or N m s/rad] for which this wall is passive.
-
-    Args:
-        stiffness: Stiffness K of the wall [N/m or N m/rad].
-        period: Sampling period T [s].
-        delay: Delay of the loop in addition to the hold [s], 0 or more.
-        virtual_damping: Virtual damping B of the wall [N s/m or N m s/rad].
-
-    Raises:
-        ParameterError: If stiffness or delay is negative, the period not positive, or a number not finite.
-    """
-    require_not_negative(stiffness=stiffness)
-    require_numbers(virtual_damping=virtual_damping)
-    steps, rest = split_delay(period, delay)
-    x = np.linspace(0.0, np.pi, _POINTS + 1)[1:]
-    x = np.concatenate([np.geomspace(1e-3 * x[0], x[0], 20)[:-1], x])
-    back = -np.expm1(-1j * x)  # 1 - 1/z, exact where z is near one
-    wall = stiffness + virtual_damping / period * back
-    alpha = back * wall / period * np.exp(-1j * steps * x)
-    square = (0.5 * period / np.sin(0.5 * x)) ** 2  # sum of 1/w_n^2 over all aliases
-    if rest == 0:
-        return float(np.max((alpha * square).real))
-    # Sum of exp(-j w_n rest)/w_n^2 over the aliases: z transform of a ramp that starts `rest` before the samples.
-    cross = alpha * -period * np.conj(rest / back + period * (1.0 - back) / back**2)
-    apart = np.maximum((np.abs(alpha) * square) ** 2 - cross.imag**2, 0.0)
-    return float(np.max(0.5 * (cross.real + np.sqrt(apart))))
 
 
 def critical_loop_gain(master: Axis, slave: Axis, settings: LoopSettings, *, damping: float = 0.0) -> CriticalGain:

@@ -1,7 +1,6 @@
 """PHANToM: closed forms of kinematics and dynamics against its model file."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,11 +10,9 @@ from scipy.linalg import expm
 from phantom_dyn.devices import phantom
 from phantom_dyn.devices import phantom as closed
 from phantom_dyn.devices.phantom import PHANTOM_1_5
-from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
 
 L1, L2 = 0.215, 0.170
@@ -366,31 +363,6 @@ def test_moments_about_the_centre_of_mass_would_raise_the_published_mass_matrix(
     M = closed.mass_matrix(np.zeros((1, 3)))[0, entry, entry]
     assert shift == pytest.approx(more, rel=1e-3)
     assert shift / M == pytest.approx(share, abs=0.01)
-
-
-def test_loading_says_that_the_printed_inertias_are_no_bodies(tmp_path):
-    # Oracle: the loader's own check of the triangle inequality.
-    printed = replace(PHANTOM_1_5, rotor_inertia=0.0)
-    (tmp_path / "robot.urdf").write_text(phantom_urdf(printed, "printed"))
-    (tmp_path / "robot.yaml").write_text(phantom_yaml(printed))
-    (warning,) = load_robot(tmp_path / "robot.urdf").warnings
-    assert "no rigid body has the inertia of link upper_arm, link rocker" in warning
-
-
-def test_the_mass_matrix_does_not_depend_on_how_the_rotor_is_split_off(tmp_path, states):
-    # Closed form of the whole.
-    other = replace(PHANTOM_1_5, rotor_inertia=0.5e-6 * 11.6**2)
-    (tmp_path / "robot.urdf").write_text(phantom_urdf(other, "other"))
-    (tmp_path / "robot.yaml").write_text(phantom_yaml(other))
-    found = mass_matrix(load_robot(tmp_path / "robot.urdf"), states[0])
-    np.testing.assert_allclose(found, closed.mass_matrix(states[0]), rtol=0, atol=1e-14)
-
-
-def test_the_built_in_files_are_those_of_the_parameters():
-    # Round trip, to the last bit.
-    folder = Path(find_robot("phantom_1_5")).parent
-    assert (folder / "robot.urdf").read_text() == phantom_urdf(PHANTOM_1_5, "phantom_1_5")
-    assert (folder / "robot.yaml").read_text() == phantom_yaml(PHANTOM_1_5)
 
 
 def test_a_payload_of_the_built_in_sits_on_the_forearm_that_carries_the_tip():

@@ -34,7 +34,6 @@ from phantom_dyn.haptics.stability.critical_stiffness import (
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, felt_mass, low_pass, transparency
 from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
 from phantom_dyn.haptics.stability.virtual_wall import (
-    passive_damping,
     simulate_damping,
     simulate_teleoperation,
     simulate_wall,
@@ -83,7 +82,6 @@ REFUSED = {
     "linear period": (lambda: linear_stiffness(1.0, period=INF), "give a positive period"),
     "map scalar": (lambda: stability_map(AXIS, period=T), "period of the map is 0.001: give a sequence"),  # type: ignore
     "map damping": (lambda: stability_map(AXIS, period=[T], virtual_damping=[NAN]), "virtual damping is nan"),
-    "passive": (lambda: passive_damping(-1.0, period=T), "stiffness is -1.*: give a number of 0 or more"),
     "relay start": (lambda: relay(start=NAN), "start is nan"),
     "relay force": (lambda: relay(force=INF), "force of the relay is inf"),
     "relay period": (lambda: relay(period=0.0), "period is 0.*: give a number above 0"),

@@ -12,7 +12,6 @@ from scipy.linalg import expm
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import (
-    FREE_HAND,
     YOKOKOHJI_YOSHIKAWA,
     Operator,
     RigidAxis,
@@ -106,7 +105,9 @@ def test_two_masses_follow_from_sum_spring_and_resonance():
             id="a leading zero",
         ),
         pytest.param(
-            lambda: HeldDevice(LHIFAM, FREE_HAND, CUTOFF), "Nobody holds the device", id="nobody at the device"
+            lambda: HeldDevice(LHIFAM, Operator(0.0, 0.0, 0.0), CUTOFF),
+            "Nobody holds the device",
+            id="nobody at the device",
         ),
         pytest.param(
             lambda: Operator(-1.0, 0.0, 0.0),
