@@ -15,9 +15,9 @@ from identification.batch.fleet_page import fleet_lines, fleet_page
 from identification.csv_cells import text_cell
 from identification.file_sets import renamed_together
 from identification.words.diagnosis_words import joined
-from identification.words.numbers_and_names import NO_BREAK, cut_name
+from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn import __version__
-from phantom_dyn.errors import printable
+from phantom_dyn.errors import printable, shortened
 
 SCHEMA = "gap-diagnoses/1"
 WIDTH = 100
@@ -26,7 +26,7 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 def table(result: DiagnosedRecordings) -> str:
     """One line a recording: log, verdict, causes or why there are none; then how many there are of each verdict."""
-    names = [cut_name(name, _NAME_WIDTH) for name in _names(result)]
+    names = [shortened(name, _NAME_WIDTH) for name in _names(result)]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
     lines = [f"{'recording':<{width}}  {'verdict':<{verdict_width}}  cause"]

@@ -35,6 +35,11 @@ class Band:
         """Samples lost at both ends, where the kernel would reach over the edge of the recording."""
         return len(self.kernel) // 2
 
+    @property
+    def output_rate_hz(self) -> float:
+        """Rate of the output samples."""
+        return self.rate_hz / self.step
+
     def samples(self, count: int) -> Int[Array, " n"]:
         """Which of ``count`` input samples the output samples are centred on."""
         return np.arange(self.half, count - self.half, self.step)

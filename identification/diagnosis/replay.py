@@ -50,7 +50,7 @@ class Replay:
         wide = band(series)
         if self.cutoff_hz >= 0.99 * band.cutoff_hz:
             return wide
-        return smoothed_where(wide, self.logs[log].valid_in_band, band.rate_hz / band.step, self.cutoff_hz)
+        return smoothed_where(wide, self.logs[log].valid_in_band, band.output_rate_hz, self.cutoff_hz)
 
     def squares(self, torque: Callable[[int], Float[Array, "N nv"]]) -> Float[Array, "2 B nv"]:
         """Squared residuals in the judged band, and the weights of their samples, summed over each block.

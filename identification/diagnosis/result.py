@@ -90,6 +90,11 @@ class Finding:
     words: EffectWords | None = field(default=None, compare=False, repr=False)
     law: str | None = None
 
+    @property
+    def place(self) -> EffectAt:
+        """Effect, joint and recording."""
+        return EffectAt(self.effect, self.joint, self.recording, self.words)
+
 
 @dataclass(frozen=True)
 class JointGap:

@@ -136,7 +136,7 @@ def _count(logs: tuple[Log, ...]) -> int:
 
 
 def _per_second(logs: tuple[Log, ...]) -> float:
-    return max(log.band.rate_hz / log.band.step for log in logs)
+    return max(log.band.output_rate_hz for log in logs)
 
 
 def _joints(robot: Robot) -> str:

@@ -104,7 +104,7 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
 
 def coarser(band: Band) -> Band:
     """A filter for motions without noise: fewer samples in, but the same output rate."""
-    rate = band.rate_hz / band.step
+    rate = band.output_rate_hz
     step = int(np.ceil(_SAMPLES * band.cutoff_hz / rate))
     if step >= band.step or len(band.kernel) == 1:
         return band

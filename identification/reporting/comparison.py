@@ -22,8 +22,8 @@ from identification.words.diagnosis_words import (
     share_words,
 )
 from identification.words.geometry_words import all_findings
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, percent_short_of_all, with_unit
-from phantom_dyn.errors import ParameterError, printable
+from identification.words.numbers_and_names import NO_BREAK, number, percent, percent_short_of_all, with_unit
+from phantom_dyn.errors import ParameterError, printable, shortened
 
 WIDTH = 100  # columns of the terminal
 _NAME_WIDTH = 24  # columns for the name of a diagnosis or joint
@@ -112,7 +112,7 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
         raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
     _require_same_joints(diagnoses, names)
     diagnoses = [replace(one, findings=all_findings(one)) for one in diagnoses]
-    places = dict.fromkeys(_place(finding) for diagnosis in diagnoses for finding in diagnosis.findings)
+    places = dict.fromkeys(finding.place for diagnosis in diagnoses for finding in diagnosis.findings)
     table = {at: tuple(_finding_at(diagnosis, at) for diagnosis in diagnoses) for at in places}
     pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
     comparisons = max(1, sum(len(_listed(one.value)) for one, _ in pairs))
@@ -176,12 +176,8 @@ def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -
             )
 
 
-def _place(finding: Finding) -> EffectAt:
-    return EffectAt(finding.effect, finding.joint, finding.recording, finding.words)
-
-
 def _finding_at(diagnosis: Diagnosis, at: EffectAt) -> Finding | None:
-    return next((finding for finding in diagnosis.findings if _place(finding) == at), None)
+    return next((finding for finding in diagnosis.findings if finding.place == at), None)
 
 
 def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...]]:
@@ -219,7 +215,7 @@ def _listed(value: float | list[float]) -> list[float]:
 
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
     """What a diagnosis says of an effect that is not one of its findings."""
-    if any(_place(finding) == at for finding in diagnosis.minor):
+    if any(finding.place == at for finding in diagnosis.minor):
         return "seen, but too small to matter"
     for finding in diagnosis.findings:
         for rival in finding.rivals:
@@ -276,8 +272,8 @@ def _count_words(found: Comparison) -> str:
 
 
 def _joint_table(found: Comparison) -> list[str]:
-    names = [cut_name(name, _NAME_WIDTH) for name in found.names]
-    joints = [cut_name(gap.joint, _NAME_WIDTH) for gap in found.diagnoses[0].joints]
+    names = [shortened(name, _NAME_WIDTH) for name in found.names]
+    joints = [shortened(gap.joint, _NAME_WIDTH) for gap in found.diagnoses[0].joints]
     width = max(len("joint"), *map(len, joints))
     columns = [max(len(name), 20) for name in names]
     lines = [f"{'joint':<{width}}" + "".join(f"  {name:>{w}}" for name, w in zip(names, columns, strict=True))]

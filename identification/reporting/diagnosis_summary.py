@@ -18,14 +18,13 @@ from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import (
     NO_BREAK,
-    cut_name,
     number,
     percent_short_of_all,
     value_words,
     with_stated_probabilities,
 )
 from identification.words.verdict_words import moves_carry, verdict_sentence
-from phantom_dyn.errors import printable
+from phantom_dyn.errors import printable, shortened
 
 WIDTH = 100
 NOTES = 5
@@ -169,7 +168,7 @@ def _certainty(size: tuple[str, Value]) -> float:
 
 
 def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
-    names = [cut_name(joint.joint, NAME_WIDTH) for joint in joints]
+    names = [shortened(joint.joint, NAME_WIDTH) for joint in joints]
     width = max([len("joint"), *map(len, names)])
     within = any(joint.rms_within_tolerance is not None for joint in joints)
     heads = ("given", *(("in tolerance",) if within else ()), "corrected", "noise floor")

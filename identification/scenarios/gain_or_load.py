@@ -104,12 +104,12 @@ def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> 
         leads = counts[0] < counts[1] or (counts[0] == counts[1] and wins > 0.5)
     found, other = (second, first) if leads else (first, second)
     sure = probability if leads else 1.0 - probability
-    shared = {_place(finding) for finding in found.findings} & {_place(finding) for finding in other.findings}
-    rivals = tuple(_place(finding) for finding in other.findings if _place(finding) not in shared)
+    shared = {finding.place for finding in found.findings} & {finding.place for finding in other.findings}
+    rivals = tuple(finding.place for finding in other.findings if finding.place not in shared)
     if 1.0 - sure < contract_levels.LISTED or not rivals:
         return leads, found
     findings = tuple(
-        finding if _place(finding) in shared else _with_rival(finding, rivals, sure) for finding in found.findings
+        finding if finding.place in shared else _with_rival(finding, rivals, sure) for finding in found.findings
     )
     return leads, replace(found, findings=findings)
 
@@ -147,7 +147,3 @@ def _losses(diagnosis: Diagnosis, floor: Float[Array, " nv"]) -> Float[Array, " 
 def _first(finding: Finding) -> float:
     value = next(iter(finding.parameters.values())).value
     return float(value[0] if isinstance(value, list) else value)
-
-
-def _place(finding: Finding) -> EffectAt:
-    return EffectAt(finding.effect, finding.joint, finding.recording, finding.words)

@@ -9,7 +9,6 @@ from math import fsum
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.engine import contract_levels
 from phantom_dyn.effects.catalogue import known_effect
-from phantom_dyn.errors import printable
 
 NO_BREAK = "\N{NO-BREAK SPACE}"  # keeps a number and its unit on one line
 
@@ -68,12 +67,6 @@ def percent(share: float) -> str:
 def percent_short_of_all(share: float) -> str:
     """A share that no recording can prove to be 100 %, such as of a gap; ``over 99 %`` is the most."""
     return percent(min(share, 0.999))
-
-
-def cut_name(name: str, width: int) -> str:
-    """A printable name for a column of a terminal, cut if it is longer than ``width``."""
-    name = printable(name)
-    return name if len(name) <= width else f"{name[: width - 1]}…"
 
 
 def with_stated_probabilities(diagnosis: Diagnosis) -> Diagnosis:

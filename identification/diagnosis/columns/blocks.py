@@ -34,9 +34,9 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
     length = max(1.0, min(5 * period, total / 12), total / 24)
     speeds = [np.abs(log.motion.v[log.samples]) for log in logs]
-    travelled = sum(v.sum(axis=0) / _rate(log) for log, v in zip(logs, speeds, strict=True))
+    travelled = sum(v.sum(axis=0) / log.band.output_rate_hz for log, v in zip(logs, speeds, strict=True))
     every = [
-        np.linspace(0, len(v), max(1, round(len(v) / _rate(log) / length)) + 1).astype(int)
+        np.linspace(0, len(v), max(1, round(len(v) / log.band.output_rate_hz / length)) + 1).astype(int)
         for log, v in zip(logs, speeds, strict=True)
     ]
     # A recording that is too short to hold data out is not divided further.
@@ -44,7 +44,7 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     most = max(_PIECE, _UNEVEN / count) if count >= rules.LEAST_BLOCKS else 1.0
     blocks = []
     for k, (log, uniform) in enumerate(zip(logs, every, strict=True)):
-        rate = _rate(log)
+        rate = log.band.output_rate_hz
         shares = speeds[k] / (rate * np.maximum(travelled, 1e-300))
         shortest = max(int(_SHORTEST * rate / cutoff_hz), 2)
         edges = _cut_by_travel(uniform, shares, most, shortest)
@@ -53,11 +53,6 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
             core = start + (guard if i and guard < (stop - start) // 2 else 0)
             blocks.append(Block(k, int(start), int(stop), int(core)))
     return tuple(blocks)
-
-
-def _rate(log: Log) -> float:
-    """Samples in the band per second [Hz]."""
-    return log.band.rate_hz / log.band.step
 
 
 def _cut_by_travel(

@@ -93,7 +93,7 @@ class Session:
         band = self.logs[log].band
         if edge_hz >= 0.99 * band.cutoff_hz:
             return series
-        return smoothed_where(series, self.logs[log].valid_in_band, band.rate_hz / band.step, edge_hz)
+        return smoothed_where(series, self.logs[log].valid_in_band, band.output_rate_hz, edge_hz)
 
 
 def _largest(series: Float[Array, "N nv"]) -> Float[Array, " nv"]:

@@ -56,7 +56,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
         for block, number in zip(session.blocks, session.folds, strict=True):
             if block.log == k:
                 fold[block.start : block.stop] = number
-        rate = log.band.rate_hz / log.band.step
+        rate = log.band.output_rate_hz
         reversals = near_reversals(log)
         expected = np.column_stack(
             [

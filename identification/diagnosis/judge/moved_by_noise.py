@@ -137,7 +137,7 @@ def loud_search(
     problem, session = search.problem, search.problem.session
     columns = problem.columns
     left = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
-    rates = [log.band.rate_hz / log.band.step for log in session.logs]
+    rates = [log.band.output_rate_hz for log in session.logs]
     edges = np.array(
         [
             min(

@@ -65,7 +65,7 @@ class RestLog:
         """Kept samples in the judged band of a series at the full rate."""
         wide = self.band(x)
         if self.cutoff_hz < 0.99 * self.band.cutoff_hz:
-            wide = smoothed_where(wide, self.valid, self.band.rate_hz / self.band.step, self.cutoff_hz)
+            wide = smoothed_where(wide, self.valid, self.band.output_rate_hz, self.cutoff_hz)
         return wide[self.kept]
 
     def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
@@ -170,7 +170,7 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
     logs, numbers = [], []
     thin = sum(len(log.samples) for log in session.logs) // _MOST_SAMPLES + 1
     for k, log in enumerate(session.logs):
-        step = max(thin, int(log.band.rate_hz / log.band.step / (_PER_PERIOD * session.cutoff_hz)))
+        step = max(thin, int(log.band.output_rate_hz / (_PER_PERIOD * session.cutoff_hz)))
         kept = slice(0, None, step)
         weight = sample_weights(problem, k, slice(0, len(log.samples)))[kept, row]
         inputs = inputs_of(robot, log, columns.operations[k], row, near)

@@ -102,7 +102,7 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
 
     The logs begin at about the same time, but between two samples and with another clock. None if the motions differ.
     """
-    rates = _rate(first), _rate(second)
+    rates = first.band.output_rate_hz, second.band.output_rate_hz
     if abs(rates[0] / rates[1] - 1.0) > _CLOCKS:
         return None
     v, w = _velocity(first), _velocity(second)
@@ -160,14 +160,10 @@ def repetitions(session: Session) -> list[tuple[int, int, int]]:
     found, logs = [], session.logs
     for first, log in enumerate(logs):
         for second in range(first, len(logs)):
-            if first == second or (session.differences == ALIKE and np.isclose(_rate(log), _rate(logs[second]))):
+            same_rate = np.isclose(log.band.output_rate_hz, logs[second].band.output_rate_hz)
+            if first == second or (session.differences == ALIKE and same_rate):
                 found += [(first, second, lag) for lag in _lags(log, logs[second], again=first == second)]
     return found
-
-
-def _rate(log: Log) -> float:
-    """Samples in the band per second."""
-    return log.band.rate_hz / log.band.step
 
 
 def _velocity(log: Log) -> Float[Array, "n nv"]:
@@ -213,7 +209,7 @@ def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
 
 def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     """True where two stretches are the same motion: every joint has the same position and velocity."""
-    window = max(1, round(_WINDOW * _rate(first)))
+    window = max(1, round(_WINDOW * first.band.output_rate_hz))
     v, w = _velocity(first), _velocity(second)
     q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
     usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))

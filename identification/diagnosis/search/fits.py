@@ -15,7 +15,7 @@ from identification.diagnosis.fit.fitting import Fitted, Near, Point, active_col
 from identification.diagnosis.fit.possible_bodies import impossible
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import products_of
-from identification.engine.fits.near_fits import LinearFit, NearFits
+from identification.engine.fits.near_fits import NearFits
 from identification.engine.fits.projection import gains_beside
 from identification.engine.numerics.bounded import bounded_solve, bounded_solve_without
 from phantom_dyn.array_types import Array, Float
@@ -150,7 +150,7 @@ class Fits:
         if self._near is not None and _linear(chosen):
             found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)
-            if not any(impossible(bodies, theta) for theta in (found.theta, *_of_folds(found))):
+            if not any(impossible(bodies, theta) for theta in (found.theta, *found.fold_theta)):
                 return Fitted(self.problem, Point(), *found)
         # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
         point = self._points.get(chosen)
@@ -182,13 +182,6 @@ class Fits:
             return start
         alone = fit(self.problem, (load,), held_out=False, near=start)
         return Near(start.theta, start.after(alone, (load,)).payload)
-
-
-def _of_folds(found: LinearFit) -> Float[Array, "F K"]:
-    """All coefficients of the fit without each fold."""
-    out = np.zeros((len(found.fold_active), len(found.theta)))
-    out[:, found.active] = found.fold_active
-    return out
 
 
 def _linear(chosen: Chosen) -> bool:

@@ -52,6 +52,13 @@ class LinearFit(NamedTuple):
     loss: Float[Array, " B"]
     fold_active: Float[Array, "F k"]
 
+    @property
+    def fold_theta(self) -> Float[Array, "F K"]:
+        """All coefficients of the fit that has not seen each fold."""
+        out = np.zeros((len(self.fold_active), len(self.theta)))
+        out[:, self.active] = self.fold_active
+        return out
+
 
 class NearFits:
     """Fits of sets of effects that are linear in all their coefficients, each from the nearest solved set.

@@ -10,7 +10,7 @@ import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in, with_payload
 from identification.diagnosis.columns.own_effects import ALIKE, OwnEffect, changed_effects, differences_of
-from identification.diagnosis.result import EffectAt, Value
+from identification.diagnosis.result import Value
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
@@ -130,7 +130,7 @@ def test_only_what_one_recording_has_names_it_in_the_json(grown):
 @pytest.mark.whole
 def test_the_ledger_names_the_recording_of_a_claim(grown):
     claimed = {claim.effects for claim in grown.ledger if claim.outcome == "claimed"}
-    assert claimed == {(EffectAt(one.effect, one.joint, one.recording),) for one in grown.findings}
+    assert claimed == {(one.place,) for one in grown.findings}
     names = [answer.name for answer in why(grown, "coulomb_friction")]
     assert sorted(names) == ["Coulomb friction on joint pin", "Coulomb friction on joint pin in b.csv"]
 

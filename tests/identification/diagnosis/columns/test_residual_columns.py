@@ -276,7 +276,7 @@ def test_no_block_is_shorter_than_half_a_period_of_the_edge(lab, planar2):
     v = np.zeros_like(log.motion.v)
     v[log.samples[100]] = 1.0
     blocks = split_blocks((replace(log, motion=replace(log.motion, v=v)),), 2.0)
-    rate = log.band.rate_hz / log.band.step
+    rate = log.band.output_rate_hz
     assert min(block.stop - block.start for block in blocks) >= int(0.5 * rate / 2.0)
 
 
