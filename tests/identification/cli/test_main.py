@@ -16,7 +16,7 @@ from phantom_dyn import __version__
 from phantom_dyn.errors import UsageError
 from places import ROBOTS
 
-HEAVY = {"scipy", "matplotlib", "cvxpy", "plotly", "xarray", "numba", "pinocchio"}
+HEAVY = {"numpy", "viser", "pyarrow", "rosbags", "scipy", "matplotlib", "cvxpy", "plotly", "xarray", "numba", "pinocchio"}
 LISTING = f"""
 import sys
 from identification.cli.main import main
@@ -224,6 +224,8 @@ def test_the_package_runs_as_a_module():
         (["check", "--help"], 0),
         (["datasets", "--help"], 0),
         (["degrade", "--help"], 0),
+        (["map", "--help"], 0),
+        (["view", "--help"], 0),
         (["doctor"], 0),
         (["compare", "a.json"], 2),
         (["diagnose", "log.csv", "arm.urdf"], 2),

@@ -1,8 +1,6 @@
 """The command map. Oracle: the contract, and the device's closed forms for what is in the files."""
 
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -77,14 +75,6 @@ def test_the_counts_are_printed(mapped):
     unreachable, singular = map(int, re.findall(r"9 points, (\d+) out of reach, (\d+) singular", said)[0])
     assert singular == 3
     assert unreachable + singular == blank
-
-
-def test_a_grid_over_joints(mapped):
-    # Oracle: the device's closed form.
-    _, out = mapped(grid="q.theta2=-0.2:0.2:3,q.theta3=-0.3:0.3:4")
-    with np.load(out / "map.npz") as found:
-        q = np.array([[0, theta2, theta3] for theta2 in found["q.theta2"] for theta3 in found["q.theta3"]])
-        np.testing.assert_allclose(found["manipulability"].ravel(), phantom.manipulability(q), rtol=1e-11)
 
 
 @pytest.mark.parametrize("words", [["0.1,0.2,-0.1"], ["0.1", "0.2", "-0.1"], ["theta1=0.1,theta2=0.2,theta3=-0.1"]])
@@ -175,15 +165,6 @@ def test_a_file_where_the_folder_should_be_is_refused(tmp_path, capsys):
     assert main(words) == 2
     assert "is a file, wanted a folder" in capsys.readouterr().err
     assert out.read_text() == "mine"
-
-
-def test_help_loads_nothing_heavy():
-    code = (
-        "import sys; from identification.cli.main import main; main(['map', '--help']);"
-        "print(sorted({'numpy', 'pinocchio', 'xarray', 'matplotlib', 'joblib'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n")
 
 
 def test_without_the_library_for_netcdf_the_map_is_written_and_the_command_to_install_is_told(

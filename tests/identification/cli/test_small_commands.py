@@ -167,15 +167,6 @@ def test_a_log_without_torque_needs_no_option(pendulum, tmp_path):
     assert np.nanmax(np.abs(measured - given)) < 0.02 * np.nanmax(np.abs(measured))
 
 
-def test_help_loads_nothing_heavy():
-    code = (
-        "import sys; from identification.cli.main import main; main(['view', '--help']);"
-        "print(sorted({'numpy', 'pinocchio', 'viser', 'trimesh'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n")
-
-
 @pytest.mark.skipif(not is_installed("viser"), reason="viser is not installed: it is in the extra view")
 def test_the_page_is_served_until_ctrl_c_which_ends_the_command_cleanly(pendulum, log):
     words = ["view", str(pendulum), str(log), "--no-open"]
@@ -321,16 +312,3 @@ def test_the_recording_itself_is_not_written_over(clean, capsys):
 def test_a_format_that_is_not_written_is_refused_before_any_work(clean, tmp_path, capsys):
     assert degraded(clean, tmp_path / "cheap.bag", *OFFSET) == 2
     assert "wanted a log that ends in .csv, .npz, .parquet" in capsys.readouterr().err
-
-
-@pytest.mark.whole
-def test_help_and_early_refusals_import_nothing_heavy(clean, tmp_path):
-    script = (
-        "import sys; from identification.cli.main import main; code = main(sys.argv[1:]); "
-        "print(code, *sorted({'scipy', 'pinocchio', 'numba'} & set(sys.modules)), file=sys.stderr)"
-    )
-    for words, code in ((["--help"], "0"), ([str(ARM), "no.csv", *OFFSET, "--out", "o.csv"], "2")):
-        child = subprocess.run(
-            [sys.executable, "-c", script, "degrade", *words], capture_output=True, text=True, cwd=tmp_path, check=True
-        )
-        assert child.stderr.splitlines()[-1] == code

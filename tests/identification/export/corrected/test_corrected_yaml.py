@@ -178,6 +178,7 @@ def test_a_value_that_is_not_finite_is_not_written():
             "center_z of payload is 1e.307 m, wanted at most 1e.12",
         ),
         ("value: 0.3", "value: -0.8", "torque of coulomb_friction is -0.8 N m, wanted a value from -0.7 to inf"),
+        ("joint: pin\n  parameters: {torque", "joint: null\n  parameters: {torque", "has no joint, wanted one of pin"),
         ("joint: pin\n  parameters: {torque", "joint: pun\n  parameters: {torque", "did you mean pin"),
     ],
 )
