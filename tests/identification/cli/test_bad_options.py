@@ -55,12 +55,6 @@ def test_no_log(pendulum, refusal):
     assert re.search(r"the following arguments are required: LOG; see phantom-dyn diagnose --help", refusal(pendulum))
 
 
-def test_a_log_that_is_given_twice(pendulum, log, refusal):
-    assert re.search(
-        r"log\.csv is given twice, as LOG and as LOG; give every recording once", refusal(pendulum, log, log)
-    )
-
-
 def test_a_log_that_is_its_own_hold_out(pendulum, log, refusal):
     again = log.parent / ".." / log.parent.name / log.name
     assert re.search(r"given twice, as LOG and as --hold-out", refusal(pendulum, log, "--hold-out", again))
@@ -84,16 +78,6 @@ def test_what_is_read_is_not_written_over(pendulum, log, capsys, option, name, m
     assert main(["diagnose", str(robot), str(log), option, str(log.parent / name)]) == 2
     assert re.search(message, capsys.readouterr().err)
     assert {path.name: path.read_bytes() for path in log.parent.iterdir()} == before
-
-
-def test_a_file_for_the_output_folder(pendulum, log, capsys):
-    assert main(["diagnose", str(pendulum), str(log), "--out", str(log)]) == 2
-    assert re.fullmatch(r"phantom-dyn: --out .*log\.csv is a file, wanted a folder; .*\n", capsys.readouterr().err)
-
-
-def test_a_file_above_the_output_folder(pendulum, log, capsys):
-    assert main(["diagnose", str(pendulum), str(log), "--out", str(log / "report")]) == 2
-    assert re.search(r"log\.csv is no folder; name a file in another place\n$", capsys.readouterr().err)
 
 
 def test_a_folder_for_the_json(pendulum, log, refusal):

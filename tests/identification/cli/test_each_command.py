@@ -90,24 +90,6 @@ def test_recordings_cannot_be_held_out(pendulum, logs, refusal):
     assert re.search(r"--hold-out was given with --each, which diagnoses every recording by itself", sentence)
 
 
-@pytest.mark.whole
-def test_a_folder_without_recordings(pendulum, tmp_path, refusal):
-    (tmp_path / "empty").mkdir()
-    assert re.search(
-        r"empty holds no recording: wanted files that end in", refusal(pendulum, tmp_path / "empty", "--each")
-    )
-
-
-@pytest.mark.whole
-def test_a_folder_without_each_is_no_log(pendulum, logs, refusal):
-    assert re.search(r"is a folder without metadata\.yaml", refusal(pendulum, logs))
-
-
-@pytest.mark.whole
-def test_a_log_in_a_folder_and_by_name_is_given_twice(pendulum, logs, refusal):
-    assert re.search(r"good\.csv is given twice", refusal(pendulum, logs, logs / "good.csv", "--each"))
-
-
 PENDULUM = str(ROBOTS / "pendulum.urdf")
 
 

@@ -16,7 +16,7 @@ from phantom_dyn import __version__
 from phantom_dyn.errors import UsageError
 from places import ROBOTS
 
-HEAVY = {"numpy", "viser", "pyarrow", "rosbags", "scipy", "matplotlib", "cvxpy", "plotly", "xarray", "numba", "pinocchio"}
+HEAVY = {"numpy", "scipy", "matplotlib", "pinocchio", "numba", "cvxpy", "plotly", "xarray", "viser", "rosbags"}
 LISTING = f"""
 import sys
 from identification.cli.main import main

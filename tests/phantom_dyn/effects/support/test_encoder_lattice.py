@@ -32,16 +32,6 @@ def test_few_levels_have_no_comb():
     assert coarse_step(np.round(np.linspace(0.0, 1.0, 500) * 9) / 9, STATED) is None
 
 
-def test_a_step_is_sharpened_to_the_mean_of_the_distances_that_are_multiples_of_it():
-    # Least squares by hand: (1.0 x 1 + 2.02 x 2) / (1 + 4); 1.5 is no multiple and is left out.
-    assert _sharpened(np.array([1.0, 2.02, 1.5]), 1.0) == pytest.approx(5.04 / 5.0)
-
-
-def test_a_step_above_all_distances_comes_to_nothing():
-    with np.errstate(invalid="ignore"):
-        assert np.isnan(_sharpened(np.array([0.3, 0.4]), 10.0))
-
-
 @pytest.mark.parametrize(("wrong", "believed"), [(2, True), (3, False)])
 def test_a_lattice_is_believed_while_no_more_than_two_in_a_hundred_levels_are_off(wrong, believed):
     levels = np.arange(100.0)
@@ -88,11 +78,6 @@ def test_readings_that_differ_by_rounding_of_numbers_are_one_level():
     np.testing.assert_array_equal(_levels(np.array([3.0, 3.0])), [3.0])
 
 
-def test_a_step_is_sharpened_until_all_multiples_are_met():
-    # By hand: from 1 the first two distances say 1.05, of which 10.6 is ten: (1.04 + 1.06 + 106) / (1 + 1 + 100).
-    assert _sharpened(np.array([1.04, 1.06, 10.6]), 1.0) == pytest.approx(108.1 / 102.0)
-
-
 @pytest.mark.parametrize(("off", "believed"), [(1e-3, True), (4e-3, False)])
 def test_an_error_of_the_step_counts_over_a_hundred_levels(off, believed):
     # Closed form: over a hundred levels it adds up to a tenth of a step either way at 2e-3, wherever they begin.
@@ -111,10 +96,6 @@ def test_a_level_within_a_tenth_of_a_step_lies_on_the_lattice(off, believed):
     levels = np.arange(100.0)
     levels[[10, 50, 90]] += off
     assert _on_lattice(levels, 1.0) is believed
-
-
-def test_levels_on_either_side_of_a_lattice_have_no_middle():
-    assert not _on_lattice(0.5 * np.arange(100.0), 1.0)
 
 
 def test_a_distance_within_a_fifth_of_a_step_of_a_multiple_counts():
