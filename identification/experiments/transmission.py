@@ -90,7 +90,7 @@ def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     Samples near the turns are left out: there the motor sticks, and friction takes whatever value holds it.
 
     Args:
-        loops: Of several rates; of one rate, B and C come out with the deviations of quantities hardly separable.
+        loops: Of several rates; with loops of one rate, B and C have large deviations, as they are hardly separable.
         cutoff_hz: Positions are low-passed here before they are differentiated [Hz].
 
     Returns:

@@ -50,9 +50,9 @@ def shown_above_noise(
 ) -> GateResult:
     """Is an effect that noise may imitate more than noise?
 
-    It is if there would be a gap without it: some joint is left with more than its noise, or with structure or events,
-    which are no noise, however uncertain the size of that is. It also is if it gains more than chance on joints with a
-    gap where the noise is taken as large as it may be. A stronger effect passes, or a quieter or longer recording.
+    It is if there would be a gap without it: the residual of some joint is larger than its noise, or has structure or
+    events, which noise does not have, however large it is. It is, too, if it gains more than chance on joints that have
+    a gap even with the largest possible noise. A stronger effect, a quieter recording or a longer one would pass.
 
     Args:
         growth: Relative growth of each joint's squared residual without it.

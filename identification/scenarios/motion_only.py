@@ -84,8 +84,8 @@ def _bound(actuator: Actuator) -> float:
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
     """``kp (q_ref - q) - kd v`` with the controller's own delays; zeros for joints without a drive.
 
-    The first part is limited as the controller states. Where the drive states a largest voltage, it is a voltage and
-    limited by that.
+    The first part is limited as the controller states. Where the drive states a largest voltage, that part is a
+    voltage, and this is its limit.
     """
     assert recording.q_ref is not None
     t = recording.t

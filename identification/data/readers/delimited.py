@@ -178,7 +178,7 @@ def _line_by_line(
 
 
 def _own_column(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
-    """The one column that a column of numbers is, or the sentence about its first value that is none."""
+    """A column of numbers under its own name, or the sentence about its first value that is no number."""
     result = _column_or_problem(file, name, cells, lines)
     return result if isinstance(result, str) else {name: result}
 

@@ -141,7 +141,7 @@ def _judged(rest: Rest) -> Array:
 
 
 def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
-    """Inputs that most replicates choose; without terms beyond chance, those of the best smooth function beyond it."""
+    """Inputs that most replicates choose; else those of the best smooth function that gains more than chance."""
     voted = rest.named({name for name, votes in choice.input_votes.items() if votes > _MOSTLY})
     if voted:
         return voted

@@ -22,10 +22,10 @@ _LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the s
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
 _STANDS = 0.01  # share of the largest joint velocity: a joint with less is not compared
 _LEAST = 40.0  # independent differences: with fewer a deviation is uncertain by more than a tenth
-# A drive with a loose controller repeats its motion to some per cent only. Motions may differ by this share, if the
-# change of the model's error between them is below this part of the difference that does not repeat.
+# A drive with a loose controller repeats its motion to some per cent only. Two motions may differ by the first share if
+# the model's error changes between them by less than the second share of the difference that does not repeat.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
-_FEW = 20.0  # independent differences of such motions at least: the interval gets as wide as these make it
+_FEW = 20.0  # least number of independent differences of such motions; with few of them the interval is wide
 # Largest relative difference of the clocks of two recordings, and number of offsets within two samples that are tried.
 _CLOCKS, _PLACES = 0.02, 41
 

@@ -18,7 +18,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 TWINS = 1e-11
 # Newton steps that remove the rounding of the inverse.
 _REFINED = 3
-# A multiplier is of the wrong sign from this share of the largest product with the residual on.
+# A multiplier has the wrong sign only beyond this share of the largest product of a column with the residual.
 _ROUNDING = 1e-12
 
 

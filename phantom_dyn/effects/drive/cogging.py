@@ -2,8 +2,8 @@
 
 It leaves the same torque at the same place in both directions and at any speed. Friction ripple flips with the
 direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds separate them, over at
-least one period. On a linear joint ``n`` is in radians per metre. What it is confused with below one period over the
-travelled range is gravity or a spring, so it is not looked for there.
+least one period. On a linear joint ``n`` is in radians per metre. Where a joint travels less than one period, the
+torque cannot be separated from gravity or a spring, so waves that long are not looked for.
 MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
 """
 
@@ -76,7 +76,7 @@ class Cogging(Effect):
         return wave_parameters(robot, joint, amplitude)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sets of one to so many orders as stand out in the residual torque over position, and come back often."""
+        """Sets of one, two and more of the strongest orders in the residual torque over position that repeat often."""
         row = row_of(robot, joint)
         found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)

@@ -1,9 +1,10 @@
 """A play of full width ``gap`` between motor and link.
 
 Where the torque ``tl`` that is passed to the link changes its sign, the link comes loose: the drive lacks ``tl`` until
-the free link has crossed the gap, and then an impact brings its speed back. Averaged over both nothing is left, so it
-shows above a frequency of one over the time of flight. Friction acts where the velocity crosses zero, backlash where
-the transmitted torque does: gravity separates the two. Compliance has a resonance that does not move with amplitude.
+the free link has crossed the gap, and then an impact brings its speed back. Flight and impact cancel on average, so the
+effect shows only at frequencies above one over the time of flight. Friction acts where the velocity crosses zero,
+backlash where the transmitted torque does: gravity separates the two. Compliance has a resonance that does not move
+with amplitude.
 Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
 MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
 no place for it.
@@ -37,7 +38,7 @@ from phantom_dyn.effects.transmission.transmission_compliance import followed_lo
 
 # Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
 _FLIGHTS = np.geomspace(0.008, 0.06, 12)
-# The load is followed up to an edge [Hz] within the first and third: it has to tell when a link comes loose.
+# Least, usual and highest edge [Hz] of the low pass of the load, which has to show when a link comes loose.
 _EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7

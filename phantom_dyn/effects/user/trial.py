@@ -42,8 +42,8 @@ REGIMES = (
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SAMPLES, _SECONDS = 64, 2.0
-# Half the range of the motion [rad or m]: of a joint that may turn, of one that slides, and in a closed chain, which
-# may not be closed far from where it stands.
+# Half the range of the motion [rad or m]: of a joint that turns, of one that slides, and of any in a closed chain,
+# whose loops may not close farther away.
 _TURN, _SLIDE, _CHAIN = 0.5, 0.1, 0.05
 # Share of the largest torque that differences of a linear law may leave: rounding, and far below any wrong law.
 _ROUNDING = 1e-6
@@ -54,7 +54,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
 
     Args:
         effect: The one that its author made.
-        robot: That it is brought for.
+        robot: The robot that the effect is for.
         origin: Where it is from, the beginning of a sentence such as ``my_effects.py: class QuadraticDrag``.
 
     Raises:
@@ -162,7 +162,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
     if np.abs(law(np.zeros(len(steps)))).max() > least:
         raise EffectError(
             f"{origin}: its torque is not zero where {', '.join(one.name for one in linear)} "
-            f"{'is' if len(linear) == 1 else 'are'} zero, so that it would be there without being there: give a "
+            f"{'is' if len(linear) == 1 else 'are'} zero, which should mean that the effect is absent: give a "
             "parameter that it is not linear in values to try, as in Parameter(..., tried=(0.1, 0.3))."
         )
     _require_linear(linear, steps, law, least, origin)
@@ -253,7 +253,7 @@ def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
 def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
     """Check that the columns of an author are minus the torque of the law per coefficient."""
     shapes = _asked(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
-    if not shapes:  # nothing to look for in such a motion, as a period that its residual does not have
+    if not shapes:  # the motion shows nothing to look for, such as a wave of several periods
         return
     shape = shapes[0]
     made = _asked(origin, "signature", lambda: effect.signature(robot, operation, joint, shape))
@@ -263,7 +263,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
     if made.columns.shape != wanted or not np.isfinite(made.columns).all():
         what = f"shape {made.columns.shape}" if made.columns.shape != wanted else "values that are not finite"
         raise EffectError(f"{origin}: signature gave columns of {what}, wanted {wanted} finite numbers.")
-    # Of these the columns are a part, an expansion or a share of the law, and so no plain multiple of it.
+    # Columns of such effects are only a part, an expansion or a share of the law and cannot be compared with it.
     if (
         not made.names
         or effect.first_order

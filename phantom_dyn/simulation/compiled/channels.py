@@ -1,6 +1,7 @@
 """Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give.
 
-Laws of effects are called by their numbers, which are no places in a list: see `phantom_dyn.effects.compiled_laws`.
+The number by which a law of an effect is called is an identifier, and not an index into a list: see
+`phantom_dyn.effects.compiled_laws`.
 """
 
 from __future__ import annotations
