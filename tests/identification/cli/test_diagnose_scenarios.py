@@ -113,17 +113,6 @@ def test_what_is_known_of_all_and_of_one_recording_leaves_no_gap(two, tmp_path, 
     assert (found["verdict"], found["findings"]) == ("no_gap", [])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("recordings: [{file: c.csv}]", "is c.csv, which is not among the recordings"),
-        ("recordings: [{file: log.csv, changed: [friction]}]", "log.csv is the only recording that fits see"),
-    ],
-)
-def test_what_cannot_be_used_is_refused(refusal, log, pendulum, tmp_path, text, message):
-    assert message in refusal(pendulum, log, "--recordings", stated(tmp_path, text))
-
-
 def test_recordings_by_themselves_have_nothing_between_them(refusal, log, pendulum, tmp_path):
     said = refusal(pendulum, log, "--each", "--recordings", stated(tmp_path, "recordings: []"))
     assert "--recordings was given with --each" in said
@@ -170,16 +159,6 @@ def test_a_log_of_positions_and_references_needs_no_option(motion_log, capsys):
     document, with_option = json.loads(out.read_text()), diagnosed_motion(motion_log, CONTROLLER, "--motion-only")[1]
     assert "positions and references only" in " ".join(document["data_warnings"])
     assert document["findings"] == json.loads(with_option.read_text())["findings"] != []
-
-
-def test_gains_that_nobody_states_are_estimated(motion_log, capsys):
-    code, out = diagnosed_motion(motion_log, "joints: {pin: {}}\n")
-    said = capsys.readouterr()
-    assert code == 0, said.err
-    document = json.loads(out.read_text())
-    assert "No gains of pin are stated: kp = 60" in " ".join(document["data_warnings"])
-    assert {"torque_constant", "viscous_friction"} <= {entry["effect"] for entry in document["not_testable"]}
-    assert {finding["effect"] for finding in document["findings"]} <= {"coulomb_friction", "stribeck_friction"}
 
 
 def test_a_log_of_positions_alone_is_refused_in_a_sentence(motion_log, capsys):

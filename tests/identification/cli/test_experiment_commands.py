@@ -302,11 +302,3 @@ def test_a_recording_too_short_for_its_parameters_is_refused_with_its_band(arm, 
     assert main(["identify", str(arm), str(short), "--out", str(tmp_path / "out")]) == 2
     assert "parameters of 2 joints: motion and torque stand above their noise up to" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_files_of_others_are_kept_and_a_folder_in_the_way_is_refused(arm, recording, tmp_path, capsys):
-    (tmp_path / "notes.txt").write_text("mine")
-    (tmp_path / "report.html").mkdir()
-    assert main(["identify", str(arm), str(recording), "--out", str(tmp_path)]) == 2
-    assert "report.html is a folder, wanted a file" in capsys.readouterr().err
-    assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", "report.html"}

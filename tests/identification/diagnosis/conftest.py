@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
 import pytest
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
-from lab import Lab
+from lab import Lab, Prepared
 from phantom_dyn.model.robot import Robot
 
 Effect = tuple[str, str | None, tuple[float, ...]]
@@ -30,3 +31,11 @@ def lacking(lab: Lab, planar2: Robot) -> Callable[..., Recording]:
 def diagnosed(planar2: Robot, lacking: Callable[..., Recording]) -> Callable[..., Diagnosis]:
     """The diagnosis of such a recording, made once."""
     return cache(lambda *effects, seed=3: diagnose(planar2, (lacking(*effects, seed=seed),)))
+
+
+@pytest.fixture(scope="session")
+def rough(lab: Lab, planar2: Robot) -> Prepared:
+    """The planar arm with Coulomb and viscous friction that the model lacks, and its term on each joint."""
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))

@@ -37,14 +37,6 @@ def test_a_solution_inside_its_bounds_is_that_of_the_equations(rng):
     np.testing.assert_allclose(found, np.linalg.lstsq(x, y, rcond=None)[0])
 
 
-@pytest.fixture(scope="module")
-def rough(lab, planar2):
-    """The planar arm with Coulomb and viscous friction that the model lacks, and its term on each joint."""
-    motion = lab.motion(2, 3)
-    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
-    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-
-
 def rows_of(prepared, blocks, active, core):
     """Weighted columns and residual of some blocks, all rows below each other."""
     x, y = [], []

@@ -40,14 +40,6 @@ SETS = (
 LOAD, TILT = ("payload", None), ("base_tilt", None)
 
 
-@pytest.fixture(scope="module")
-def rough(lab, planar2):
-    """An arm within its tolerances with friction on both joints that its model lacks."""
-    motion = lab.motion(2, 3)
-    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
-    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-
-
 def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the_search(rough, monkeypatch):
     # By hand: two fits may be made, one of each problem.
     load, rub = (frozenset([rough.term(*place)]) for place in (LOAD, ("coulomb_friction", "elbow")))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -13,6 +12,7 @@ from phantom_dyn.effects.drive.torque_offset import TorqueOffset
 from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, followed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
+from pinocchio_torque import pinocchio_torque
 
 EFFECT = TorqueSaturation()
 
@@ -328,11 +328,7 @@ def test_it_is_the_armature_of_pinocchio(arm, operation):
     # Pinocchio: rnea of the model with that armature asks the drive for more by minus the effect's torque.
     heavier = arm.model.copy()
     heavier.armature = arm.model.armature + np.array([0.0, 0.3, 0.0])
-
-    def needed(model: pin.Model) -> np.ndarray:
-        data = model.createData()
-        states = zip(operation.q, operation.v, operation.a, strict=True)
-        return np.array([pin.rnea(model, data, *state) for state in states])
-
     torque = RotorInertia().torque(arm, operation, "tilt", np.array([0.3]))
-    np.testing.assert_allclose(torque, needed(arm.model) - needed(heavier), atol=1e-12)
+    np.testing.assert_allclose(
+        torque, pinocchio_torque(arm.model, operation) - pinocchio_torque(heavier, operation), atol=1e-12
+    )

@@ -13,6 +13,7 @@ from phantom_dyn.errors import RobotError
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from pinocchio_torque import pinocchio_torque
 from places import ROBOTS
 
 THETA = np.array([0.8, 0.1, -0.05, 0.2])  # kg, m
@@ -22,13 +23,7 @@ def added_torque(robot: Robot, operation: Operation, joint: str, inertia: pin.In
     """Pinocchio: torque that a body more on a joint adds."""
     loaded = robot.model.copy()
     loaded.appendBodyToJoint(loaded.getJointId(joint), inertia, pin.SE3.Identity())
-
-    def needed(model: pin.Model) -> np.ndarray:
-        data = model.createData()
-        states = zip(operation.q, operation.v, operation.a, strict=True)
-        return np.array([pin.rnea(model, data, *state) for state in states])
-
-    return needed(loaded) - needed(robot.model)
+    return pinocchio_torque(loaded, operation) - pinocchio_torque(robot.model, operation)
 
 
 def test_the_torque_is_minus_what_a_point_mass_more_needs(arm, operation):
@@ -220,13 +215,7 @@ def torque_of_changed(robot: Robot, operation: Operation, changes: dict[str, np.
         changed.inertias[index] = pin.Inertia.FromDynamicParameters(
             robot.model.inertias[index].toDynamicParameters() + change
         )
-
-    def needed(model: pin.Model) -> np.ndarray:
-        data = model.createData()
-        states = zip(operation.q, operation.v, operation.a, strict=True)
-        return np.array([pin.rnea(model, data, *state) for state in states])
-
-    return needed(robot.model) - needed(changed)
+    return pinocchio_torque(robot.model, operation) - pinocchio_torque(changed, operation)
 
 
 def test_the_torque_of_one_link_is_minus_what_its_changes_need(arm, operation, rng):

@@ -11,7 +11,6 @@ from phantom_dyn.effects.support.displaced import exact_change_by_link, link_loa
 from phantom_dyn.effects.transmission.backlash import Backlash, Play, play, under_all_load
 from phantom_dyn.effects.transmission.transmission_compliance import (
     TransmissionCompliance,
-    _edge,
     _followed,
     followed_load,
     swing,
@@ -223,25 +222,6 @@ def test_the_column_is_the_torque_of_the_displaced_link_over_the_compliance(arm,
     column = EFFECT.signature(arm, smooth, "tilt", (1 / stiffness,)).columns[:, :, 0]
     law = EFFECT.torque(arm, smooth, "tilt", np.array([stiffness]))
     np.testing.assert_allclose(law, -column / stiffness, atol=1e-2 * np.abs(law).max())
-
-
-def test_at_its_edge_a_load_is_followed_by_half_and_without_delay():
-    # Closed form: a Butterworth filter takes 3 dB off at its edge, passed twice it takes six.
-    t = np.arange(3000) / 500.0
-    wave = np.sin(2 * np.pi * 10.0 * t)
-    np.testing.assert_allclose(_followed(t, wave, 10.0)[500:-500], 0.5 * wave[500:-500], atol=1e-3)
-    np.testing.assert_allclose(_followed(t, np.full(3000, 2.0), 10.0), 2.0)
-    np.testing.assert_allclose(_followed(t[:20], np.full(20, 2.0), 10.0), 2.0)
-
-
-@pytest.mark.parametrize(("samples", "edge", "kept"), [(15, 10.0, True), (16, 10.0, False), (100, 201.0, True)])
-def test_a_load_is_not_filtered_where_there_is_nothing_to_filter(rng, samples, edge, kept):
-    load = rng.normal(size=samples)
-    assert np.array_equal(_followed(np.arange(samples) / 500.0, load, edge), load) is kept
-
-
-def test_few_samples_end_at_the_middle_edge():
-    assert _edge(np.arange(15) / 500.0, np.ones(15), 0.1, 1e-4, EDGES) == 12.0
 
 
 def test_the_load_that_is_followed_ends_at_an_edge_by_the_middle_inertia(smooth):
