@@ -27,7 +27,13 @@ from identification.export.corrected.given_drives import set_drives
 from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
 from identification.export.model_files.mjcf_file import add_followers, inertial_of
 from identification.export.model_files.tree import LinkInertia
-from identification.export.model_files.urdf_file import attribute_text, child_of, comment_parser, own_inertia
+from identification.export.model_files.urdf_file import (
+    attribute_text,
+    child_of,
+    comment_parser,
+    own_inertia,
+    set_inertial,
+)
 from identification.notes import Note
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
@@ -121,12 +127,12 @@ def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> No
         inertia = _in_axes_of_link(robot, body, inertia)
         if breaks_triangle(inertia.inertia):
             raise RobotError(f"MuJoCo takes no body with the inertia of {body_name(robot, body)} in {file.name}.")
-        _set_inertia(element, inertia)
+        set_inertial(element, inertial_of(inertia))
         for name in losing:
             fixed = next((e for e in element.iter("body") if e.get("name") == name), None)
             if fixed is None:
                 raise RobotError(f"{file.name} has no body {name} on {element.get('name')}.")
-            _set_inertia(fixed, LinkInertia(0.0, np.zeros(3), np.zeros((3, 3))))
+            set_inertial(fixed, inertial_of(LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))))
 
 
 def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
@@ -158,12 +164,6 @@ def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInert
     frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
     moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
     return LinkInertia(float(moved.mass), np.array(moved.lever), np.array(moved.inertia))
-
-
-def _set_inertia(body: Element, inertia: LinkInertia) -> None:
-    for old in body.findall("inertial"):
-        body.remove(old)
-    body.insert(0, inertial_of(inertia))
 
 
 def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:

@@ -162,7 +162,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
         for name in losing:
             for element in links[name].findall("inertial"):
                 links[name].remove(element)
-        _set_inertia(links[own], inertia)
+        set_inertial(links[own], inertial_element(inertia))
     _set_friction(root, robot, given)
     _relocate(root, file.resolve().parent, folder)
     ElementTree.indent(root)
@@ -196,10 +196,11 @@ def attribute_text(numbers) -> str:
     return " ".join(repr(float(x)) for x in np.ravel(numbers))
 
 
-def _set_inertia(link: Element, inertia: LinkInertia) -> None:
+def set_inertial(link: Element, inertial: Element) -> None:
+    """Put an ``<inertial>`` in the place of those that a link or body has."""
     for element in link.findall("inertial"):
         link.remove(element)
-    link.insert(0, inertial_element(inertia))
+    link.insert(0, inertial)
 
 
 def _set_friction(root: Element, robot: Robot, given: Robot) -> None:

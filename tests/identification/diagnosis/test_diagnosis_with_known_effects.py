@@ -63,19 +63,6 @@ def test_inertial_parameters_that_are_not_named_did_not_move(planar2, tmp_path):
     assert known_effects((corrected(tmp_path, entry),), planar2)[0].theta == (0.0, 0.0, 0.0, 0.1, *[0.0] * 6)
 
 
-def test_an_unknown_joint_is_refused(planar2, tmp_path):
-    file = corrected(tmp_path, {**COULOMB, "joint": "knee"})
-    with pytest.raises(ParameterError, match=r"corrected\.yaml: effect coulomb_friction is on joint 'knee', which this "
-                       r"robot does not have: the joints are shoulder, elbow;"):  # fmt: skip
-        known_effects((file,), planar2)
-
-
-def test_an_unknown_effect_is_refused(planar2, tmp_path):
-    file = corrected(tmp_path, {**COULOMB, "effect": "magic"})
-    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': the effects are viscous_friction"):
-        known_effects((file,), planar2)
-
-
 @pytest.mark.parametrize("parameters", [{}, {"torque": value(0.3), "level": value(1.0)}], ids=["missing", "unknown"])
 def test_parameters_that_are_not_those_of_the_effect_are_refused(planar2, tmp_path, parameters):
     file = corrected(tmp_path, {**COULOMB, "parameters": parameters})
