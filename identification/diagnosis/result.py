@@ -108,7 +108,8 @@ class JointGap:
         hold_out_samples: Number of held-out samples.
         rms_torque: Measured torque; None where it is not known.
         rms_within_tolerance: Residual of the model with the best moves within its tolerances and no finding.
-        noise_floor_interval: Of the floor, at 95 % over all joints together.
+        noise_floor_interval: Of the floor, at 95 % over all joints together. With the source ``sensors`` the upper end
+            is at least the noise that drives of this kind make, which their sensors do not show.
         noise_floor_source: ``sensors``, ``repetitions`` or ``none``; the last is an upper limit only, the residual of
             flexible predictors.
         discrepancy: Error of a sound model on drives of this kind, root mean square; None: not stated.

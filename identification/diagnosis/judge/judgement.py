@@ -27,7 +27,7 @@ from identification.diagnosis.judge.findings.bench import Bench, Residuals, Show
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
 from identification.diagnosis.judge.findings.shown import in_band, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_sound
-from identification.diagnosis.judge.floors import Floor, Sensed, floor_of, sensed_floor, sensed_of
+from identification.diagnosis.judge.floors import SENSORS, Floor, Sensed, floor_of, sensed_floor, sensed_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise, most_foreseen
@@ -40,7 +40,7 @@ from identification.diagnosis.judge.verdict import (
     unexplained,
     verdict,
 )
-from identification.diagnosis.noise.discrepancy import slow_samples
+from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, slow_samples
 from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.search import Search
@@ -285,6 +285,9 @@ def joint_gaps(
         by_regime: `JointGap.left` of each joint; None: not known.
     """
     robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
+    of_drive = DRIVE_CLASSES[robot.torque_source].of_noise * torque
+    # Repetitions show the noise of the drive, too. Gates ask for less than it: what an effect adds is not random.
+    highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
     out = []
     for j, joint in enumerate(robot.joint_names):
         noise, tolerated, left = float(floor.value[j]), float(within.rms()[j]), float(after.rms()[j])
@@ -300,7 +303,7 @@ def joint_gaps(
                 int(after.counts[:, j].sum()),
                 rms_torque=float(torque[j]),
                 rms_within_tolerance=tolerated,
-                noise_floor_interval=(float(floor.low[j]), float(floor.high[j])),
+                noise_floor_interval=(float(floor.low[j]), float(highest[j])),
                 noise_floor_source=floor.source[j],
                 discrepancy=None if floor.discrepancy is None else float(floor.discrepancy[j]),
                 closed=None if closed is None else float(closed),

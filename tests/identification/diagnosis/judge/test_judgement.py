@@ -91,6 +91,21 @@ def test_a_joint_has_a_gap_from_above_the_upper_end_of_its_floor(quiet, within, 
     assert (first.unit, first.joint, second.joint) == ("N m", "shoulder", "elbow")
 
 
+@pytest.mark.parametrize(
+    ("source", "read_by", "share"),
+    [("sensors", "command", 0.025), ("sensors", "sensor", 0.0), ("repetitions", "command", 0.0)],
+)
+def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, source, read_by, share):
+    # By hand: the upper end is a share of the measured torque, or what was read where that is more.
+    session = replace(quiet.session, robot=replace(quiet.session.robot, torque_source=read_by))
+    problem = replace(quiet.problem, session=session)
+    loud = 1e3 * np.ones(2)
+    for high, floor in ((1e-9, np.full(2, 1e-9)), (1e3, loud)):
+        found = Floor(floor, floor, floor, (source,) * 2)
+        for gap in joint_gaps(problem, found, alike((1.0, 1.0)), alike((1.0, 1.0)), alike((1.0, 1.0))):
+            assert gap.noise_floor_interval == (high, pytest.approx(max(high, share * gap.rms_torque)))
+
+
 def test_the_measured_torque_of_a_joint_is_what_the_model_needs_and_what_it_leaves(quiet):
     columns = quiet.columns
     problem = replace(quiet.problem, session=replace(quiet.session, cutoff_hz=1e3))
