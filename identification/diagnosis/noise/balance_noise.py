@@ -34,7 +34,7 @@ _OF_ENCODERS = 0.5  # largest share of a part's power from the encoders: beyond,
 _MEDIAN = 0.4549364  # median of the square of a standard normal variable
 _EFFICIENCY = 0.37  # efficiency of that median relative to the mean
 _HIDDEN = 0.3  # share of a part's power below which the torque's noise may be an error of the encoders' part
-_LOWEST = 2  # number of parts with the least power that are averaged: remains of motion and effects raise the others
+_LOWEST = 2  # most parts with the least power that are averaged: remains of motion and effects raise the others
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,10 @@ class Part:
 def balance_noise(parts: list[Part], deviations: float) -> Density | None:
     """White noise of a joint's torque balance [(N m)^2/Hz] and its interval; None without any part.
 
-    The value is the mean of the two parts with the least power. The interval reaches from the least power to that of
-    the part next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
+    White noise is in every part. The value is the mean of the two parts with the least power where these agree, and
+    else the least power: more in the other one is no white noise, as at a resonance. Neither is it larger than the
+    whole power of a part in which encoder noise dominates. The interval reaches from the least power to that of the
+    part next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
     uncertainty of a median. Where encoder noise dominates every part, the interval reaches up to the uncertainty of the
     encoders' part.
 
@@ -72,18 +74,29 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
         deviations: Half width of the interval in standard errors.
     """
     clear = sorted((one for one in parts if one.encoders < _OF_ENCODERS * one.whole), key=lambda one: one.torque)
+    hidden = [one for one in parts if one not in clear]
+    if not parts:
+        return None
     if not clear:
-        least = min(parts, key=lambda one: one.whole, default=None)
-        if least is None:
-            return None
         # A small difference may be an error of the encoders' part.
+        least = min(hidden, key=lambda one: one.whole)
         value = least.torque if least.torque > _HIDDEN * least.whole else 0.0
         return Density(value, 0.0, max(least.torque, 0.0) + _HIDDEN * least.whole)
     lowest = clear[:_LOWEST]
-    value = float(np.mean([one.torque for one in lowest]))
-    reach = float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in lowest)))))
-    nearest = min(clear, key=lambda one: one.centre).torque
-    return Density(value, clear[0].torque / reach, max(value, nearest) * reach)
+    if lowest[-1].torque > lowest[0].torque * _reach(lowest, deviations) ** 2:
+        lowest = clear[:1]
+    reach = _reach(lowest, deviations)
+    value = min([float(np.mean([one.torque for one in lowest])), *(one.whole for one in hidden)])
+    highest = min(clear, key=lambda one: one.centre).torque
+    nearest = min(parts, key=lambda one: one.centre)
+    highest = min(highest, nearest.whole) if nearest in hidden else highest
+    low = clear[0].torque / reach
+    return Density(value, low if low <= value else 0.0, max(value, highest) * reach)
+
+
+def _reach(parts: list[Part], deviations: float) -> float:
+    """Factor by which the mean power of some parts may be wrong, as it is of medians."""
+    return float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in parts)))))
 
 
 def balance_parts(

@@ -24,6 +24,7 @@ from phantom_dyn.effects.author import (
     Shape,
     Signature,
     Simulated,
+    SpecialCase,
     command_law,
     on_one_joint,
     row_of,
@@ -33,7 +34,7 @@ from phantom_dyn.effects.author import (
 from phantom_dyn.effects.support.rows import hidden_behind_drive, moving_average, stated_limit
 
 # Limits are tried that the command exceeds in these shares of the recording, and one that the needed torque exceeds.
-_BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
+_BEYOND = (0.4, 0.2, 0.1, 0.05, 0.02, 0.01)
 _NEEDED_BEYOND = 0.02
 # A limit is accepted if the command exceeds it for this time at least once [s]. If the command exceeds it for more than
 # this share of the recording, the needed torque must certainly not rise with the command: friction that the model lacks
@@ -120,6 +121,15 @@ class TorqueSaturation(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """About one: with any other coefficient the effect is not a saturation."""
         return ((0.85, 1.15),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """None: a limit of zero is no drive at all, and one that the command never reaches has no torque.
+
+        In one short event a limit and its coefficient do the same, so neither is known well by itself.
+        """
+        return ()
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """The limit is the shape."""

@@ -151,9 +151,9 @@ def test_a_play_is_none_where_no_share_of_it_is_there(arm):
     np.testing.assert_array_equal(case.numbers, [0.9])
 
 
-def test_a_limit_is_none_where_it_is_zero(arm):
-    (case,) = effect_named("torque_saturation").special_cases(arm, "tilt", np.array([0.9]), (0.02,))
-    np.testing.assert_array_equal(case.numbers, [0.02])
+def test_a_limit_is_no_other_law_whatever_its_size(arm):
+    # A limit of zero is no drive at all; one that the command never reaches has no torque, and is not fitted.
+    assert effect_named("torque_saturation").special_cases(arm, "tilt", np.array([0.9]), (0.02,)) == ()
 
 
 def test_a_spring_without_stiffness_is_a_torque_offset(arm):

@@ -226,15 +226,25 @@ def test_what_the_encoders_make_is_taken_off():
 
 
 def test_the_two_lowest_parts_are_the_noise_and_the_nearest_its_upper_end():
-    # By hand: what is left of the motion raises the others.
-    parts = [Part(f, level, 0.0, 1e6) for f, level in ((10.0, 9.0), (20.0, 2.0), (30.0, 1.0), (40.0, 3.0))]
+    # By hand: what is left of the motion raises the others. Medians of so many values are sure to exp(0.1) in one
+    # deviation.
+    count = 100.0 / 0.37
+    parts = [Part(f, level, 0.0, count) for f, level in ((10.0, 9.0), (20.0, 1.2), (30.0, 1.0), (40.0, 3.0))]
+    seen = balance_noise(parts, 1.0)
+    assert (seen.low, seen.value, seen.high) == pytest.approx((np.exp(-0.1), 1.1, 9.0 * np.exp(0.1)))
+
+
+def test_noise_that_one_part_alone_has_is_not_white():
+    # By hand: a resonance at 20 Hz has far more power than the parts about it, in which white noise would be, too.
+    parts = [Part(f, level, 0.0, 1e6) for f, level in ((10.0, 1.0), (20.0, 20.0), (40.0, 30.0))]
     seen = balance_noise(parts, 0.0)
-    assert (seen.low, seen.value, seen.high) == (1.0, 1.5, 9.0)
+    assert (seen.low, seen.value, seen.high) == (1.0, 1.0, 1.0)
 
 
-def test_parts_that_are_mostly_the_encoders_do_not_count():
-    seen = balance_noise([Part(10.0, 2.0, 0.0, 1e6), Part(20.0, 1.0, 0.8, 1e6)], 0.0)
-    assert seen.value == 2.0
+def test_white_noise_is_no_larger_than_a_part_that_is_mostly_the_encoders():
+    # By hand: the part next to the motion has a power of 1 in all, whatever it is made of.
+    seen = balance_noise([Part(10.0, 1.0, 0.8, 1e6), Part(20.0, 2.0, 0.0, 1e6)], 0.0)
+    assert (seen.low, seen.value, seen.high) == (0.0, 1.0, 1.0)
 
 
 def test_noise_that_the_encoders_hide_need_not_be_there_and_is_three_tenths_of_theirs_at_most():

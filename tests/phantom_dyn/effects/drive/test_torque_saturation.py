@@ -68,7 +68,7 @@ def test_friction_that_the_model_lacks_is_no_limit_though_it_is_beyond_one_most_
 def test_limits_that_are_tried_are_exceeded_for_a_known_share(arm, saturated):
     # Closed form: |sine| exceeds sin(x) for the share 1 - 2 x / pi.
     limits = [limit for (limit,) in EFFECT.shapes(arm, replace(saturated, tau=9.0 * np.ones((2000, 3))), "tilt")]
-    shares = [0.4, 0.2, 0.1, 0.04, 0.01]
+    shares = [0.4, 0.2, 0.1, 0.05, 0.02, 0.01]
     np.testing.assert_allclose(limits, [*4.0 * np.cos(np.pi / 2 * np.array(shares)), 9.0], rtol=5e-3)
 
 
