@@ -82,6 +82,10 @@ LITTLE_STRUCTURE = 0.1
 # share: of the measured torque, as an ordinary effect makes it.
 ORDINARY_SHARE = 0.1
 
+# share: of the measured torque, half of what an ordinary effect makes. More that only friction in doubt may make is not
+# called free of a gap.
+OPEN_SHARE = 0.05
+
 # share: of its limit above which a move counts as at the limit; solvers stop a rounding error short of it.
 AT_LIMIT = 0.999
 

@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained, noise_is_all
+from identification.diagnosis.judge.verdict import is_open
+from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES
+from identification.diagnosis.result import (
+    Adjusted,
+    Diagnosis,
+    EffectAt,
+    Finding,
+    JointGap,
+    Unexplained,
+    noise_is_all,
+)
 from identification.engine import contract_levels
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import (
@@ -88,6 +98,14 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         return (
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
             "the positions and the torques stand in the right columns, or record with less noise."
+        )
+    open_ = [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
+    if diagnosis.verdict == "not_testable" and open_:
+        one = max(open_, key=_of_torque)
+        return (
+            f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
+            f"{percent(_of_torque(one))} of the torque is left. Friction may make it where the joint stands, creeps or "
+            "turns about, but a gap may as well. Record motion that stands less and turns about faster."
         )
     known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
     if diagnosis.verdict == "not_testable" and known:
@@ -185,12 +203,22 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
         )
     creeping = [gap for gap in diagnosis.joints if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and creeping:
-        one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
+        one = max(creeping, key=_of_torque)
+        by_drive = _of_torque(one) <= DRIVE_CLASSES["command"].of_noise
         out.append(
             f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
-            "where joints stand, creep or turn about and friction is in doubt."
+            + (
+                f"{percent(_of_torque(one))} of its torque and without structure, which drives make by themselves."
+                if by_drive
+                else "where joints stand, creep or turn about and friction is in doubt."
+            )
         )
     return out
+
+
+def _of_torque(gap: JointGap) -> float:
+    """What is left on a joint as a share of its torque; zero where the torque is not known."""
+    return gap.rms_after / gap.rms_torque if gap.rms_torque else 0.0
 
 
 def moves_carry(diagnosis: Diagnosis) -> float | None:

@@ -41,7 +41,7 @@ def verdict(
     if not findings:
         if not clean or any(joint.rms_after > joint.allowed for joint in joints):
             return "unknown"
-        known = all(joint.noise_is_known for joint in joints if joint.hold_out_samples)
+        known = all(joint.noise_is_known and not is_open(joint) for joint in joints if joint.hold_out_samples)
         return "no_gap" if known and not hides else "not_testable"
     little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
     if little and not left.times and all(nearly_closed(joint) for joint in joints):
@@ -53,6 +53,15 @@ def verdict(
 def not_explained(said: str) -> str:
     """The verdict where a finding has an implausible size: its cause may be another one."""
     return "partly_explained" if said == "explained" else said
+
+
+def is_open(joint: JointGap) -> bool:
+    """True if so much is left on a joint that only friction in doubt may make it, and it may be a gap as well.
+
+    Where a joint stands, creeps or turns about, friction may hold any torque.
+    """
+    above = joint.rms_after > contract_levels.FLOORS_LEFT * joint.noise_floor
+    return bool(above and joint.rms_torque is not None and joint.rms_after > rules.OPEN_SHARE * joint.rms_torque)
 
 
 def nearly_closed(joint: JointGap) -> bool:

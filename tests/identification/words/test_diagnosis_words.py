@@ -291,6 +291,20 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, Hidden("change", 0.1))
             "explained",
         ),
         (
+            {"verdict": "no_gap", "findings": (), "joints": (dataclasses.replace(FLOORS, rms_after=0.048),)},
+            "is left, 2 % of its torque and without structure, which drives make by themselves",
+            "in doubt",
+        ),
+        (
+            {
+                "verdict": "not_testable",
+                "findings": (),
+                "joints": (dataclasses.replace(FLOORS, rms_after=0.12, noise_floor_source="sensors"),),
+            },
+            "does not show whether there is a gap: on joint j1 6 % of the torque is left. Friction may make it",
+            "ordinary",
+        ),
+        (
             {"verdict": "no_gap", "joints": (dataclasses.replace(FLOORS, rms_after=0.03, rms_torque=0.2),)},
             "On joint j1 15 % of the torque counts as noise, because nothing predicts it",
             "times its noise floor",

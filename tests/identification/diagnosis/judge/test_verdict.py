@@ -52,6 +52,16 @@ def test_a_joint_that_was_never_judged_does_not_need_a_known_noise():
     assert said([joint(1.0, 1.0), unseen]) == "no_gap"
 
 
+@pytest.mark.parametrize(
+    ("after", "torque", "expected"),
+    [(2.0, 41.0, "no_gap"), (2.0, 39.0, "not_testable"), (1.5, 3.0, "no_gap"), (2.0, None, "no_gap")],
+)
+def test_what_only_friction_in_doubt_may_make_is_no_gap_up_to_a_twentieth_of_the_torque(after, torque, expected):
+    # By hand: 1.5 noise floors and less are noise, whatever the torque.
+    loud = replace(joint(after, after), noise_floor_interval=(0.9, 5.0), rms_torque=torque)
+    assert said([joint(1.0, 1.0), loud]) == expected
+
+
 @pytest.mark.parametrize(("after", "expected"), [(1.48, "no_gap"), (1.50, "unknown")])
 def test_noise_and_discrepancy_together_are_what_may_be_left(after, expected):
     # By hand: squares of 1.1 and 1.0 add to that of 1.487.
