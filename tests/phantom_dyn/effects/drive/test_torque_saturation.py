@@ -57,6 +57,14 @@ def test_a_limit_that_the_command_exceeds_most_of_the_time_is_one_if_the_motion_
     assert EFFECT.signature(arm, driven, "tilt", (0.5,)).columns.any()
 
 
+@pytest.mark.parametrize(("limit", "believed"), [(0.33, True), (0.29, False)])
+def test_a_limit_that_the_command_hardly_ever_keeps_is_none(arm, saturated, limit, believed):
+    # Closed form: a sine of amplitude 4 is beyond 0.314 for 95 % of the time. A model that lacks its load needs little
+    # torque, whatever is commanded.
+    driven = replace(saturated, expected=np.clip(saturated.logged, -limit, limit))
+    assert EFFECT.signature(arm, driven, "tilt", (limit,)).columns.any() == believed
+
+
 def test_friction_that_the_model_lacks_is_no_limit_though_it_is_beyond_one_most_of_the_time(arm, saturated):
     # The model needs 0.5 N m of friction and a little inertia, the robot 1 N m: a constant beyond a constant.
     direction = np.sign(saturated.logged)
