@@ -75,7 +75,10 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     after = _less(sums(problem, residual), rounding.total)
     bursts = _events(problem, left)
     left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.discrepancy)
-    joints = joint_gaps(problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left))
+    foreseen = left_over.fraction_of_explainable > 0.0
+    joints = joint_gaps(
+        problem, left.floor, sums(problem, given), within, after, _by_regime(problem, left), foreseen=foreseen
+    )
     left_over = _located(_timed(left_over, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = smallest_seen(
@@ -273,6 +276,8 @@ def joint_gaps(
     within: Sums,
     after: Sums,
     by_regime: tuple[tuple[float, float], ...] | None = None,
+    *,
+    foreseen: bool = False,
 ) -> tuple[JointGap, ...]:
     """Gap of each joint: of the given model, within its tolerances, and of the corrected model.
 
@@ -283,9 +288,10 @@ def joint_gaps(
         within: Residual of the best moves within its tolerances.
         after: Residual of moves and findings.
         by_regime: `JointGap.left` of each joint; None: not known.
+        foreseen: Whether predictors foresee some of what is left: then it is not the noise of drives.
     """
     robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
-    of_drive = DRIVE_CLASSES[robot.torque_source].of_noise * torque
+    of_drive = 0.0 if foreseen else DRIVE_CLASSES[robot.torque_source].of_noise * torque
     # Repetitions show the noise of the drive, too. Gates ask for less than it: what an effect adds is not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
     out = []

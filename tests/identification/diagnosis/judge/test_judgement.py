@@ -92,17 +92,23 @@ def test_a_joint_has_a_gap_from_above_the_upper_end_of_its_floor(quiet, within, 
 
 
 @pytest.mark.parametrize(
-    ("source", "read_by", "share"),
-    [("sensors", "command", 0.025), ("sensors", "sensor", 0.0), ("repetitions", "command", 0.0)],
+    ("source", "read_by", "foreseen", "share"),
+    [
+        ("sensors", "command", False, 0.025),
+        ("sensors", "command", True, 0.0),
+        ("sensors", "sensor", False, 0.0),
+        ("repetitions", "command", False, 0.0),
+    ],
 )
-def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, source, read_by, share):
+def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, source, read_by, foreseen, share):
     # By hand: the upper end is a share of the measured torque, or what was read where that is more.
     session = replace(quiet.session, robot=replace(quiet.session.robot, torque_source=read_by))
     problem = replace(quiet.problem, session=session)
     loud = 1e3 * np.ones(2)
     for high, floor in ((1e-9, np.full(2, 1e-9)), (1e3, loud)):
         found = Floor(floor, floor, floor, (source,) * 2)
-        for gap in joint_gaps(problem, found, alike((1.0, 1.0)), alike((1.0, 1.0)), alike((1.0, 1.0))):
+        left = alike((1.0, 1.0))
+        for gap in joint_gaps(problem, found, left, left, left, foreseen=foreseen):
             assert gap.noise_floor_interval == (high, pytest.approx(max(high, share * gap.rms_torque)))
 
 
