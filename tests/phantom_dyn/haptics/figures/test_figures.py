@@ -248,7 +248,7 @@ def test_cheap_axis_figure_draws_what_is_asked_and_what_is_felt(swing):
 
 
 def test_link_figure_draws_limits_and_noise_over_the_loss_in_per_cent():
-    felt = [NoiseFelt(0.1, 1e-3, 0.2), NoiseFelt(0.2, 2e-3, 0.3)]
+    felt = [NoiseFelt(0.1, 1e-3), NoiseFelt(0.2, 2e-3)]
     figure = figures.lossy_link_figure(np.array([0.0, 0.5]), {"rigid": [6.0, 5.0]}, {"gain 2": felt}, name="LHIfAM")
     np.testing.assert_array_equal(line(figure, "rigid"), ([0, 50], [6, 5]))
     np.testing.assert_array_equal(line(figure, "gain 2"), ([0, 50], [0.1, 0.2]))
