@@ -2,6 +2,7 @@
 
     python benchmarks/noise_floor.py given FOLDER...       cases with answers that state the floor of the sensors
     python benchmarks/noise_floor.py make --seeds 0:20     sealed cases without an effect, whose clean record is known
+    python benchmarks/noise_floor.py repeated FILE...      noise over torque, by diagnoses of repeated motions
 
 The true floor is the root mean square, in a stated band, of the inverse dynamics of the noisy record less that of the
 clean one, on the same run, with friction as it acted. A given answer has it below a frequency of its own
@@ -151,14 +152,28 @@ def _cases(words: argparse.Namespace) -> Iterator[Compared]:
                 yield case
 
 
+def repeated(diagnosis: Path) -> list[str]:
+    """Lines with noise over torque of the joints whose noise a ``diagnosis.json`` has from repetitions."""
+    return [
+        f"{diagnosis} {one['joint']} {100 * one['noise_floor'] / one['rms_torque']:.1f} %"
+        for one in json.loads(diagnosis.read_text())["joints"]
+        if one["noise_floor_source"] == "repetitions"
+    ]
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Reads the command line and prints a line a case, then the figures."""
     parser = argparse.ArgumentParser(description="The propagated noise floor against the true one.")
     kinds = parser.add_subparsers(dest="kind", required=True)
     kinds.add_parser("given").add_argument("folders", nargs="+", type=Path)
     kinds.add_parser("make").add_argument("--seeds", type=seed_range, default=range(20))
+    kinds.add_parser("repeated").add_argument("diagnoses", nargs="+", type=Path)
+    given_words = parser.parse_args(words)
+    if given_words.kind == "repeated":
+        print(*(line for file in given_words.diagnoses for line in repeated(file)), sep="\n")
+        return
     cases = []
-    for case in _cases(parser.parse_args(words)):
+    for case in _cases(given_words):
         cases.append(case)
         print(case.name, *(f"{j} {r:.2f}" for j, r in zip(case.joints, case.ratio, strict=True)), flush=True)
     print(*summary(cases), sep="\n")

@@ -82,8 +82,8 @@ LITTLE_STRUCTURE = 0.1
 # share: of the measured torque, as an ordinary effect makes it.
 ORDINARY_SHARE = 0.1
 
-# share: of the measured torque, half of what an ordinary effect makes. More that only friction in doubt may make is not
-# called free of a gap.
+# share: of the measured torque, half of what an ordinary effect makes. A joint with more above its noise floor is not
+# called free of a gap, however wide the interval of its noise is.
 OPEN_SHARE = 0.05
 
 # share: of its limit above which a move counts as at the limit; solvers stop a rounding error short of it.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.judge.verdict import is_open
-from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -104,8 +103,8 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         one = max(open_, key=_of_torque)
         return (
             f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
-            f"{percent(_of_torque(one))} of the torque is left. Friction may make it where the joint stands, creeps or "
-            "turns about, but a gap may as well. Record motion that stands less and turns about faster."
+            f"{percent(_of_torque(one))} of the torque is left. Noise may make it, or friction where the joint stands, "
+            "creeps or turns about, but a gap may as well. Record motion that stands less and turns about faster."
         )
     known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
     if diagnosis.verdict == "not_testable" and known:
@@ -201,17 +200,13 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    creeping = [gap for gap in diagnosis.joints if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
-    if diagnosis.verdict == "no_gap" and creeping:
-        one = max(creeping, key=_of_torque)
-        by_drive = _of_torque(one) <= DRIVE_CLASSES["command"].of_noise
+    loud = [gap for gap in diagnosis.joints if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
+    if diagnosis.verdict == "no_gap" and loud:
+        one = max(loud, key=_of_torque)
         out.append(
             f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
-            + (
-                f"{percent(_of_torque(one))} of its torque and without structure, which drives make by themselves."
-                if by_drive
-                else "where joints stand, creep or turn about and friction is in doubt."
-            )
+            f"{percent(_of_torque(one))} of its torque: the drive may make it, or friction where the joint stands, "
+            "creeps or turns about."
         )
     return out
 

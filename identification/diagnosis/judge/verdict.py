@@ -56,9 +56,9 @@ def not_explained(said: str) -> str:
 
 
 def is_open(joint: JointGap) -> bool:
-    """True if so much is left on a joint that only friction in doubt may make it, and it may be a gap as well.
+    """True if so much is left on a joint, within a wide interval of its noise, that it may be a gap as well.
 
-    Where a joint stands, creeps or turns about, friction may hold any torque.
+    Mostly friction in doubt makes it wide: where a joint stands, creeps or turns about, friction may hold any torque.
     """
     above = joint.rms_after > contract_levels.FLOORS_LEFT * joint.noise_floor
     return bool(above and joint.rms_torque is not None and joint.rms_after > rules.OPEN_SHARE * joint.rms_torque)

@@ -38,8 +38,8 @@ class DriveClass:
 
 
 # By ``torque_source``: a command leaves out the errors of the drive and the gear, a current those of the gear; a torque
-# sensor includes both. The noise: six repeated motions of an STS3250 with weighed loads differ from repetition to
-# repetition by 3.4 to 6.2 % of its torque in the judged band, far more than its sensors make.
+# sensor includes both. The noise: repetitions of a motion differ by 1.0 % of the torque on EMPS, a good axis, and by
+# 3.4 to 6.3 % on an STS3250 servo with six loads (`benchmarks/noise_floor.py repeated` on their answers).
 DRIVE_CLASSES = {
     "command": DriveClass(0.005, 0.1, of_noise=0.025),
     "current": DriveClass(0.005, 0.1, of_noise=0.025),
