@@ -75,6 +75,8 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and tolerances."
+    if diagnosis.verdict == "not_testable" and _open_joints(diagnosis):
+        return "This recording does not show whether there is a gap."
     if diagnosis.verdict == "not_testable":
         return f"This recording cannot show {'an ordinary' if diagnosis.bounds else 'a'} gap: nothing was found."
     return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
@@ -98,9 +100,8 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
             "the positions and the torques stand in the right columns, or record with less noise."
         )
-    open_ = [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
-    if diagnosis.verdict == "not_testable" and open_:
-        one = max(open_, key=_of_torque)
+    if diagnosis.verdict == "not_testable" and _open_joints(diagnosis):
+        one = max(_open_joints(diagnosis), key=_of_torque)
         return (
             f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
             f"{percent(_of_torque(one))} of the torque is left. Noise may make it, or friction where the joint stands, "
@@ -209,6 +210,11 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             "creeps or turns about."
         )
     return out
+
+
+def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
+    """Joints of which much is left that may be noise, friction or a gap."""
+    return [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
 
 
 def _of_torque(gap: JointGap) -> float:

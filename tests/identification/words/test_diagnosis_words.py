@@ -326,6 +326,12 @@ def test_the_verdict_says_what_its_figures_say(made_up, changes, said, unsaid):
     assert unsaid not in sentence
 
 
+def test_the_short_headline_of_what_may_be_a_gap_does_not_say_that_it_is_none(made_up):
+    joint = dataclasses.replace(FLOORS, rms_after=0.12, noise_floor_source="sensors")
+    made = dataclasses.replace(made_up(), verdict="not_testable", findings=(), joints=(joint,))
+    assert verdict_words.short_headline(made) == "This recording does not show whether there is a gap."
+
+
 def test_a_finding_with_less_than_half_of_the_probability_is_undecided(made_up):
     diagnosis = made_up()
     finding = dataclasses.replace(diagnosis.findings[0], probability=0.49)

@@ -60,6 +60,14 @@ def test_a_joint_without_a_gap_says_so_and_one_of_unknown_share_says_none(made_u
     assert gap_bars_of(replace(made, joints=(joint,)))[0][0].text.replace("\N{NO-BREAK SPACE}", " ") == said
 
 
+def test_a_joint_with_much_left_in_a_wide_interval_of_its_noise_may_have_a_gap(made_up):
+    # By hand: a tenth of the torque, in a noise of up to twice that.
+    made = made_up(("j1",))
+    joint = replace(made.joints[0], closed=None, rms_within_tolerance=0.2, rms_after=0.2, rms_torque=2.0)
+    (bar,), _ = gap_bars_of(replace(made, joints=(replace(joint, noise_floor_interval=(0.03, 0.4)),)))
+    assert bar.text.endswith("may be a gap")
+
+
 def test_a_joint_that_only_moves_within_tolerances_make_worse_shows_the_given_model_and_no_gap(made_up):
     # By hand: noise up to 0.032, and a given model that leaves less.
     made = made_up(("j1",))
