@@ -153,9 +153,11 @@ def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
     return np.array(sorted(used), dtype=int)
 
 
-def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model:
+def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     """A variant expressed in the columns of a union."""
-    problem, found = search.problem, variant.fitted
+    found = variant.fitted
+    # Its own problem: a fit may have opened moves that the search does not.
+    problem = found.problem
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand
     all_moves, fitted = problem.nuisances, len(problem.moves)

@@ -181,7 +181,7 @@ def _simpler_left(
 
 def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " u"]) -> Rivalry:
     pairs = tuple(Pair(one, other) for one, other in combinations(group, 2))
-    models = {one.effects: tuple(model_of(search, variant, union) for variant in one.variants) for one in group}
+    models = {one.effects: tuple(model_of(variant, union) for variant in one.variants) for one in group}
     recorded = search.problem.total_a[np.ix_(union, union)]
     return Rivalry(pairs, models, recorded, held_out_share(search.problem.blocks), search.problem.nuisances)
 

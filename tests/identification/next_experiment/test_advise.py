@@ -10,10 +10,11 @@ from identification.data.signals import low_pass
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
+from identification.diagnosis.search.fits import Fits
 from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.advise import Proposal, Trial, length_of, proposal_words, proposed, reference_text
 from identification.next_experiment.candidates import Candidate
-from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of
+from identification.next_experiment.hypotheses import Hypothesis, Variant, hypotheses_of, model_of, union_of
 from identification.next_experiment.laboratory import coarser, laboratory
 from identification.next_experiment.separation import Pair
 from identification.notes import Code
@@ -101,6 +102,21 @@ def test_a_joint_without_a_drive_is_said_to_stand_against_an_experiment(lab, pen
 
 def test_a_finding_that_was_not_chosen_has_no_hypotheses(quiet):
     assert hypotheses_of(quiet.search, frozenset(), one_of("coulomb_friction", "viscous_friction", "elbow")) == ()
+
+
+def test_a_fit_that_moves_less_of_the_model_than_it_could_is_a_model_with_all_moves(lab, pendulum):
+    # Oracle: the coefficients of the fit. Fits with other weights may see more moves or fewer than the search.
+    motion = lab.motion(1, swing=0.3)
+    torque = lab.acting(pendulum, motion, "coulomb_friction", "pin", 0.2)
+    ready = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque),))
+    fewer = replace(ready.search.problem, moves=ready.search.problem.moves[1:])
+    chosen = frozenset([ready.term("coulomb_friction", "pin")])
+    variant = Variant(chosen, Fits(fewer).held_out(chosen), 0.0)
+    union = union_of((Hypothesis((EffectAt("coulomb_friction", "pin"),), 1.0, (variant,)),))
+    model = model_of(variant, union)
+    assert model.basis.shape[1] == fewer.nuisances + 1
+    assert model.moves.sum() == fewer.nuisances
+    np.testing.assert_allclose(model.basis @ model.y + model.shift, variant.fitted.theta[union], atol=1e-12)
 
 
 def test_a_finding_that_leads_in_the_place_of_what_was_found_gets_a_motion_too(lab, pendulum):
