@@ -1,10 +1,10 @@
-"""Files of one run that appear together: a reader, and a process that is killed, leave the old set or the new one.
+"""Atomic writing of several files: a folder holds the old set of files or the new one, even if the process is killed.
 
-They are written into a hidden folder beside the one that is wanted, with links to the files in it that stay, and the
-two folders are exchanged in one step of the system. Where that cannot be (folders inside, a process that works in it,
-a parent that may not be written to, a system without such a step) the files are renamed one after the other, the index
-last. Runs that write into one folder at the same time do so one after the other. Every text ends with the name of its
-run, so that a mixture of two runs would show.
+The files are written into a hidden folder beside the wanted one, with links to the files in it that stay. Then the two
+folders are exchanged in one system call. Where that is impossible (the folder holds folders, is the working folder of a
+process, has a parent that may not be written to, or the system has no such call), the files are renamed one after the
+other, the index last. Runs that write into one folder at the same time wait for each other. Every text ends with the id
+of its run, so that a mixture of two runs can be recognised.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _RUN_LINES[".html"] = _RUN_LINES[".xml"]
 
 
 def with_run(name: str, text: str, run: str) -> str:
-    """The text of a file with the run that it is of in a last line, where its format has comments."""
+    """The text of a file with the id of its run in a last line, if its format has comments."""
     line = _RUN_LINES.get(Path(name).suffix)
     if line is None or not run:
         return text
@@ -34,18 +34,18 @@ def with_run(name: str, text: str, run: str) -> str:
 
 
 def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable[str] = ()) -> tuple[Path, ...]:
-    """Write files into a folder in one step, and take those out that belong to an earlier set.
+    """Write files into a folder in one step, and remove those of an earlier set.
 
     Args:
-        folder: Made where it is missing; other files in it are kept.
-        texts: By name, the index last.
+        folder: Made if it is missing; other files in it are kept.
+        texts: Text of each file by its name, the index last.
         obsolete: Names of files to remove.
 
     Returns:
         The files, in the order of ``texts``.
 
     Raises:
-        UsageError: If one of them cannot be written; all are as they were then.
+        UsageError: If one of them cannot be written; then no file has changed.
     """
     target = folder.resolve()
     try:
@@ -62,15 +62,15 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
 
 @contextmanager
 def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
-    """A function that gives a path to write a file to, as `temporary_beside`; all are renamed right after one another.
+    """A function that returns a temporary path for each file; all files are renamed when the context ends.
 
-    Ask for the path of a file when its turn has come: where writing fails, the file that was asked for last is named.
+    Ask for the path of a file just before it is written: an error names the file that was asked for last.
 
     Args:
-        folder: Two runs that write into it rename their files one after the other.
+        folder: Folder of the files; two runs that write into it rename their files one after the other.
 
     Raises:
-        UsageError: If one of them cannot be written; none is written then.
+        UsageError: If one of them cannot be written; then none is.
     """
     with ExitStack() as renamed:
         yield lambda path: renamed.enter_context(temporary_beside(path))
@@ -79,7 +79,7 @@ def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
 
 
 def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str]) -> bool:
-    """Write the files beside and exchange the folders; False if that cannot be, and nothing has changed then."""
+    """Write the files into a new folder and exchange it with the old one; False if that is impossible."""
     if not os.access(target.parent, os.W_OK | os.X_OK) or (target.exists() and _works_inside(target)):
         return False
     with _staging(target.parent, target.name) as staging:
@@ -90,7 +90,7 @@ def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str
                 return True
         if not _kept_files_linked(target, staging, ours) or not _exchanged(staging, target):
             return False
-        # What came in between the links and the exchange lies in the old folder, which is `staging` now.
+        # Files made between the links and the exchange are in the old folder, which is called `staging` now.
         for late in [entry for entry in staging.iterdir() if entry.name not in ours]:
             if not os.path.lexists(target / late.name):
                 late.rename(target / late.name)
@@ -112,13 +112,13 @@ def _written_one_by_one(target: Path, texts: Mapping[str, str], ours: set[str]) 
 
 def _write_all(folder: Path, texts: Mapping[str, str]) -> None:
     for name, text in texts.items():
-        # Names of files may hold bytes that are no letters; they are shown as escapes.
+        # File names in a text may hold bytes that are not UTF-8; they are written as escapes.
         (folder / name).write_bytes(text.encode("utf-8", "backslashreplace"))
 
 
 @contextmanager
 def _staging(parent: Path, name: str) -> Iterator[Path]:
-    """An empty hidden folder that is ours while the block lasts and gone afterwards."""
+    """An empty hidden folder, locked while the context is open and removed afterwards."""
 
     def made() -> Path:
         folder = parent / f".{name}.{secrets.token_hex(4)}{MARK}"
@@ -133,7 +133,7 @@ def _staging(parent: Path, name: str) -> Iterator[Path]:
 
 
 def _sweep(target: Path) -> None:
-    """Remove what killed runs have left beside the folder and in it."""
+    """Remove temporary files of killed runs beside the folder and in it."""
     left = [entry for entry in target.parent.iterdir() if _is_staging(entry, target.name)]
     if target.is_dir():
         left += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
@@ -146,7 +146,7 @@ def _is_staging(entry: Path, name: str) -> bool:
 
 
 def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
-    """Put a second link to every other file of a folder into the new one; False if there is more than files."""
+    """Link every other file of a folder into the new one; False if the folder holds anything but files."""
     with os.scandir(target) as found:
         entries = list(found)
     for entry in entries:
@@ -171,13 +171,13 @@ def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """True if two folders have changed names in one step; the system may have no such step."""
+    """True if the system has exchanged two folders in one call; False if it has no such call."""
     exchange = getattr(ctypes.CDLL(None), "renameat2", None)
     return exchange is not None and exchange(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0
 
 
 def _works_inside(folder: Path) -> bool:
-    """True if a process, as a shell, has the folder as its own: it would be left in the old one."""
+    """True if the folder is the working folder of a process, such as a shell, which would stay in the old one."""
     places = [Path("/proc/self/cwd"), *Path("/proc").glob("[0-9]*/cwd")]
     for place in places:
         with suppress(OSError):

@@ -241,7 +241,7 @@ def _result(
     rollout: Rollout,
     seconds: float,
 ) -> Diagnosis:
-    """Everything that the stages have found, in the shape of the contract."""
+    """Everything that the stages have found, as the result of `diagnose`."""
     return Diagnosis(
         verdict=judgement.verdict,
         robot=session.robot.name,

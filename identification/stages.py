@@ -49,7 +49,7 @@ class Announcement:
     """What is being done now.
 
     Attributes:
-        stage: Of the run.
+        stage: Stage of the run.
         done: Parts of the stage that are done.
         of: How many parts the stage has; 0 where nobody counts.
         detail: What else there is to say, by name: a file, an estimator, a cost.

@@ -90,7 +90,7 @@ def spread(
     the scheduler does so, here new processes, half as many.
 
     Args:
-        function: Of a module, as it is sent by name. It must depend on its arguments alone.
+        function: Function of a module, as it is sent by name. It must depend on its arguments alone.
         pieces: Arguments of each call. They are sent with each piece: keep them small.
         jobs: Processes at once; None: one for each core that this process may use.
 

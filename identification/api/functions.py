@@ -378,7 +378,7 @@ def map_workspace(
         quantities: Names, such as ``apparent_mass``, ``stiffness``, ``gravity_force``.
         frame: The tip; by default frame ``tip``, else the last one.
         q0: Joint positions near which the branch of the inverse kinematics is taken.
-        stiffness: Of each joint [N m/rad], where nothing states it.
+        stiffness: Stiffness of each joint [N m/rad], where nothing states it.
         jobs: Processes at most.
 
     Raises:

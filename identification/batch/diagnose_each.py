@@ -1,6 +1,6 @@
-"""Many recordings, each diagnosed by itself: one verdict per recording, in several processes or on a cluster.
+"""Diagnosis of many recordings, each by itself: one verdict per recording, in several processes or on a cluster.
 
-`logs_in` finds the recordings of a folder, `folder_names` names the folder that each gets for its files.
+`logs_in` finds the recordings in a folder, `folder_names` chooses the name of the output folder of each.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
 TABLES = ("diagnoses.json", "diagnoses.csv", "fleet.html")
-"""Files beside the folders, one row per recording."""
+"""Names of the summary files beside the folders, which have one row per recording."""
 ENDINGS = (".csv", ".npz", ".parquet", ".bag", ".db3", ".mcap")
-"""Endings of the files in a folder that are taken for recordings; a file that is named may end in anything."""
+"""Endings by which recordings are recognised in a folder; a file that the user names may have any ending."""
 REFUSED = "refused"
 """Verdict of a recording that could not be diagnosed."""
 
@@ -50,9 +50,9 @@ _FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the 
 
 
 def logs_in(path: str) -> list[str]:
-    """The recordings of a folder by name; of a file or a ROS 2 bag the path itself.
+    """Recordings in a folder, sorted by name; the path itself if it is a file or a ROS 2 bag.
 
-    Those of its folders are left out, unless it has none of its own: then it is a fleet's, with a folder a robot.
+    Recordings in subfolders are found only if the folder itself holds none, as in a fleet with one folder per robot.
 
     Raises:
         LogError: If there is no recording in the folder.
@@ -89,7 +89,7 @@ def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
     seen: dict[Path, None] = {}
     for log in logs:
         require_existing(log)
-        # Several files that mean one, by links or dots, would write into the same folder or count twice.
+        # Two paths of the same file, by links or dots, would write into the same folder or count twice.
         if Path(log).resolve() in seen:
             raise LogError(f"{log} is given twice: give every recording once.")
         seen[Path(log).resolve()] = None
@@ -97,14 +97,14 @@ def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
 
 
 def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
-    """A name for each recording's folder: its own without the ending, longer where that names several.
+    """Name of the output folder of each recording: its file name without ending, made longer until all differ.
 
     Args:
-        paths: Full paths, each once.
+        paths: Full paths, no two of them equal.
 
     Returns:
-        Names that differ, also where capitals count for nothing: ``run``, else ``run.csv``, else ``monday_run.csv``
-        and so on, else with a number.
+        Names that differ even on systems that ignore case: ``run``, else ``run.csv``, else ``monday_run.csv`` and so
+        on, else with a number.
     """
     lengths = [0] * len(paths)
     longest = max(len(path.parts) for path in paths)
@@ -131,7 +131,7 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
     """Refuse a folder for the files that cannot be written, before any work is done.
 
     Raises:
-        UsageError: If a target is of the wrong kind or its folder may not be written to.
+        UsageError: If an output file is a folder, or its folder may not be written to.
     """
     check_targets(out, None)
     for name in names:
@@ -148,7 +148,7 @@ class DiagnosedRecording:
     Attributes:
         log: The file as it was given.
         folder: Name of the folder for its files, after the log.
-        verdict: That of ``diagnosis.json``, or ``refused``.
+        verdict: Verdict in ``diagnosis.json``, or ``refused``.
         causes: Findings in words, first the one that closes most of the gap.
         document: Content of ``diagnosis.json``; None if it was refused.
         refusal: Why it was refused, in a sentence; None if it was not.
@@ -170,8 +170,8 @@ class DiagnosedRecordings:
 
     Attributes:
         robot: Name of the robot.
-        joint_names: Of the robot.
-        rows: One a recording.
+        joint_names: Names of its joints.
+        rows: Outcome of each recording.
     """
 
     robot: str
@@ -201,17 +201,17 @@ def diagnose_each(
     not grow with their number; workers on other machines need the same file system.
 
     Args:
-        robot: The model that is judged.
+        robot: The given model.
         logs: Files, each a recording of that robot.
-        known: Effects that belong to the given model already.
-        reading: How all of them are read; by default all of their time, without a column map.
-        out: Folder that gets a folder with the files of a diagnosis for each recording, named after its log. None:
-            nothing is written.
-        jobs: Recordings at once, see `phantom_dyn.large_work.worker_count`.
-        progress: Takes the stages.
+        known: Effects that are already part of the given model.
+        reading: Options with which all files are read; by default in full, without a column map.
+        out: Output folder. It gets one folder per recording, named after its log, with the files of the diagnosis.
+            None: nothing is written.
+        jobs: Number of recordings at the same time, see `phantom_dyn.large_work.worker_count`.
+        progress: Called with each stage.
 
     Returns:
-        One row a recording. The same whatever does the work, but for the ``seconds`` in the documents.
+        One row per recording. It does not depend on the workers, except for the ``seconds`` in the documents.
 
     Raises:
         LogError: If a log is not there or given twice, there is none, or the column map cannot be used.
@@ -242,18 +242,18 @@ def diagnose_each(
             rows[place], done = row, done + 1
             progress(Announcement(Stage.BATCH, done, len(rows), {"file": Path(row.log).name}))
     except WorkerLostError:
-        pass  # what was not finished says so in its row
+        pass  # the rows of recordings that were not finished keep the refusal above
     return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))
 
 
 def _with_absolute_source(robot: Robot) -> Robot:
-    """The robot with its file named in full: a worker may have another working folder, and draws its shape."""
+    """The robot with the absolute path of its file: a worker may have another working folder and reads the meshes."""
     file = Path(robot.source)
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
 
 
 def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: ReadOptions, log: Path) -> Diagnosis:
-    """Diagnosis of one recording by its torque, or without one by that of its controllers."""
+    """Diagnosis of one recording by its torque or, if it has none, by the torque that its controllers command."""
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
         one = read_recording(
@@ -279,8 +279,8 @@ def _diagnosed(
     folder: Path | None,
     row: DiagnosedRecording,
 ) -> DiagnosedRecording:
-    """One recording read, diagnosed and written."""
-    # Its own copy: a closed chain remembers what it solved last, and nothing may depend on the recordings before.
+    """Row of one recording after reading it, diagnosing it and writing its files."""
+    # A copy, because a closed chain remembers its last solution, and no result may depend on earlier recordings.
     robot = copy.deepcopy(robot)
     try:
         diagnosis = _of_torque_or_motion(robot, known, reading, log)
@@ -289,7 +289,7 @@ def _diagnosed(
                 write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
     except PhantomDynError as refusal:
         return replace(row, refusal=str(refusal))
-    # Days of work on other recordings must not end here; the row says what happened.
+    # A failure must not end days of work on other recordings; the row says what happened.
     except Exception as fault:
         if isinstance(fault, OSError) and is_full(fault):
             return replace(row, refusal=f"{log.name}: {full_words(fault)}.")

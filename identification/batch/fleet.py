@@ -59,7 +59,7 @@ class Series:
         robot: Name of its folder.
         finding: Effect and place in words.
         parameter: Which size of it, in words.
-        unit: Of the size.
+        unit: Unit of the size.
         logs: Names of the recordings.
         values: Sizes, zero where the finding is missing.
         stds: Their standard deviations.
@@ -98,7 +98,7 @@ class Change:
     Attributes:
         robot: Its name.
         quantity: Finding and parameter.
-        unit: Of the size.
+        unit: Unit of the size.
         drifts: True if the size grows or falls steadily, False for a step.
         since: The first recording after a step; the last one before a drift.
         first: Its place among the recordings of the robot.
@@ -165,7 +165,7 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
     """Robots whose mean size differs from those of the others, the surest first.
 
     Args:
-        series: Of all robots.
+        series: Time series of all robots.
     """
     tested = []
     for quantity in dict.fromkeys(one.quantity for one in series):
@@ -191,7 +191,7 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
     one against 5 % / (m - 1), until one is not sure enough.
 
     Args:
-        series: Of all robots.
+        series: Time series of all robots.
     """
     tested = [one for one in series if len(one.values) >= _FEWEST]
     orders = int(np.clip(_PER_LEVEL * len(tested) / LEVEL, ORDERS, _MOST_ORDERS))
@@ -290,7 +290,7 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
 
     Args:
         values: In the order of time, a row a series.
-        weights: Of each value.
+        weights: Weight of each value.
         known: Weighted squares of the scatter of others, beside which a change has to stand out too.
     """
     count = values.shape[1]

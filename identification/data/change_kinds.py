@@ -1,4 +1,7 @@
-"""What may have changed between two recordings by an unknown amount; apart, as a command lists it before it works."""
+"""Names of the changes between two recordings whose amount need not be known.
+
+They have a module of their own so that the command line can list them without loading NumPy.
+"""
 
 from __future__ import annotations
 

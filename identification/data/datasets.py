@@ -43,7 +43,7 @@ class Dataset:
     Attributes:
         name: Also the name of its folder.
         what: One line.
-        licence: Of the data, or of the repository that publishes them.
+        licence: Licence of the data, or of the repository that publishes them.
         source: Public page at the commit that was used.
         citation: Whom to cite.
         files: What its folder holds.

@@ -232,7 +232,7 @@ def recording(
     """The columns of a table for the joints of one robot.
 
     Args:
-        table: Columns under the contract's names.
+        table: Columns under their standard names.
         robot: The robot with its joints, their order, and the constants of its drives.
         excluded: Stretches of time [s] to leave out of every fit.
         torque_needed: False for work on motion alone: then ``tau`` may be None.

@@ -1,6 +1,6 @@
 """The three stages of a recording before any processing: a file's own columns, named columns, a robot's joints.
 
-`RawTable` holds columns under the names of the file, `Table` under the contract's (``t``, ``q.<joint>``, ...), and
+`RawTable` holds columns under the names of the file, `Table` under the standard names (``t``, ``q.<joint>``, ...), and
 `Recording` one column per joint in the robot's order.
 """
 
@@ -40,7 +40,7 @@ class RawTable:
             needed.
         asks_units: True for a format that does not state the units of its joints, so that a map has to.
         motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
-        named: For each name of the contract the column of the file, by the user's map; empty without one.
+        named: For each standard name the column of the file, by the user's map; empty without one.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
 
@@ -66,7 +66,7 @@ class RawTable:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of a file under the contract's names (``t``, ``q.<joint>``, ...), before any robot is known.
+    """Columns of a file under their standard names (``t``, ``q.<joint>``, ...), before any robot is known.
 
     Attributes:
         file: Name of the file, for messages.
@@ -76,7 +76,7 @@ class Table:
             both; ``""`` is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
-        named: For each name of the contract the column of the file, by the user's map; empty without one.
+        named: For each standard name the column of the file, by the user's map; empty without one.
         references_held: True if the format says that a reference acts from its sample to the next.
     """
 
@@ -164,7 +164,7 @@ class Recording:
             again once the velocities are known.
         wrong: Certain faults; such a recording is refused, see `identification.data.refusal`.
         anyway: True if it is to be used in spite of certain faults.
-        named: For each name of the contract the column of the file, by the user's map; empty without one.
+        named: For each standard name the column of the file, by the user's map; empty without one.
         base: Readings of the sensors on a floating base; None for a fixed one.
     """
 

@@ -45,7 +45,7 @@ class Degradation:
     Attributes:
         effect: Of the catalogue.
         joint: Where it sits; None is the whole robot.
-        theta: The contract's parameters in order.
+        theta: Parameters of the effect in order.
     """
 
     effect: Effect
@@ -149,7 +149,7 @@ class Degraded:
     """Columns of the log, and what its user should know.
 
     Attributes:
-        columns: Under the contract's names, in the order of the recording.
+        columns: Under their standard names, in the order of the recording.
         notes: Sentences: columns that were left out, effects that leave no trace.
     """
 
@@ -347,7 +347,7 @@ def replayed(
         robot: The model.
         motion: Recorded motion.
         needed: Drive torque of the recorded motion [N m or N].
-        limits: Of the drives; infinite where they have none.
+        limits: Torque limits of the drives; infinite where they have none.
 
     Raises:
         ParameterError: If the robot falls out of the motion altogether.

@@ -49,8 +49,8 @@ class Fit:
         theta: Base parameters, shape ``(r,)``.
         cov: Covariance with the memory of the residual, see `coloured_scatter`.
         cov_white: Covariance if every sample's noise were independent.
-        names: Of the base parameters.
-        units: Of the base parameters.
+        names: Names of the base parameters.
+        units: Units of the base parameters.
         sigma: Noise of each joint's torque, shape ``(nv,)``.
         correlation: Samples per independent sample of each joint's residual, shape ``(nv,)``: N over it is the
             effective sample size.
@@ -196,7 +196,7 @@ def values_of_solution(regressor: Regressor, base: BaseParameters, solution: Sol
         regressor: The equations.
         base: The unknowns.
         solution: Values and residuals.
-        noise: Of each joint.
+        noise: Noise of each joint.
     """
     rho = [autocorrelation(column, regressor.starts) for column in noise.score.T]
     coloured = coloured_scatter(regressor, base, solution, noise.scatter, rho)
@@ -223,7 +223,7 @@ def values_of_influence(
 
     Args:
         theta: The values.
-        rows: Of the unknowns.
+        rows: Regressor of the unknowns.
         target: Right-hand side of the equations.
         influence: Change of each value per noise of each joint at each sample.
         factor: Triangular factor of the weighted equations.

@@ -98,11 +98,11 @@ class Endogeneity:
     """Outcome of the test.
 
     Attributes:
-        probability: Of a chi-squared statistic at least as large if least squares is not biased.
+        probability: Probability of a chi-squared statistic at least as large if least squares is not biased.
         difference: Estimates of least squares minus those of instrumental variables, shape ``(r,)``.
         std: Standard deviations of the differences without bias, shape ``(r,)``.
         scatter: Standard deviations of least squares, shape ``(r,)``.
-        names: Of the base parameters.
+        names: Names of the base parameters.
     """
 
     probability: float
@@ -166,7 +166,7 @@ def compared(
         influence: Change of each estimate of least squares per noise of each joint at each sample.
         found: Estimates with instruments.
         regressor: The equations.
-        names: Of the parameters.
+        names: Names of the parameters.
     """
     difference = np.einsum("njk,nj->k", influence, regressor.y, optimize=True) - found.theta
     least_squares_cov, _, _ = covariances(influence, found.residual, found.sigma, regressor.starts)

@@ -92,7 +92,7 @@ class Excitation(ReadOnlyArrays):
         return Grid.of(self.shapes, _count(self.shapes, rate_hz)).motion(self.weights)
 
     def columns(self, rate_hz: float) -> dict[str, Float[Array, " N"]]:
-        """Columns of the reference under the contract's names: ``t``, ``q_ref.``, ``v_ref.`` and ``a_ref.<joint>``."""
+        """Columns of the reference under their standard names: ``t``, ``q_ref.``, ``v_ref.`` and ``a_ref.<joint>``."""
         motion, joints = self.motion(rate_hz), self.robot.joint_names
         out = {"t": motion.t}
         for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("a_ref", motion.a)):

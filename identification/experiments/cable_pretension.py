@@ -29,7 +29,7 @@ class PretensionFit:
     """Coulomb torque over pretension.
 
     Attributes:
-        ratio: Of the line, torque per pretension [m], and its standard deviation.
+        ratio: Slope of the line, torque per pretension [m], and its standard deviation.
         rest: What it leaves at no pretension [N m], and its standard deviation.
         through_origin: Ratio of a line without a rest [m], and its standard deviation.
         misfit: Mean square of the residuals of the line in deviations; NaN for two pretensions.
@@ -66,7 +66,7 @@ def fit_pretension(
     """Line of the Coulomb torque over the pretension, by weighted least squares.
 
     Args:
-        pretension: Of the cable in each test [N], shape ``(n,)``.
+        pretension: Pretension of the cable in each test [N], shape ``(n,)``.
         coulomb: Coulomb torque that the test found [N m], shape ``(n,)``.
         std: Its standard deviation [N m], shape ``(n,)``.
 

@@ -29,14 +29,14 @@ class Conditions:
     """How the device is recorded; the source gives none of these.
 
     Attributes:
-        lengths: Of the links.
+        lengths: Lengths of the links.
         gravity: In frame 0 [m/s^2].
         center: Posture that the motion is about [rad].
         torque_noise: Standard deviation of every torque sample [N m].
         encoder_step: Resolution of the positions on the joint side [rad].
         rate_hz: Sampling rate.
         cutoff_hz: Edge of the band that torque and columns are filtered to, ten times the fastest wave.
-        duration: Of each recording [s]; 100 s give the 15000 equations of the source.
+        duration: Duration of each recording [s]; 100 s give the 15000 equations of the source.
     """
 
     lengths: LinkLengths = LENGTHS

@@ -58,8 +58,8 @@ def fit_steady(
         v: Velocities.
         a: Accelerations.
         tau: Drive torque [N m or N].
-        names: Of the two unknowns.
-        units: Of the two unknowns.
+        names: Names of the two unknowns.
+        units: Units of the two unknowns.
 
     Returns:
         The fit, the speeds of the samples that were used, and the friction torque at them.
@@ -89,7 +89,7 @@ def friction_tests(log: Log, units: tuple[str, ...]) -> tuple[FrictionTest, ...]
 
     Args:
         log: Motion and torque.
-        units: Of each joint's torque, ``N m`` or ``N``.
+        units: Units of each joint's torque, ``N m`` or ``N``.
 
     Raises:
         LogError: If no joint moves, or one that moves is never at a constant speed.

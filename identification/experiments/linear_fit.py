@@ -23,8 +23,8 @@ class LinearFit:
     """Least-squares estimate of the unknowns of a linear model.
 
     Attributes:
-        names: Of the unknowns.
-        units: Of the unknowns.
+        names: Names of the unknowns.
+        units: Units of the unknowns.
         theta: Estimates, shape ``(b,)``.
         cov: Covariance for noise of one size on all rows, (6), shape ``(b, b)``.
         sigma: Noise of the rows, (5) corrected.
@@ -71,8 +71,8 @@ def fit_linear(
     Args:
         W: One column per unknown.
         y: Right-hand side.
-        names: Of the unknowns.
-        units: Of the unknowns.
+        names: Names of the unknowns.
+        units: Units of the unknowns.
         memory: Rows per independent row, where the noise is filtered.
 
     Raises:

@@ -74,7 +74,7 @@ def friction_test_motion(
 
     Args:
         test: Which of the three.
-        speeds: Of the straight parts, nearly [rad/s]: the turns take a tenth of the time.
+        speeds: Speeds of the straight parts, nearly [rad/s]: the turns take a tenth of the time.
 
     Raises:
         ParameterError: If the test is unknown.

@@ -31,8 +31,8 @@ class Loop(ReadOnlyArrays):
 
     Attributes:
         t: Time [s], in equal steps, shape ``(N,)``.
-        torque: Of the motor, on the joint side [N m], shape ``(N,)``.
-        position: Of the motor, on the joint side [rad], shape ``(N,)``.
+        torque: Torque of the motor, on the joint side [N m], shape ``(N,)``.
+        position: Position of the motor, on the joint side [rad], shape ``(N,)``.
     """
 
     t: Float[Array, " N"]
@@ -46,7 +46,7 @@ def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float)
     Args:
         t: Time [s].
         amplitude: Largest torque [N m].
-        frequency: Of the triangle [Hz].
+        frequency: Frequency of the triangle [Hz].
     """
     return Triangle(amplitude, frequency, turn=0.02).motion(t)[0]
 
@@ -61,9 +61,9 @@ def blocked_arm_loop(
 
     Args:
         t: Time [s], in equal steps.
-        torque: Of the motor, on the joint side [N m].
-        stiffness: Of the transmission [N m/rad].
-        damping: Of the transmission [N m s/rad].
+        torque: Torque of the motor, on the joint side [N m].
+        stiffness: Stiffness of the transmission [N m/rad].
+        damping: Damping of the transmission [N m s/rad].
         coulomb: Dry friction on the motor's side [N m].
 
     Raises:

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""What measured poses of frames say of a robot's geometry: findings, verdict and ledger. The entrance of this folder.
+"""Kinematic calibration from measured poses of frames: which errors of a robot's geometry they show, with a verdict.
 
-Only positions of joints and poses of frames are used, no torque; the diagnosis of torques does not use poses. The
-search adds and exchanges single numbers. For the ledger, each cause (all numbers of one place) has to pass the gates by
-itself.
+`diagnose_poses` is the entry point of this package. It uses joint positions and poses of frames, no torque. The search
+adds and exchanges single parameters of the geometry. Each cause (all parameters of one place) then has to pass the
+gates by itself; the outcome is listed in the ledger of ``diagnosis.json``.
 """
 
 from __future__ import annotations
@@ -52,23 +52,24 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-_STRUCTURE = 0.003  # probability by chance (F test) below which all terms together explain more than the findings do
+# Largest p-value of the F test of all terms together at which the findings count as incomplete.
+_STRUCTURE = 0.003
 FEWEST = 20
-"""Poses of a frame that are needed: fewer do not determine the poses of base and target and the noise."""
-# An effect and its joint.
+"""Least number of poses of a frame: fewer do not determine the poses of base and target and the noise."""
+# Name of an effect and of its joint.
 At = tuple[str, str | None]
 
 
 def diagnose_poses(
     robot: Robot, recordings: tuple[Recording, ...], known: KnownPlaces | None = None
 ) -> GeometryResult | None:
-    """What explains the measured poses; None where there are none.
+    """Errors of the robot's geometry that explain its measured poses; None if no recording holds poses.
 
     Args:
         robot: The given model.
-        recordings: Those that hold poses are used, all together: zeros, places and elasticities are the robot's; poses
-            of base and target and delays are of each recording.
-        known: Places of a closed chain that earlier poses have shown.
+        recordings: Those with poses are fitted together. Joint zeros, joint places and elasticities are common to all;
+            poses of base and target and delays are fitted for each recording.
+        known: Places of a closed chain that an earlier calibration has found.
 
     Raises:
         LogError: If a frame has fewer than 20 poses, or no joint moves it.
@@ -127,7 +128,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
 def _verdict(
     frames: tuple[FrameGap, ...], findings: tuple[PoseFinding, ...], bounds: tuple, *, structured: bool, more: bool
 ) -> str:
-    """By the contract's table, over all frames at once."""
+    """Verdict over all frames at once, see ``verdict`` in docs/files.md."""
     if not findings:
         if structured or more:
             return "unknown"
@@ -150,7 +151,7 @@ def _is_left_small(frame: FrameGap) -> bool:
 
 
 def _more_than_found(explained: ExplainedPoses) -> bool:
-    """True if all terms together explain more than the findings do, by more than chance (F test)."""
+    """True if all terms together fit significantly better than the findings do (F test)."""
     from scipy.special import fdtrc
 
     more = explained.equations.rank - len(explained.chosen)
@@ -162,7 +163,7 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
 
 
 def _above_floor(explained: ExplainedPoses) -> bool:
-    """True if even the best kinematic model leaves more than the tracker's noise, where that is measured separately."""
+    """True if even the best kinematic model leaves more than the tracker's noise, if that was measured separately."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
         if (
@@ -257,7 +258,7 @@ def _delays(explained: ExplainedPoses) -> tuple[Lateness, ...]:
 
 
 def _own_size(columns: Array, k: int) -> float:
-    """Norm of the part of a column that no other column explains; zero where that is rounding."""
+    """Norm of the part of a column that is orthogonal to all others; zero if that is a rounding error."""
     own = float(np.linalg.norm(without(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
     return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
 
@@ -271,17 +272,17 @@ def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
 
 
 def size_of(finding: PoseFinding) -> GateResult:
-    """Whether a cause is large enough to be a finding; a smaller one is listed as minor."""
+    """Result of the gate on the size of a cause; one that fails is listed as minor."""
     return large_enough(finding.share, float(np.sqrt(max(finding.floors, 0.0))))
 
 
 def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[At], ...]:
-    """Claims of what was found, then those of the places that came nearest to being found.
+    """Entries of the ledger: the findings, then the places that came nearest to being found.
 
     Args:
-        explained: The fit.
-        gap: Of the poses.
-        found: All that was found, minor or not.
+        explained: Fit of the findings to the poses.
+        gap: Errors of the poses before and after the fit.
+        found: All findings, minor ones included.
     """
     groups = {explained.problem.terms[group[0]].place: group for group in groups_of(explained)}
     claims = [_claimed(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
@@ -295,15 +296,15 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
 
 @dataclass(frozen=True)
 class _Nearness:
-    """The term of a place that comes nearest to being claimed.
+    """The parameter of a place that comes nearest to being found.
 
     Attributes:
         at: The place.
-        term: Number of the term.
-        beside: What it gains beside all that was found.
-        instead_of: What it gains in the place of one cause.
+        term: Index of the parameter.
+        beside: Decrease of the sum of squares if it is added to all findings.
+        instead_of: Decrease of the sum of squares if it replaces one cause.
         other: That cause.
-        of_other: What the cause itself gains there.
+        of_other: Decrease of the sum of squares by the cause itself.
     """
 
     at: At
@@ -322,7 +323,7 @@ def _nearest(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: di
     fits, chosen = explained.fits, explained.chosen
     every = []
     for k in terms:
-        # A combination of terms that were found adds nothing to them.
+        # A linear combination of terms that were found adds nothing to them.
         apart = fits.values((*chosen, k)) is not None
         beside = fits.squares(chosen) - fits.squares((*chosen, k)) if apart else 0.0
         every.append(_Nearness(at, k, beside))
@@ -337,7 +338,7 @@ def _nearest(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: di
 
 def _claimed(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
     fits, chosen = explained.fits, explained.chosen
-    # Each number of a cause has to gain enough by itself: the least gain is what the gate asks for.
+    # Each parameter of a cause has to pass the gate by itself, so the least decrease decides.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
     large = size_of(finding)
     gates = until_failed((more_than_chance(least, explained.price), large))
@@ -361,5 +362,5 @@ def _not_claimed(explained: ExplainedPoses, gap: Gap, near: _Nearness, groups: d
 
 
 def _closes(gap: Gap, terms: Sequence[int]) -> float:
-    """Share of the gap that some terms close alone."""
+    """Share of the gap that these terms close without any others."""
     return float(gap.closed(gap.blocks.losses(terms), np.ones((1, len(gap.after))))[0])

@@ -30,7 +30,7 @@ class Estimate:
     """Numbers of a fit.
 
     Attributes:
-        values: Of all terms; zero for terms that are not in the fit, ``(p,)``.
+        values: Values of all terms; zero for terms that are not in the fit, ``(p,)``.
         base: Pose of the robot's root in the axes of the tracker, by recording, each ``(4, 4)``.
         tool: Pose of the target on its frame, by set of poses, each ``(4, 4)``.
         delay: Time by which poses are stamped late [s], by recording.
@@ -58,7 +58,7 @@ class Equations:
     Attributes:
         left: Measured less predicted [m or rad], ``(m,)``.
         nuisance: Columns that are always in the fit, ``(m, k)``.
-        columns: Of the terms, ``(m, p)``.
+        columns: Columns of the terms, ``(m, p)``.
         kinds: What each column of ``nuisance`` is.
         pose: Number of the pose that a row belongs to, counted over all sets, ``(m,)``.
         series: Number of the noise that is in a row: twice the set, plus one for orientations, ``(m,)``.
@@ -94,7 +94,7 @@ class PoseProblem:
         terms: The candidate errors.
         in_root: True if poses are given in the robot's root frame, so that no pose of the base is fitted.
         on_frame: Frames on which the targets sit by definition, so that no pose of theirs is fitted.
-        loops: Of a closed chain, else None.
+        loops: Loops of a closed chain, else None.
         taken_up: Places in its loops that move no measured frame, as passive joints compensate them.
     """
 

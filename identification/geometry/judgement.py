@@ -40,7 +40,7 @@ class ExplainedPoses:
         problem: Poses and terms.
         estimate: Nuisances and the chosen terms; others are zero.
         found: Equations there.
-        noise: Of the poses.
+        noise: Noise of the poses.
         equations: In units of noise, with the residual before any term.
         fits: Their products.
         price: Squares that a term has to explain.

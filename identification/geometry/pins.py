@@ -100,7 +100,7 @@ def move_frame(model: pin.Model, frame: int, move: pin.SE3) -> None:
     Args:
         model: It is changed.
         frame: Index of the frame.
-        move: Of the frame.
+        move: Displacement of the frame.
     """
     own = model.frames[frame].placement.copy()
     for index in range(model.nframes):

@@ -66,7 +66,7 @@ class FrameGap:
     """Gap of one frame on held-out poses; RMS of the length of the error [m], or of its angle [rad].
 
     Attributes:
-        frame: Its name.
+        frame: Name of the frame.
         unit: ``m`` or ``rad``.
         rms_before: With the given geometry; poses of base and target as given, or else fitted.
         rms_after: With the findings.
@@ -152,7 +152,7 @@ class GeometryResult:
     """Result of `identification.geometry.diagnose_poses`.
 
     Attributes:
-        verdict: The contract's, of the poses alone.
+        verdict: Verdict on the poses alone.
         closed: Share of the gap that all findings close; None where there is no gap.
         interval: Of ``closed``, 95 %.
         frames: Gap of each frame.
@@ -166,7 +166,7 @@ class GeometryResult:
         structured: True if the residual depends on the posture.
         warnings: Notes on the data.
         evidence: Errors of single poses.
-        torque_verdict: Of the torques of the same recordings; None where there are none.
+        torque_verdict: Verdict on the torques of the same recordings; None where there are none.
         notes: On how findings in torque and in poses agree.
         claims: Ledger: the claimed causes and the best unclaimed ones, by effect and joint, with their gates.
     """

@@ -36,7 +36,7 @@ def problem_of(
         robot: The given model.
         sets: Measured poses.
         paths: Of joints of motions.
-        loops: Of a closed chain.
+        loops: Loops of a closed chain.
     """
     free = _without_taken_up(
         PoseProblem(robot, sets, paths, terms_of(robot, [one.frame for one in sets], loops), loops=loops)

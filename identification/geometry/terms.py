@@ -38,7 +38,7 @@ class PoseTerm:
         row: For a zero or an elasticity the number among the robot's joints, for a ``link_geometry`` that among the
             velocities of the tree, which is the same but for closed chains; -1 without a joint.
         parameter: Name of the number.
-        unit: Of the number.
+        unit: Unit of the number.
         part: Of a pose, which of its six numbers; else -1.
         largest: Beyond this the number is not plausible, in its unit: a place that is off by a decimetre or an angle by
             half a radian is seen by eye, and a joint that gives way by a tenth of a radian at one newton metre as well.
@@ -87,7 +87,7 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
     Args:
         robot: A tree with one velocity a joint.
         frames: Names.
-        loops: Of a closed chain.
+        loops: Loops of a closed chain.
     """
     model, out = robot.model, []
     carrying = {int(k) for frame in frames for k in model.supports[_parent(robot, frame)]} - {0}

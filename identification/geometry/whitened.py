@@ -31,7 +31,7 @@ class Noise:
     """Noise of poses.
 
     Attributes:
-        sigma: Of each coordinate, by series [m or rad].
+        sigma: Standard deviation of each coordinate, by series [m or rad].
         slow: By series, poses that carry the information of an independent one: variances of estimates grow by it.
         free: Degrees of freedom of the estimate.
     """
@@ -55,7 +55,7 @@ class Whitened:
         columns: Terms, projected, ``(m, p)``.
         seen: False for terms that nuisances alone can make, ``(p,)``.
         whole: Nuisances, terms and residual, not projected, ``(m, k + p + 1)``.
-        block: Of each row.
+        block: Block of each row.
         rank: Number of base kinematic parameters.
     """
 
@@ -77,8 +77,8 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
 
     Args:
         columns: Projected off the nuisances.
-        units: Of the terms.
-        names: Of the terms.
+        units: Units of the terms.
+        names: Names of the terms.
     """
     found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=SEEN)
     return np.array(found.independent, dtype=int)
@@ -91,8 +91,8 @@ def noise_of(
 
     Args:
         found: Equations at some estimate.
-        units: Of the terms.
-        names: Of the terms.
+        units: Units of the terms.
+        names: Names of the terms.
         moving: By series, True for poses of a motion, whose noise may be slow.
         kept: True for rows that count.
     """
@@ -139,9 +139,9 @@ def whitened(
 
     Args:
         found: Equations at an estimate.
-        values: Of the terms there: what they explain is added to the residual.
-        noise: Of the poses.
-        block: Of each row.
+        values: Values of the terms there: what they explain is added to the residual.
+        noise: Noise of the poses.
+        block: Block of each row.
         kept: True for rows that count.
         named: Units and names of the terms.
     """
@@ -165,7 +165,7 @@ class Blocks:
 
     Attributes:
         products: In units of noise, nuisances first.
-        rows: Of each block.
+        rows: Number of rows of each block.
         nuisances: Number of columns that are always in the fit.
     """
 

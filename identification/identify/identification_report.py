@@ -67,7 +67,7 @@ def spectrum_figure(found: IdentifiedModel, joint: int) -> str:
         (evidence.residual_density[:, joint], AFTER, "residual"),
     )
     top = max(float(np.nanmax(density)) for density, _, _ in densities) or 1.0
-    least = top * 10.0**-_DECADES  # what lies far below the rest is rounding
+    least = top * 10.0**-_DECADES  # smaller values are rounding errors
     curves = []
     for density, colour, label in densities:
         x, y = _octave_bins(evidence.frequency, density)
@@ -128,7 +128,7 @@ def report_html(found: IdentifiedModel) -> str:
 
 
 def _row(parameter: Parameter) -> tuple[str, str, str, bool, str, str]:
-    """Name, value, relative standard deviation, whether it is identified, why not, and the sum that it stands for."""
+    """Name, value, relative standard deviation, whether it is identified, why not, and regrouped combination."""
     return (
         parameter.name,
         words.value_cell(parameter),

@@ -10,6 +10,7 @@ from identification.words.effect_words import effect_words
 from identification.words.numbers_and_names import NO_BREAK, number, with_std, with_unit
 
 SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+"""How a standard inertial parameter can be identified, by the value in ``identification.json``."""
 
 
 def error_percent(share: float) -> str:
@@ -59,7 +60,11 @@ def relative_cell(parameter: Parameter) -> str:
 
 
 def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
-    """For each joint: name, errors of given model, identified model and fit, RMS, departure, unit, samples."""
+    """Row of the table of errors for each joint.
+
+    The columns are name, relative errors of given model, identified model and fit, RMS error, RMS difference between
+    full model and fit, unit, number of samples.
+    """
     return [
         (
             joint.joint,
@@ -76,7 +81,7 @@ def error_cells(found: IdentifiedModel) -> list[tuple[str, ...]]:
 
 
 def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
-    """Result of loading a file again."""
+    """How far the torques of an exported model differ after loading its file, in one sentence."""
     if not loaded_with:
         return "It was not loaded again."
     if difference == 0:

@@ -30,7 +30,7 @@ from identification.next_experiment.candidates import (
     candidates,
     design_of,
     exciting,
-    lively,
+    fast_enough,
     safe_limits,
     varied,
 )
@@ -61,7 +61,8 @@ _WORK, _FEWEST, _MOST = 120, 12, 40
 _CHANGED = 3
 # Probability of separation above which motions are compared by the distance of rivals instead.
 _SURE = 0.995
-# Least gain in the probability that no rival is left, for which a mass or other gains are worth the effort.
+# Least increase of the probability that no rival is left, for which a known mass or other gains are proposed: both take
+# the user more effort than another motion.
 _BURDEN = 0.1
 
 
@@ -99,8 +100,8 @@ def _one_digit(x: float) -> float:
     return float(f"{np.maximum(x, 1e-3):.0e}")
 
 
-def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
-    """The motion of the given model along a reference, with all gains of its controllers reduced to a share.
+def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion | None:
+    """Simulated motion of the given model along a reference, with the gains of its controllers reduced to a share.
 
     Args:
         robot: The given model; the delays of its controllers are ignored.
@@ -172,16 +173,16 @@ def ranked_trials(
     trials.sort(key=lambda trial: trial.worth, reverse=True)
     for _ in range(0 if _is_best(trials) else count):
         candidate = varied(trials[0].candidate, problem, rng)
-        other = trial_of(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
+        other = trial_of(candidate, robot, lab, rivalries) if fast_enough(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
             trials.insert(0, other)
     if (trials[0].power >= rules.SEPARATED).all():
         return tuple(trials)
     changed = (
-        *islice(_there(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
-        *islice(_there(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
+        *islice(_feasible(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
+        *islice(_feasible(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
     )
-    # A mass and other gains are an effort: they must separate more than the best motion without them.
+    # A mass or other gains take effort: they must separate more than the best motion without them.
     more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
@@ -199,7 +200,7 @@ def loaded_trial(
     for share in SHARES:
         mass = known_mass(robot, share)
         loaded = carried(robot, mass)
-        if keeps(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
+        if within_torque_limits(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
             return trial_of(candidate, loaded, lab, rivalries, mass=mass)
     return None
 
@@ -210,8 +211,10 @@ def softer_trial(
     """The motion as a reference of softer controllers, at the better share of gains; None without controllers."""
     out = []
     for share in GAINS:
-        motion = followed(robot, candidate.motion(lab.band.rate_hz), share)
-        if motion is not None and stays(robot, limits, motion) and keeps(robot, limits, motion):
+        motion = simulated_tracking(robot, candidate.motion(lab.band.rate_hz), share)
+        if motion is None or not within_motion_limits(robot, limits, motion):
+            continue
+        if within_torque_limits(robot, limits, motion):
             out.append(trial_of(candidate, robot, lab, rivalries, gains=share, motion=motion))
     return max(out, key=lambda trial: trial.worth, default=None)
 
@@ -226,29 +229,39 @@ def trial_of(
     gains: float | None = None,
     motion: Motion | None = None,
 ) -> Trial:
-    """A candidate scored on all pairs; ``motion`` is the motion that results, if it differs from the candidate's."""
+    """A candidate scored on all pairs of rivals.
+
+    Args:
+        candidate: The motion, or the reference of softer controllers.
+        robot: The robot, with the mass if there is one.
+        lab: Computes the columns of the rivals along a motion.
+        rivalries: The rivals to separate.
+        mass: Known mass that the robot carries.
+        gains: Share of the stated gains of the controllers.
+        motion: Motion of the robot, if it differs from the candidate.
+    """
     planned = lab.products(candidate.motion(lab.band.rate_hz) if motion is None else motion, robot)
     each = [separation(rivalry, planned) for rivalry in rivalries]
     power, gain = (np.concatenate(values) for values in ([one.power for one in each], [one.gain for one in each]))
     return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in each])))
 
 
-def keeps(robot: Robot, limits: Limits, motion: Motion) -> bool:
-    """True if the drives of a loaded or softly controlled robot keep their torque limits along a motion."""
+def within_torque_limits(robot: Robot, limits: Limits, motion: Motion) -> bool:
+    """True if a motion needs no torque beyond the limits of the drives."""
     usable = bounds_of(robot, limits)
     rows = [usable.labels.index(f"torque of {joint}") for joint in robot.joint_names]
     torque = inverse_dynamics(robot, motion)
     return bool((np.abs(torque) <= usable.upper[rows] + np.array(robot.coulomb_friction)).all())
 
 
-def stays(robot: Robot, limits: Limits, motion: Motion) -> bool:
-    """True if the active joints keep their limits of position and speed."""
+def within_motion_limits(robot: Robot, limits: Limits, motion: Motion) -> bool:
+    """True if a motion stays within the limits of position and speed of the active joints."""
     rows = list(robot.tree_rows)
     inside = (motion.q >= limits.lower[rows]) & (motion.q <= limits.upper[rows])
     return bool((inside & (np.abs(motion.v) <= limits.velocity[rows])).all())
 
 
-def _there(trials: Iterable[Trial | None]) -> Iterator[Trial]:
+def _feasible(trials: Iterable[Trial | None]) -> Iterator[Trial]:
     return (trial for trial in trials if trial is not None)
 
 

@@ -1,7 +1,7 @@
 """Candidate motions of the next experiment: random Fourier series, triangles and small reversals within safe limits.
 
-The limits are those that the robot states, narrowed to little more than what the recordings contain. Rests in several
-postures, with small reversals about each, excite friction and play.
+The limits are those in the robot's files, narrowed to slightly more than the range of the recordings. Motions that rest
+in several postures, with small reversals about each, excite friction and backlash.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _BEYOND = 0.5
 _FASTER, _SHARPER, _STRONGER = 2.0, 3.0, 2.0
 # Least range [rad or m] of a joint, so that limits of one that was held leave some room.
 _HELD = 1e-4
-# Share of a stop in which the robot moves to the next posture.
+# Share of a stop's duration in which the robot moves to the next posture.
 _TRAVEL = 0.3
-# Share of the rest of a stop in which its reversals grow, and in which they fade.
+# Share of the remaining duration in which the reversals grow from zero, and in which they decrease to zero.
 _FADE = 0.15
 # Largest slope and curvature of the transition from zero to one in a unit of time.
 _STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
@@ -46,17 +46,18 @@ _SLOW = (1, 4)
 _SMALL = (0.1, 0.5)
 # Standard deviation of the logarithm of a joint's size between variations; single shapes vary by a third of it.
 _VARIED = 0.5
-# A motion is used only if the speeds of its joints, over this share of their largest speed, are at least this on
-# average: joints that creep stick and slip, which no law of friction predicts, so that a plan would not come true.
-_LIVELY, _JOINTS = 0.125, 0.75
+# A joint moves fast enough if its RMS speed is `_FAST_ENOUGH` of its limit. A motion is used if the ratio to that
+# speed, at most 1 for each joint, is at least `_JOINTS` on average. Slower joints stick and slip, which no law of
+# friction predicts, so that the planned separation would not be reached.
+_FAST_ENOUGH, _JOINTS = 0.125, 0.75
 # Exciting motion: harmonics, random motions of which the best one is improved, rounds and steps of the descent.
 _HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
-# Draws per motion that is wanted, as many are not lively.
+# Draws per wanted motion, because many are too slow.
 _DRAWS = 4
 
 
 def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
-    """Stated limits, narrowed to what the recordings have shown to be safe.
+    """Limits of the robot's files, narrowed to what the recordings have shown to be safe.
 
     Raises:
         RobotError: If the robot has a joint that no reference can drive.
@@ -209,7 +210,7 @@ def candidates(
     Args:
         problem: Robot and limits, see `design_of`.
         duration: Duration of each motion [s].
-        count: Largest number of motions; those that creep are left out, see `lively`.
+        count: Largest number of motions; those that are too slow are left out, see `fast_enough`.
         rng: Draws the motions.
 
     Raises:
@@ -220,7 +221,7 @@ def candidates(
     out: list[Candidate] = []
     for k in range(_DRAWS * count):
         one = draws[k % len(draws)](problem, postures, duration, rng)
-        if lively(one, problem):
+        if fast_enough(one, problem):
             out.append(one)
         if len(out) == count:
             break
@@ -228,9 +229,9 @@ def candidates(
 
 
 def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) -> Candidate:
-    """The motion with most information on the inertial parameters, by which rivals among them can be separated.
+    """D-optimal motion for the inertial parameters, which separates rivals such as base tilt, load and inertia best.
 
-    Random motions are rarely close to it. If a base, a load or an inertia is in doubt, it separates best.
+    Random motions rarely come close to it.
 
     Args:
         problem: Robot and limits.
@@ -276,10 +277,10 @@ def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> 
     return Candidate(one.kind, one.shapes, largest_within_limits(problem, grid, weights, posture, _SHARES))
 
 
-def lively(one: Candidate, problem: DesignProblem) -> bool:
-    """True if the joints move fast enough, on average, for laws of friction to hold."""
+def fast_enough(one: Candidate, problem: DesignProblem) -> bool:
+    """True if the joints, on average, move fast enough for the laws of friction to hold."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
-    wanted = _LIVELY * problem.limits.velocity[list(problem.robot.tree_rows)]
+    wanted = _FAST_ENOUGH * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _JOINTS
 
 

@@ -29,14 +29,15 @@ class BaseParameters:
     """Independent columns and how the others regroup into them.
 
     Attributes:
-        names: Of all ``p`` columns.
-        units: Of all columns.
+        names: Names of all ``p`` columns.
+        units: Units of all columns.
         independent: Kept columns, ascending, ``r`` of them.
         dependent: All others, ascending.
         zero: Those of the others that never produce torque.
         grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
         norms: Norms of all columns.
-        singular_values: Of the independent columns, each divided by its norm; shape ``(r,)``, descending.
+        singular_values: Singular values of the independent columns, each column divided by its norm; shape ``(r,)``,
+            descending.
         tolerance: Share of the largest column of its unit that an independent column adds.
     """
 

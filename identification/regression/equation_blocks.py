@@ -24,7 +24,7 @@ def touched_columns(
 
     Args:
         robot: Gives the bodies.
-        effects: Of each, the rows that it acts on and its number of columns.
+        effects: For each effect, the rows that it acts on and its number of columns.
         rigid_body: True if the first columns are the bodies'.
     """
     out: list[list[int]] = [[] for _ in range(robot.nv)]
@@ -53,7 +53,7 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
 
     Args:
         log: Gives the band.
-        signatures: Of the effects on the log's whole motion, as some of them remember the past.
+        signatures: Signatures of the effects on the log's whole motion, as some of them remember the past.
     """
     return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
 
@@ -84,7 +84,7 @@ def blocks_of(
         log: The recording.
         effects: From `banded`.
         rigid_body: True if the first columns are the bodies'.
-        samples: Of the log at its full rate, per block.
+        samples: Samples of the log at its full rate, per block.
         columns: Which columns to make, ascending; by default all.
     """
     band, kept = log.band, log.valid_in_band

@@ -39,8 +39,8 @@ class Reduction:
     """Triangular factors of the equations of one recording, or of several.
 
     Attributes:
-        names: Of all ``p`` columns.
-        units: Of all columns.
+        names: Names of all ``p`` columns.
+        units: Units of all columns.
         joint_names: One per row of a sample.
         columns: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
         factors: By joint, ``R`` with ``R^T R = [W_j y_j]^T [W_j y_j]`` on these columns and the torque behind them,
@@ -171,9 +171,9 @@ def reduce_blocks(
     """Triangular factors of equations that come in blocks, which are not kept.
 
     Args:
-        names: Of the ``p`` columns.
-        units: Of the columns.
-        joint_names: Of the rows of a sample.
+        names: Names of the ``p`` columns.
+        units: Units of the columns.
+        joint_names: Joint of each row of a sample.
         columns: By joint, the columns that its torque can depend on, ascending.
         blocks: Columns ``(n, nv, p)`` and torque ``(n, nv)`` of n samples each.
     """

@@ -92,8 +92,8 @@ class Regressor:
         logs: Recordings, ready for fitting.
         terms: Effects with their joints and shapes.
         rigid_body: True if the standard parameters are unknowns too; else the given model is subtracted from ``y``.
-        names: Of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
-        units: Of the columns.
+        names: Names of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
+        units: Units of the columns.
         touched: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
     """
 

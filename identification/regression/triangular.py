@@ -98,7 +98,7 @@ def dependent_columns(
 
     Args:
         factor: Triangular factor of a regressor, or the regressor itself.
-        units: Of the columns.
+        units: Units of the columns.
         tolerance: Share of the scale.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Page on the differences between diagnoses: a table, and a figure of each size with its 95 % intervals."""
+"""HTML page on the differences between diagnoses: a table, and a figure of each size with its 95 % intervals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def comparison_page(found: Comparison) -> str:
         parts += [
             "<h2>Sizes</h2>",
             "<p>Points are estimates, bars 95 % intervals. Orange sizes changed by more than chance explains. A grey "
-            "bar reaches from zero to the size that would have been seen, if the finding is missing.</p>",
+            "bar marks a diagnosis without the finding: it reaches up to the smallest size that this diagnosis would "
+            "have detected.</p>",
             f'<div class="figures">{"".join(figures)}</div>',
         ]
     parts += [
@@ -80,14 +81,14 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
 
 
 def _hidden_curve(below: list[float]) -> Curve:
-    """Grey bars from zero to the size that would have been seen, for diagnoses without the finding."""
+    """Grey bars from zero to the smallest detectable size, for diagnoses without the finding."""
     half = 0.5 * np.array(below)
     middle = np.where(half > 0, half, np.nan)
     return Curve(np.arange(len(half)), middle, "#808080", 0.0, half=half)
 
 
 def _axis_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names cut so that they fit side by side on an axis."""
+    """Names shortened so that they fit side by side on an axis."""
     return tuple(short_name(name, max(8, _LETTERS // len(names))) for name in names)
 
 

@@ -1,6 +1,6 @@
-"""Multiple shooting: errors of the given and the corrected model from the same recorded states, and their horizon.
+"""Simulation errors of the given and the corrected model, both started from the same recorded states of many windows.
 
-The horizon is the longest over which the noise of the start stays small beside the errors.
+The prediction horizon is the longest over which the noise of the starting state is small compared with the errors.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 HORIZONS = (0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04)  # [s], the longest first
-# Largest effect of the noise of the start, as a share of the given model's error, or of the travel of the joints.
+# Largest effect of the starting state's noise, as a share of the given model's error, or of the travel of the joints.
 _OF_ERROR, _OF_TRAVEL = 0.33, 0.05
 # Simulated readings of one window by one model, with the start shifted by (position, velocity).
 Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
-# The window with the hidden states of a model at its start.
-Settle = Callable[[Shot, Model], Shot]
+# Returns a window with the estimated hidden states of a model (such as a bent spring) at its start.
+HiddenStates = Callable[[Shot, Model], Shot]
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
     return possible[-1]
 
 
-def unsettled(shot: Shot, _model: Model) -> Shot:
-    """The window without an estimate of hidden states."""
+def without_hidden_states(shot: Shot, _model: Model) -> Shot:
+    """The window as it is, with no hidden states."""
     return shot
 
 
@@ -109,9 +109,10 @@ class Rollout:
         horizon_s: Time over which each window is compared [s]; None where no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Error of the corrected model.
-        noise: Deviation of the readings of each joint [rad or m], which no model's error can fall below.
-        strays: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio to its end.
-        recordings: The errors by recording, where there are several.
+        noise: Standard deviation of the readings of each joint [rad or m], below which no model's error can fall.
+        strays: Joints of a model without findings whose error exceeds the 99 % noise band, with the ratio of the error
+            to the upper end of the band.
+        recordings: Errors of each recording, if there are several.
         engaged: Joint limits that simulated motion passes.
         warnings: Notes on joint limits.
         notes: Notes on a shortened horizon, or on why there is none.
@@ -133,7 +134,7 @@ class Rollout:
 
     @property
     def json(self) -> dict | None:
-        """The contract's ``rollout``, with the noise of readings, errors by recording and joint limits passed."""
+        """The entry ``rollout`` of ``diagnosis.json``; None if no motion could be simulated."""
         if self.horizon_s is None:
             return None
         out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
@@ -157,7 +158,7 @@ def compared(
     shots: tuple[Shot, ...],
     shoot: Shoot,
     horizons: tuple[float, ...],
-    settle: Settle = unsettled,
+    hidden_states: HiddenStates = without_hidden_states,
     *,
     controlled: bool,
 ) -> Rollout:
@@ -165,21 +166,21 @@ def compared(
 
     Args:
         robot: The robot with joints and their limits.
-        models: The given model, and the corrected one by the fit that has not seen a window.
+        models: Given and corrected model of a window; the corrected one is fitted without that window.
         shots: At least one window, as long as the longest horizon.
         shoot: Simulates a window.
         horizons: Candidates [s], the longest first.
         controlled: True if controllers move the joints instead of the recorded torque.
-        settle: Adds the corrected model's hidden states; the given model starts from the smoothed readings.
+        hidden_states: Adds the hidden states of the corrected model; the given model starts from the smoothed readings.
 
     Raises:
-        ParameterError: If a motion leaves all bounds.
+        ParameterError: If a simulated motion diverges.
     """
     rng = random_stream("noise of rollout starts")
     before, after, noise = [], [], []
     for plain in shots:
         given, model = models(plain.window)
-        shot = settle(plain, model)
+        shot = hidden_states(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
         moved, others = shoot(shot, model, None), _others(shot.window, robot.nv)
         before.append(shoot(shot, given, None) - shot.read + others)
@@ -193,7 +194,7 @@ def compared(
     deviations = np.sqrt(np.mean([shot.states.scatter**2 for shot in shots], axis=0))
     read_noise = dict(zip(robot.joint_names, deviations.tolist(), strict=True))
     files = list(dict.fromkeys(shot.log.file for shot in shots))
-    apart = {
+    by_recording = {
         file: _sizes(robot, errors.of([k for k, shot in enumerate(shots) if shot.log.file == file]), horizon)
         for file in (files if len(files) > 1 else [])
     }
@@ -201,7 +202,7 @@ def compared(
         horizon,
         *_sizes(robot, errors, horizon),
         noise=read_noise,
-        recordings=apart,
+        recordings=by_recording,
         engaged=engaged,
         warnings=limit_notes(robot, engaged),
         notes=notes,

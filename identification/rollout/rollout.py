@@ -22,7 +22,7 @@ from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, res
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.result import Judgement
 from identification.notes import Code, Note
-from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
+from identification.rollout.compare import HORIZONS, HiddenStates, Rollout, Shoot, compared
 from identification.rollout.joint_limits import recorded_past
 from identification.rollout.rollout_starts import SHORTEST, STEP, Window, acting_torque, spread, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, hides, look_back, tries, under_control, under_torque
@@ -155,20 +155,20 @@ def rollout_of(explained: Explained) -> Rollout:
         return Rollout(None, {}, {}, warnings=past, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
     torque = _torques()
 
-    def settle(shot: Shot, model: Model) -> Shot:
+    def hidden_states(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
         # A swing is too short to fit a start to a part of it.
         return (shot.pulled if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
 
-    loop = _controlled_rollout(explained, settle)
+    loop = _controlled_rollout(explained, hidden_states)
     if explained.controlled and loop is not None:
         return replace(loop, warnings=(*past, *loop.warnings))
 
     def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
         return under_torque(shot, model, torque(shot, model), nudge)
 
-    out = _tried(explained, shoot, HORIZONS, settle, by_control=False)
+    out = _tried(explained, shoot, HORIZONS, hidden_states, by_control=False)
     # The noise band does not include noise of the base's sensors, so legs are not tested.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, strays=_strays(explained, out.horizon_s))
@@ -236,14 +236,14 @@ def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
     return torque
 
 
-def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
+def _controlled_rollout(explained: Explained, at_start: HiddenStates) -> Rollout | None:
     """Rollout under the controllers and references of each judged recording; None where one of them is unknown."""
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
     if any(explained.session.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
-    return _tried(explained, under_control, _CONTROLLED, settle, by_control=True)
+    return _tried(explained, under_control, _CONTROLLED, at_start, by_control=True)
 
 
 def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
@@ -255,13 +255,15 @@ def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
 
 
 def _tried(
-    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], settle: Settle, *, by_control: bool
+    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
     """Rollouts over the longest horizon at which no simulation diverges."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
-            return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), settle, by_control=by_control)
+            return _rolled(
+                explained, shoot, tuple(h for h in horizons if h <= horizon), at_start, by_control=by_control
+            )
         except RobotError as error:
             problem = error
             break
@@ -274,7 +276,7 @@ def _tried(
 
 
 def _rolled(
-    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], settle: Settle, *, by_control: bool
+    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
     session, terms = explained.session, ordered(explained.terms)
     robot, known = session.robot, session.known
@@ -299,7 +301,7 @@ def _rolled(
             )
         return pairs[key]
 
-    return compared(robot, models, shots, shoot, horizons, settle, controlled=by_control)
+    return compared(robot, models, shots, shoot, horizons, at_start, controlled=by_control)
 
 
 def _moment(window: Window, operation: Operation) -> int:

@@ -115,7 +115,7 @@ def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
 
 
 def verdict_together(torques: str, poses: str) -> str:
-    """The contract's verdict over joints and frames at once.
+    """The verdict over joints and frames at once.
 
     Args:
         torques: Verdict of the torques.

@@ -37,7 +37,7 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
 
     Raises:
         ParameterError: If the file cannot be read, names no recording of the diagnosis or one twice, or a key or value
-            is not of the contract; one sentence says where and what to do.
+            is unknown; one sentence says where and what to do.
     """
     path = Path(path)
     content = load_mapping(path, ParameterError)

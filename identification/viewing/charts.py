@@ -27,7 +27,7 @@ class Chart:
 
     Attributes:
         title: What is drawn, with its unit.
-        names: Of the curves.
+        names: Names of the curves.
         colours: ``#rrggbb`` of each curve.
         t: Times [s], ``(m,)``.
         values: One column a curve, ``(m, k)``; NaN where there is nothing to draw.

@@ -33,7 +33,7 @@ def read_correction(path: Path, robot: Robot) -> Correction:
     """The correction in a ``diagnosis.json``, in the folder of ``diagnose --out``, or in a ``corrected.yaml``.
 
     Args:
-        path: Of the file or folder.
+        path: Path of the file or folder.
         robot: The model that was diagnosed.
 
     Raises:

@@ -181,7 +181,7 @@ class Copy:
     Attributes:
         name: What moves it.
         q: Its joint positions [rad or m], ``(n, nv)``; NaN where it was not simulated.
-        poses: Of each joint's frame, see `link_poses`, ``(n, J, 7)``.
+        poses: Poses of each joint's frame, see `link_poses`, ``(n, J, 7)``.
         strength: Colour of each joint, 0 for no residual to 1 for the full colour, ``(n, nv)``.
     """
 

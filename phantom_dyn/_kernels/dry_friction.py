@@ -1,7 +1,7 @@
-"""Dry friction as impulses, each of which stops its joint if it can and else opposes it, for all simulations.
+"""Coulomb friction in one step of a simulation, by projected Gauss-Seidel sweeps on velocity level.
 
-Projected Gauss-Seidel sweeps over the torques within their limits, on velocity level, so that a joint at rest stays at
-rest.
+Each friction torque stops its joint within the step if its limit suffices, and otherwise opposes the motion at its
+limit. A joint at rest so stays exactly at rest.
 """
 
 from __future__ import annotations
@@ -14,107 +14,114 @@ from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn.array_types import Array
 
 _SWEEPS = 200
-"""Sweeps at most; they stop when no torque moves by more than `_STILL` of its limit."""
+"""Largest number of sweeps; they end when no torque changes by more than `_STILL` of its limit."""
 _STILL = 1e-10
 
 
-class Rubbing(NamedTuple):
+class FrictionPlaces(NamedTuple):
     """Where dry friction acts: motors, and passive joints that turn with them; ``n`` is the number of velocities.
 
     Attributes:
-        motors: Place of each motor among the velocities, ``(m,)``.
-        passive: How fast each passive joint turns per velocity, ``(p, n)``.
-        reply: Room for what an impulse on each passive joint does to all velocities and to its own, ``(p, n + 1)``.
+        motors: Index of each motor among the velocities, ``(m,)``.
+        passive: Jacobian of the passive joints: velocity of each per velocity of the mechanism, ``(p, n)``.
+        response: Working memory, ``(p, n + 1)``: change of all velocities, and of its own, by a unit impulse on each
+            passive joint.
     """
 
     motors: Array
     passive: Array
-    reply: Array
+    response: Array
 
 
-def rubbing_motors(places: Array, n: int) -> Rubbing:
-    """Motors at these places among ``n`` velocities, and nothing else that rubs."""
-    return Rubbing(np.asarray(places, dtype=np.int64), np.zeros((0, n)), np.zeros((0, n + 1)))
+def friction_on_motors(places: Array, n: int) -> FrictionPlaces:
+    """Friction on the motors at these indices among ``n`` velocities, without passive joints."""
+    return FrictionPlaces(np.asarray(places, dtype=np.int64), np.zeros((0, n)), np.zeros((0, n + 1)))
 
 
 @jit
-def rub(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> None:
-    """Coulomb friction of at most ``most`` on motors and passive joints.
+def apply_dry_friction(
+    mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
+) -> None:
+    """Add the Coulomb friction of motors and passive joints to the velocities, in place.
 
     Args:
         mobility: Velocity per impulse, symmetric, ``(n, n)``.
-        speed: Velocities without friction, ``(n,)``; with it afterwards.
-        who: Where friction acts; its room is overwritten.
-        friction: Torque with which the search begins, of motors, then of passive joints, ``(m + p,)``; that of this
-            step afterwards.
-        most: Limits of the torque, ``(m + p,)``; none where it is zero.
+        speed: Velocities without friction, ``(n,)``; overwritten by those with friction.
+        places: Where friction acts; its working memory is overwritten.
+        friction: First guess of the torques of motors, then of passive joints, ``(m + p,)``; overwritten by the
+            torques of this step.
+        limits: Largest friction torques, ``(m + p,)``; zero for joints without friction.
         h: Length of the step [s].
     """
-    begin(mobility, speed, who, friction, most, h)
+    start_search(mobility, speed, places, friction, limits, h)
     for _ in range(_SWEEPS):
-        largest = motors_moved(mobility, speed, who, friction, most, h)
-        largest = max(largest, passive_moved(speed, who, friction, most, h))
+        largest = sweep_motors(mobility, speed, places, friction, limits, h)
+        largest = max(largest, sweep_passive(speed, places, friction, limits, h))
         if largest <= _STILL:
             break
-    # A motor that friction holds is at rest, not almost.
-    for j in range(len(who.motors)):
-        if abs(friction[j]) < most[j]:
-            speed[who.motors[j]] = 0.0
+    # A motor that friction holds is exactly at rest.
+    for j in range(len(places.motors)):
+        if abs(friction[j]) < limits[j]:
+            speed[places.motors[j]] = 0.0
 
 
 @within
-def begin(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> None:
-    """Write what impulses on passive joints do, and add the impulses with which the search begins."""
-    n, m = len(speed), len(who.motors)
-    motors, passive, reply = who.motors, who.passive, who.reply
+def start_search(
+    mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
+) -> None:
+    """Fill in the responses to impulses on passive joints, and add the impulses of the first guess."""
+    n, m = len(speed), len(places.motors)
+    motors, passive, response = places.motors, places.passive, places.response
     for j in range(m):
-        if most[j] > 0.0:
+        if limits[j] > 0.0:
             impulse = h * friction[j]
             for i in range(n):
                 speed[i] += mobility[i, motors[j]] * impulse
     for e in range(len(passive)):
-        if most[m + e] > 0.0:
-            reply[e, n] = 0.0
+        if limits[m + e] > 0.0:
+            response[e, n] = 0.0
             for i in range(n):
-                reply[e, i] = 0.0
+                response[e, i] = 0.0
                 for k in range(n):
-                    reply[e, i] += mobility[i, k] * passive[e, k]
+                    response[e, i] += mobility[i, k] * passive[e, k]
             for i in range(n):
-                reply[e, n] += passive[e, i] * reply[e, i]
-                speed[i] += reply[e, i] * (h * friction[m + e])
+                response[e, n] += passive[e, i] * response[e, i]
+                speed[i] += response[e, i] * (h * friction[m + e])
 
 
 @within
-def motors_moved(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> float:
-    """Sweep over the motors; the largest change of a torque over its limit."""
+def sweep_motors(
+    mobility: Array, speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float
+) -> float:
+    """Largest change of a torque, relative to its limit, in one sweep over the motors."""
     largest = 0.0
-    for j in range(len(who.motors)):
-        if most[j] > 0.0:
-            at = who.motors[j]
-            wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -most[j]), most[j])
+    for j in range(len(places.motors)):
+        if limits[j] > 0.0:
+            at = places.motors[j]
+            wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -limits[j]), limits[j])
             change = wanted - friction[j]
             if change != 0.0:
                 for i in range(len(speed)):
                     speed[i] += mobility[i, at] * (change * h)
                 friction[j] = wanted
-                largest = max(largest, abs(change) / most[j])
+                largest = max(largest, abs(change) / limits[j])
     return largest
 
 
 @within
-def passive_moved(speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> float:
-    """Sweep over the passive joints; the largest change of a torque over its limit."""
-    n, m, largest = len(speed), len(who.motors), 0.0
-    for e in range(len(who.passive)):
-        limit, rate = most[m + e], 0.0
+def sweep_passive(speed: Array, places: FrictionPlaces, friction: Array, limits: Array, h: float) -> float:
+    """Largest change of a torque, relative to its limit, in one sweep over the passive joints."""
+    n, m, largest = len(speed), len(places.motors), 0.0
+    for e in range(len(places.passive)):
+        limit, rate = limits[m + e], 0.0
         if limit > 0.0:
             for i in range(n):
-                rate += who.passive[e, i] * speed[i]
-            wanted = min(max(friction[m + e] - rate / (who.reply[e, n] * h), -limit), limit)
+                rate += places.passive[e, i] * speed[i]
+            wanted = min(max(friction[m + e] - rate / (places.response[e, n] * h), -limit), limit)
             change = wanted - friction[m + e]
             if change != 0.0:
                 for i in range(n):
-                    speed[i] += who.reply[e, i] * (change * h)
+                    speed[i] += places.response[e, i] * (change * h)
                 friction[m + e] = wanted
                 largest = max(largest, abs(change) / limit)
     return largest

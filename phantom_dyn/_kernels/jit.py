@@ -1,6 +1,6 @@
-"""Compilation of functions at their first call, with machine code kept on disk.
+"""Decorators that compile functions with numba at their first call and keep the machine code on disk.
 
-Numba is loaded by the first call of a compiled function and not before: that takes as long as a small command does.
+Numba itself is imported by the first such call, because its import takes as long as a small command does.
 With `NUMBA_DISABLE_JIT=1` all functions are plain Python, for a debugger: the same results, far slower.
 """
 
@@ -24,7 +24,7 @@ _one_at_a_time = RLock()
 
 @cache
 def njit() -> Callable[..., Any]:
-    """Numba's decorator, for which numba is loaded."""
+    """Numba's decorator; its first call imports numba."""
     from numba import njit as decorator
     from numba.core import event
 
@@ -35,11 +35,10 @@ def njit() -> Callable[..., Any]:
 class Compiled:
     """A function that numba compiles at its first call.
 
-    Numba asks any object for its type: compiled functions call this one as they call each other.
+    Other compiled functions can call it: numba reads the type of an object from its `_numba_type_`.
 
     Attributes:
-        py_func: The plain function. What wraps it to check its annotations, as the tests do, is taken off: it cannot be
-            compiled.
+        py_func: The plain Python function, without decorators that check its annotations, which numba cannot compile.
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
@@ -51,7 +50,7 @@ class Compiled:
         return (self._made or self.compiled)(*args)
 
     def __reduce__(self) -> Any:
-        """By its name where it has one, as functions are: what is pickled or copied is the same function there."""
+        """Pickle by name if the function is a global of its module, as Python does with plain functions."""
         module = sys.modules.get(self.py_func.__module__)
         for name, value in vars(module).items() if module else ():
             if value is self:
@@ -60,7 +59,7 @@ class Compiled:
 
     @property
     def compiled(self) -> Any:
-        """Numba's function."""
+        """Numba's dispatcher of this function, made at the first use."""
         with _one_at_a_time:
             if self._made is None:
                 self._made = _decorated(njit(), self.py_func, self._options)
@@ -68,12 +67,12 @@ class Compiled:
 
     @property
     def signatures(self) -> list[Any]:
-        """Of what is compiled so far."""
+        """Signatures that are compiled so far."""
         return self.compiled.signatures
 
     @property
     def targetoptions(self) -> dict[str, Any]:
-        """What numba was asked for."""
+        """Options of the compilation."""
         return self.compiled.targetoptions
 
     @property
@@ -82,9 +81,9 @@ class Compiled:
 
 
 class Part(Compiled):
-    """A function that disappears into the compiled functions that call it, and stays Python when Python calls it.
+    """A function that is inlined into the compiled functions that call it, and runs as plain Python if Python calls it.
 
-    What a call from Python needs besides is not compiled, as nothing but tests and plain functions calls a part.
+    No wrapper for calls from Python is compiled, because only tests and plain functions make such calls.
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
@@ -95,41 +94,42 @@ class Part(Compiled):
 
 
 def _decorated(decorator: Callable[..., Any], plain: Callable[..., Any], options: dict[str, Any]) -> Any:
-    # Nobody asks for an address that C could call; making one takes a tenth of a compilation.
+    # C never calls these functions, and a wrapper for C takes a tenth of a compilation.
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
-        return _loading_little(decorator(cache=True, **options)(plain))
+        return _with_fast_loading(decorator(cache=True, **options)(plain))
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
-        _say_that_nothing_is_kept()
+        _warn_without_cache()
         return decorator(**options)(plain)
 
 
-def _loading_little(made: Any) -> Any:
-    """Numba's function, which loads what is kept of it without all that numba can compile.
+def _with_fast_loading(dispatcher: Any) -> Any:
+    """The dispatcher, changed to load cached machine code without numba's registries of everything it can compile.
 
-    All of it takes a tenth of the time of a small command. Where something is compiled after all, numba loads it then.
+    Loading the registries takes a tenth of the time of a small command. If a function has to be compiled after all,
+    numba loads them then.
     """
     try:
         from numba.core.runtime.nrt import rtsys
 
-        kept = made._cache
-        load, undisturbed = kept._load_overload, kept._guard_against_spurious_io_errors
-    except (ImportError, AttributeError):  # another numba: it loads all
-        return made
+        cached = dispatcher._cache
+        load, guarded = cached._load_overload, cached._guard_against_spurious_io_errors
+    except (ImportError, AttributeError):  # a version of numba with other internals: it loads the registries
+        return dispatcher
 
     def load_overload(signature: Any, target: Any) -> Any:
-        rtsys.initialize(target)  # memory of arrays: all that compiled functions need at hand
-        with undisturbed():
+        rtsys.initialize(target)  # allocation of arrays, the only part of the runtime that compiled functions use
+        with guarded():
             return load(signature, target)
         return None
 
-    kept.load_overload = load_overload
-    return made
+    cached.load_overload = load_overload
+    return dispatcher
 
 
 @cache
-def _say_that_nothing_is_kept() -> None:
-    """Warn once a process that compiled functions cannot be kept: all of them have the same reason."""
+def _warn_without_cache() -> None:
+    """Warn that compiled functions cannot be cached; once per process, because all of them have the same reason."""
     logging.getLogger("phantom_dyn").warning(
         "No folder for compiled loops can be written to, so every process compiles them anew (some seconds): set the "
         "environment variable NUMBA_CACHE_DIR to a folder that can."
@@ -151,22 +151,22 @@ def fused(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """As `fused`, for a short function that disappears into the compiled functions that call it."""
+    """As `fused`, for a short function that is inlined into the compiled functions that call it."""
     return cast(F, Part(function, {"fastmath": {"contract"}}))
 
 
 def within(function: F) -> F:
-    """As `jit`, for a part of a larger function that disappears into it: as fast as if it were written there."""
+    """As `jit`, for a part of a larger function that is inlined into it: as fast as if it were written there."""
     return cast(F, Part(function, {}))
 
 
 @dataclass
 class Compilation:
-    """What is compiled while it is watched; what is loaded from the disk does not count.
+    """Count of compilations; functions that are loaded from the disk do not count.
 
     Attributes:
-        functions: How many were begun.
-        under_way: How many are not finished: more than one where a function calls others that are not compiled yet.
+        functions: Number of compilations that have begun.
+        under_way: Number that are not finished; more than one if a function calls others that are not compiled yet.
     """
 
     functions: int = 0
@@ -191,7 +191,7 @@ def watched_compilation() -> Iterator[Compilation]:
 
 
 def _counting(listener: type) -> Any:
-    """Numba's listener that counts for all that watch."""
+    """Listener of numba's events that updates the counts of all open `watched_compilation` contexts."""
 
     class Counting(listener):
         def on_start(self, event: object) -> None:

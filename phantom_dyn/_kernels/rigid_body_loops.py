@@ -30,8 +30,8 @@ class FramePoses(NamedTuple):
     """What `frame_loop` writes of N samples.
 
     Attributes:
-        rotation: Of the frame, ``(N, 3, 3)``.
-        position: Of its origin [m], ``(N, 3)``.
+        rotation: Rotation of the frame, ``(N, 3, 3)``.
+        position: Position of its origin [m], ``(N, 3)``.
         jacobian: Rows v, then w, ``(N, 6, nv)``, zero before; of length 0 if not wanted.
     """
 

@@ -53,7 +53,7 @@ def move_root(moving: Array, base: Array, k: int, share: float) -> None:
         moving: As `at_root` gives it; its first row is changed.
         base: Angular velocity, its derivative and specific force of the base in its own axes, ``(N, 9)`` or ``(0, 9)``.
         k: The sample before.
-        share: Of the way to the next one.
+        share: Fraction of the way to the next one.
     """
     for i in range(9 if len(base) > 0 else 0):
         # What moves along with the root feels nothing of its linear velocity, which stays zero.

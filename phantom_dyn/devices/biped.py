@@ -91,7 +91,7 @@ def sagittal_lengths(lengths: BipedLengths, beta: Float[Array, " N"]) -> Float[A
     """Links as the sagittal plane shows them (1) [m]: legs shortened by cos beta, upper body and foot as they are.
 
     Args:
-        lengths: Of the links.
+        lengths: Lengths of the links.
         beta: Coronal angle [rad], shape ``(N,)``.
     """
     return lengths.sagittal * np.where(_LEANS, np.cos(beta)[:, None], 1.0)
@@ -101,7 +101,7 @@ def coronal_lengths(lengths: BipedLengths, theta: Angles) -> Float[Array, "N 6"]
     """Links as the coronal plane shows them (2) [m]: their vertical part, negative in a leg that goes down.
 
     Args:
-        lengths: Of the links.
+        lengths: Lengths of the links.
         theta: Sagittal angles [rad], shape ``(N, 6)``.
     """
     return lengths.sagittal * np.sin(np.cumsum(theta, axis=1))
@@ -118,7 +118,7 @@ def joint_coordinates(
     """Points 0 to 6 by the projected links (3) [m], shape ``(N, 7, 3)``.
 
     Args:
-        lengths: Of the links.
+        lengths: Lengths of the links.
         theta: Sagittal angles [rad], shape ``(N, 6)``.
         beta: Coronal angle [rad], positive to the left, shape ``(N,)``.
         support: Leg that stands. The fragment gives the left one; the right one is its mirror.

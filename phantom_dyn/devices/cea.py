@@ -196,7 +196,7 @@ def tip_position(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Floa
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        lengths: Of the links.
+        lengths: Lengths of the links.
     """
     q1, q2, q5 = q.T
     reach = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5)
@@ -209,7 +209,7 @@ def tip_jacobian(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Floa
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        lengths: Of the links.
+        lengths: Lengths of the links.
     """
     q1, q2, q5 = q.T
     c1, s1, nothing = np.cos(q1), np.sin(q1), np.zeros(len(q))
@@ -256,7 +256,7 @@ def frames(q: Float[Array, " 3"], rows: tuple[Row, ...]) -> Float[Array, "n 4 4"
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        rows: Of the table, those before a row above it.
+        rows: Rows of the table, each after those above it.
 
     Returns:
         Homogeneous matrices, one per row and the identity in front.

@@ -57,8 +57,8 @@ def regressor(
     """D of (2): drive torque per unit of each parameter of Table 4, in the order of `NAMES`.
 
     Args:
-        motion: Of the active joints q1, q2, q5.
-        lengths: Of the links; only d3 enters.
+        motion: Motion of the active joints q1, q2, q5.
+        lengths: Lengths of the links; only d3 enters.
         gravity: In frame 0 [m/s^2].
     """
     (q1, q2, q5), (v1, v2, v5), (a1, a2, a5) = motion.q.T, motion.v.T, motion.a.T
@@ -97,7 +97,7 @@ def mass_matrix(
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        lengths: Of the links; only d3 enters.
+        lengths: Lengths of the links; only d3 enters.
         parameters: In the order of `NAMES`.
 
     Raises:
@@ -150,8 +150,8 @@ def felt(q: Float[Array, "N 3"], *, lengths: LinkLengths = LENGTHS, stiffness: f
 
     Args:
         q: Active angles q1, q2, q5 [rad].
-        lengths: Of the links.
-        stiffness: Of each joint, transmission and motor in series [N m/rad].
+        lengths: Lengths of the links.
+        stiffness: Stiffness of each joint, transmission and motor in series [N m/rad].
 
     Raises:
         ParameterError: If the arm is too long for these parameters, see `cea_dynamics.longest_arm`.
@@ -174,7 +174,7 @@ def nearest_posture(*, lengths: LinkLengths = LENGTHS) -> tuple[Float[Array, " 3
     "Nearest" is in logarithms; of postures within all ranges, the one of largest apparent mass.
 
     Args:
-        lengths: Of the links.
+        lengths: Lengths of the links.
     """
     angles = np.deg2rad(np.arange(-180.0, 180.0, 3.0))
     q2, q5 = (axis.ravel() for axis in np.meshgrid(angles, angles, indexing="ij"))

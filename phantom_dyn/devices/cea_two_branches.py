@@ -62,7 +62,7 @@ class Platform:
 
     Attributes:
         length: Between the tips of both branches [m].
-        mass: Of the platform, a rod of that length [kg].
+        mass: Mass of the platform, a rod of that length [kg].
         handle_mass: [kg].
         handle_length: Along the platform [m].
         handle_radius: [m].
@@ -176,7 +176,7 @@ class Rods:
         forearm_offset: From the elbow to the foot of the third rod, in the axes of the piece CDG [m]; None leaves the
             rod out.
         rod_mass: Of either rod [kg].
-        piece_mass: Of the piece CDG [kg].
+        piece_mass: Mass of the piece CDG [kg].
 
     Raises:
         ParameterError: If a mass is not above 0, or an offset is not three finite numbers.
@@ -253,7 +253,7 @@ def add_link(robot: ET.Element, name: str, mass: float, center: Vector, moments:
 
     Args:
         robot: The element of the robot.
-        name: Of the link.
+        name: Name of the link.
         mass: [kg].
         center: Of mass, in the link's axes [m].
         moments: Of inertia about the centre of mass, along the link's axes [kg m2].
@@ -278,9 +278,9 @@ def add_joint(
 
     Args:
         robot: The element of the robot.
-        name: Of the joint.
+        name: Name of the joint.
         links: Parent and child.
-        origin: Of the joint in the parent [m].
+        origin: Origin of the joint in the parent [m].
         axis: In the joint's axes.
         turn: Roll, pitch and yaw of the joint's axes in the parent [rad].
     """

@@ -126,7 +126,7 @@ def inverse_kinematics(p: Float[Array, "N 3"], parameters: PhantomParameters = P
 
     Args:
         p: Tip positions in the device's frame, shape ``(N, 3)``.
-        parameters: Of the device.
+        parameters: Parameters of the device.
 
     Returns:
         Angles, shape ``(N, 3)``; a row of NaN where the point is out of reach.
@@ -174,7 +174,7 @@ def wrench_torque(
     Args:
         q: Joint angles [rad], shape ``(N, 3)``.
         wrench: Force [N], then moment about the tip [N m], in the device's axes, that the tip exerts, shape ``(N, 6)``.
-        parameters: Of the device.
+        parameters: Parameters of the device.
 
     Returns:
         ``J^T F`` [N m], shape ``(N, 3)``.

@@ -38,7 +38,7 @@ def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float
     Args:
         robot: A plain robot or a closed chain.
         q: Joint positions [rad or m], shape ``(N, nv)``.
-        frame: Its name.
+        frame: Name of the frame.
 
     Raises:
         RobotError: If the robot has no such frame.
@@ -56,7 +56,7 @@ def frame_jacobian(
     Args:
         robot: A plain robot or a closed chain; of the latter the columns are those of its active joints.
         q: Joint positions [rad or m], shape ``(N, nv)``.
-        frame: Its name.
+        frame: Name of the frame.
         axes: ``body`` for the frame's own axes, ``hybrid`` for those of the root frame.
 
     Raises:
@@ -77,7 +77,7 @@ def wrench_torque(
         robot: A plain robot or a closed chain.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         wrench: Force [N], then moment about the frame's origin [N m], in the root frame's axes, shape ``(N, 6)``.
-        frame: Its name.
+        frame: Name of the frame.
 
     Returns:
         ``J^T F`` [N m or N], shape ``(N, nv)``.

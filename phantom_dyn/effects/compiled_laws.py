@@ -54,7 +54,7 @@ def torque_call(law: str, names: list[str]) -> str:
 
     Args:
         law: What it is called in the text.
-        names: Of its arguments.
+        names: Names of its arguments.
 
     Raises:
         TypeError: If they are not in the order of `phantom_dyn.effects.simulated.torque_law`.

@@ -32,7 +32,7 @@ class Parameter:
     """Name, unit and range of one parameter of an effect.
 
     Attributes:
-        name: The contract's.
+        name: Name in files and in the catalogue.
         unit: SI; ``1`` if it has none.
         lower: Smallest value that the law allows; at zero the effect is absent.
         upper: Largest one.
@@ -62,7 +62,7 @@ class Parameter:
 class Effect(Rival):
     """One cause of a gap between robot and model that the catalogue has a name for.
 
-    The parameters are those of the contract. If the torque is linear in them, they are the coefficients.
+    The parameters are those of `parameters`. If the torque is linear in them, they are the coefficients.
 
     Attributes:
         words: How reports describe it.
@@ -84,7 +84,7 @@ class Effect(Rival):
 
     @abstractmethod
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """The contract's parameters with units and bounds."""
+        """Parameters of the effect, with units and bounds."""
 
     def takes_lists(self, robot: Robot, joint: str | None) -> bool:
         """True if each parameter is a list, all of the same length; ``theta`` is one list after the other."""
@@ -104,7 +104,7 @@ class Effect(Rival):
     def from_coefficients(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> Float[Array, " p"]:
-        """The contract's parameters, in the order of `parameters`, from linear coefficients."""
+        """Parameters of the effect, in the order of `parameters`, from linear coefficients."""
         return coefficients
 
     def stated_law(
@@ -112,14 +112,14 @@ class Effect(Rival):
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
         """Parameters that a finding states, and the function that gives them from coefficients and shape of a fit.
 
-        By default the contract's parameters.
+        By default the effect's parameters.
 
         Args:
             robot: The given model.
             joint: Where it sits.
-            shape: Of the fit, where it is held.
+            shape: Shape of the fit, if it is fixed.
             std: Deviations of the coefficients.
-            coefficients: Of the fit.
+            coefficients: Coefficients of the fit.
         """
         count = len(coefficients)
 
@@ -141,7 +141,7 @@ class Effect(Rival):
         return ""
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
-        """The contract's parameters from those of a finding or file, which may be others or older ones."""
+        """Parameters of the effect from those of a finding or file, which may be others or older ones."""
         return stated
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
@@ -158,7 +158,7 @@ class Effect(Rival):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Float[Array, " nv"]
     ) -> tuple[float, ...] | None:
-        """The contract's parameters of an effect of a given size; None if the size alone does not determine them.
+        """Parameters of the effect with a given size; None if the size alone does not determine them.
 
         Args:
             robot: The given model.
@@ -174,7 +174,7 @@ class Effect(Rival):
     def torque(
         self, robot: Robot, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"]:
-        """Torque that the effect adds on the joints (friction opposes motion), from the contract's parameters.
+        """Torque that the effect adds on the joints (friction opposes motion), from the effect's parameters.
 
         For an effect of a reading, the drive or the transmission: minus the additional drive torque that it leaves in
         the recording.
@@ -198,7 +198,7 @@ class Effect(Rival):
 
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
-        """Its channels in a simulation, from the contract's parameters."""
+        """Its channels in a simulation, from the effect's parameters."""
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
         """Its numbers in model files and control laws; by default the changed links or gravity, if that is all."""

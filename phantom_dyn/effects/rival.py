@@ -65,7 +65,7 @@ class SpecialCase:
     """A law with some of its numbers at zero: a sum of simpler laws, or no effect at all.
 
     Attributes:
-        names: Of the simpler effects, on the same joint; empty if nothing is left.
+        names: Names of the simpler effects, on the same joint; empty if nothing is left.
         numbers: Numbers of the fit, or sums of them, that are all zero in this case.
     """
 
@@ -81,7 +81,7 @@ class Rival(ABC):
     torque from zero to the shape, per unit of the parameter. The law is exact if coefficient and shape are equal.
 
     Attributes:
-        name: The contract's, or one of its own for a cause that the catalogue has no name for.
+        name: Name of the effect in the catalogue, or another one for a cause that the catalogue does not have.
         regime: Where the effect shows most.
         scope: Where it sits: on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
             either on a joint or on the whole robot.
@@ -97,7 +97,7 @@ class Rival(ABC):
             can be identified, and a finding lists no others. None for an effect with columns of its own.
         built_in: True if it is a permanent property of a robot, so that an earlier diagnosis would have found it.
         exact: True if rigid bodies obey its law exactly, so that a residual beside it has another cause.
-        other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
+        other_laws: Other laws of the same parameters that the catalogue's definition fits as well. No recording
             distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
 

@@ -343,8 +343,8 @@ def distance_from_singularity(inverse: Float[Array, "N nz m"]) -> Float[Array, "
     angle :math:`\mu` between coupler and rocker it is :math:`\sqrt{1 - |\cos\mu|}`.
 
     Args:
-        inverse: Of the constraint's slope in the unknowns, see `phantom_dyn.loops.solver.Solution`; where it is not a
-            number the distance is none either.
+        inverse: Inverse of the constraint's Jacobian in the unknowns, see
+            `phantom_dyn.loops.solver.Solution`; if it is NaN, so is the distance.
     """
     if not inverse.shape[1]:
         return np.full(len(inverse), np.inf)

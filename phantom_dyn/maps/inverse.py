@@ -42,7 +42,7 @@ def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
 
     Args:
         model: The robot.
-        axes: Of the grid, some of x, y and z.
+        axes: Axes of the grid, some of x, y and z.
 
     Raises:
         ParameterError: In a sentence.

@@ -64,7 +64,7 @@ def figure(result: OperationalMap, name: str) -> Figure:
 
     Args:
         result: The map.
-        name: Of a quantity in it.
+        name: Name of a quantity in it.
 
     Returns:
         A curve over one axis; over two a section with lines of equal value; over three the middle sections in space

@@ -39,7 +39,7 @@ class MapModel:
         tip: Index of that frame in the model.
         lower: Lowest position of each tree joint [rad or m], ``-inf`` where nothing binds, shape ``(nt,)``.
         upper: Highest one.
-        stiffness: Of the active joints [N m/rad], shape ``(nv,)``, or None.
+        stiffness: Stiffness of the active joints [N m/rad], shape ``(nv,)``, or None.
         stiffness_note: Where the stiffness comes from, for captions.
         posture: Configuration that a branch is chosen by and that stands in for joints without a grid, ``(nv,)``.
         branches: Closed-form inverse kinematics: candidates ``(B, N, nv)`` of tip positions ``(N, 3)``, or None.
@@ -268,8 +268,8 @@ def map_model(
     Args:
         robot: A plain robot or a closed chain.
         frame: Tip; by default ``tip`` where the robot has such a frame, else its last frame.
-        stiffness: Of each joint [N m/rad]; by default the published one of a built-in device, else the position gain
-            ``kp`` of the controllers in ``robot.yaml``, else none.
+        stiffness: Stiffness of each joint [N m/rad]; by default the published one of a built-in device, else the
+            position gain ``kp`` of the controllers in ``robot.yaml``, else none.
         posture: Configuration [rad or m] near which a branch is taken; by default that of a built-in device or the
             start of a numerically closed chain, else zero, and for a joint that cannot reach zero the middle of its
             range.

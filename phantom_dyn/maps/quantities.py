@@ -37,9 +37,9 @@ class Quantity:
     Attributes:
         name: Used on the command line and in the files.
         title: In words.
-        unit: Of the values; empty for a ratio.
+        unit: Unit of the values; empty for a ratio.
         kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z by the columns).
-        columns: Of a matrix: ``axes``, x, y, z again, or ``joints``.
+        columns: Columns of a matrix: ``axes``, x, y, z again, or ``joints``.
         share: True if it lies between 0 and 1 by definition.
     """
 

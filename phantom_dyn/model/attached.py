@@ -16,7 +16,7 @@ class Attached:
     """A body on a fixed or locked joint with all that hangs on it in the same way.
 
     Attributes:
-        names: Of the links, that of the joint first; those without mass are left out.
+        names: Names of the links, that of the joint first; those without mass are left out.
         mass: In kg.
         center: Centre of mass in the frame of the moving joint that carries it [m].
         inertia: About the centre of mass, in the axes of that joint [kg m^2].

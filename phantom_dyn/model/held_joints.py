@@ -25,7 +25,7 @@ def held_and_following(
     Args:
         model: With all joints of the file.
         stated: Content of robot.yaml; joints that its loops name are left to them.
-        facts: Of the file.
+        facts: Contents of the file.
     """
     in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
     held: dict[str, float | None] = {}
@@ -57,7 +57,7 @@ def hold(model: pin.Model, held: dict[str, float | None]) -> tuple[pin.Model, tu
     """Model without some of its joints, which are held where the file draws them or at a position, and their names.
 
     Args:
-        model: Of all joints.
+        model: Model of all joints.
         held: Positions [rad or m] by name; None is where the file draws the joint.
     """
     if not held:

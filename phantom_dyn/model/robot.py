@@ -30,7 +30,7 @@ class Controller:
             ``kp`` is then that of the torque at standstill, and ``kd`` the back-EMF's.
         kp: [N m/rad or N/m].
         kd: [N m s/rad or N s/m].
-        delay: Of the whole torque [s].
+        delay: Delay of the whole torque [s].
         reference_delay: By which the reference alone is late [s].
         limit: Largest ``kp (q_ref - q)`` [N m or N].
         drops_beyond: Position error from which on the limit is another [rad or m].
@@ -99,7 +99,7 @@ class Robot:
         model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``, passive joints' included.
         name: Name for reports.
         source: The file or name that was given.
-        sha256: Of the robot file.
+        sha256: SHA-256 of the robot file.
         joint_names: One per velocity, in Pinocchio's order.
         actuators: One per velocity.
         viscous_friction: Modelled viscous coefficients [N m s/rad or N s/m], shape ``(nv,)``.
@@ -120,8 +120,8 @@ class Robot:
         soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
             empty for a URDF.
         gains_of_file: Joints whose controller is that of their actuator in the robot's file.
-        open_arrivals: Joints whose held references arrive in the drive at a moment of a frame that recordings leave
-            open, see `identification.data.drives.arrivals`.
+        unknown_arrivals: Joints whose references reach the drive at an unknown time within a frame of the bus, see
+            `identification.data.drives.arrivals`.
         model_error: Root mean square [N m or N] by which an earlier diagnosis has found the torque of the model wrong,
             where a joint creeps or turns about and elsewhere, ``(nv, 2)``. None: not known.
         floating: True if the base is not bolted down.
@@ -150,7 +150,7 @@ class Robot:
     carried: Float[Array, " 10"] | None = None
     gains_of_file: tuple[str, ...] = ()
     floating: bool = False
-    open_arrivals: tuple[str, ...] = ()
+    unknown_arrivals: tuple[str, ...] = ()
     model_error: Float[Array, "nv 2"] | None = None
 
     def __post_init__(self):

@@ -130,7 +130,7 @@ def read_robot_config(path: Path) -> RobotConfig:
     """Content of a ``robot.yaml``.
 
     Raises:
-        RobotError: If the file cannot be read, is broken, or a key or value is not of the contract.
+        RobotError: If the file cannot be read, is broken, or a key or value is unknown.
     """
     raw = read_settings(path, RobotError)
     content = _convert(raw, _File, path, "")

@@ -106,7 +106,7 @@ class RobotXml:
     Attributes:
         kind: Format, from the root element.
         name: The robot's, empty where the file has none.
-        sha256: Of the file.
+        sha256: SHA-256 of the file.
         bodies: Links with an inertia.
         followers: Joints that copy another one.
         gravity: [m/s^2] where the file states it.

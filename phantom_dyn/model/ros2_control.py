@@ -29,7 +29,7 @@ def ros2_config(content: Mapping[str, Any], path: Path) -> Ros2Config:
     """What a ros2_control file says of the drives: ``gains.<joint>.p`` and ``.d`` of controllers that command effort.
 
     Args:
-        content: Of the file.
+        content: Text of the file.
         path: The file, for messages.
 
     Raises:

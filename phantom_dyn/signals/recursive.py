@@ -44,7 +44,7 @@ def low_passed(x: Array, cutoff_hz: float, rate_hz: float, *, order: int, paddin
         x: Samples at a uniform rate, shape ``(N,)``, or ``(N, k)`` of one series a column.
         cutoff_hz: Below half of ``rate_hz``.
         rate_hz: Samples per second.
-        order: Of the filter that is used twice; even.
+        order: Order of the filter that is used twice; even.
         padding: Samples of the image, fewer than ``N``; by default three for each coefficient.
     """
     columns = np.asarray(x, dtype=float).reshape(len(x), -1)

@@ -27,7 +27,7 @@ class Tracking(ReadOnlyArrays):
         kp: Gains [N m/rad or N/m], shape ``(N, nv)``.
         kd: Gains [N m s/rad or N s/m], shape ``(N, nv)``.
         extra: Torque e behind the limit, shape ``(N, nv)``.
-        limits: Of the part in brackets, shape ``(nv,)``; infinite where there is none.
+        limits: Torque limits of the part in brackets, shape ``(nv,)``; infinite where there is none.
     """
 
     t: Float[Array, " N"]
@@ -71,7 +71,7 @@ def with_late_references(law: Tracking, delays: Float[Array, " nv"]) -> Tracking
 
     Args:
         law: Of references as they are sent.
-        delays: Of each joint, shape ``(nv,)``.
+        delays: Delays of each joint, shape ``(nv,)``.
     """
 
     def late(table: Array) -> Array:

@@ -38,7 +38,7 @@ _MOTORS = ("motors[0]", "motors[1]")
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect in its place with the contract's parameters in order."""
+    """An effect in its place with the effect's parameters in order."""
 
     effect: Effect
     joint: str | None

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
+from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction, friction_on_motors
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import body_torque_of_tree, link_torque, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
@@ -71,9 +71,9 @@ class Machine:
         return tuple(nv + self.loose.index(j) if j in self.loose else j for j in range(nv))
 
     @cached_property
-    def rubbing(self) -> Rubbing:
+    def friction_places(self) -> FrictionPlaces:
         """The motors, where dry friction acts."""
-        return rubbing_motors(np.array(self.drives), self.nv + len(self.loose))
+        return friction_on_motors(np.array(self.drives), self.nv + len(self.loose))
 
     @cached_property
     def encoders(self) -> tuple[int, ...]:
@@ -183,7 +183,7 @@ def stepped(
 
     mobility = np.linalg.inv(inertia + np.diag(0.5 * h * viscous))
     speed = state.v + mobility @ (h * (force - viscous * state.v))
-    rub(mobility, speed, machine.rubbing, np.zeros(nv), robot.coulomb_friction, h)
+    apply_dry_friction(mobility, speed, machine.friction_places, np.zeros(nv), robot.coulomb_friction, h)
     a = (speed - state.v) / h
     transmitted = given - machine.rotor * a[:nv]
     transmitted[list(machine.loose)] = spring

@@ -1,9 +1,9 @@
 r"""Closed form of the linear inverted pendulum under a zero moment point that ramps and then holds.
 
 With :math:`\omega = \sqrt{g/z}` the pendulum :math:`\ddot x = \omega^2 (x - p)` splits into two parts. The divergent
-component :math:`\xi = x + \dot x / \omega` (the capture point) falls away, :math:`\dot \xi = \omega (\xi - p)`. The
+component :math:`\xi = x + \dot x / \omega` (the capture point) diverges, :math:`\dot \xi = \omega (\xi - p)`. The
 centre of mass follows it, :math:`\dot x = \omega (\xi - x)`. To walk is to choose :math:`p` so that :math:`\xi` stays
-bounded. Everything here is linear in points on the ground, so that one set of scalars serves x and y.
+bounded. All equations are linear in points on the ground, so that the same scalar weights hold for x and y.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float
 
 
 def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: float) -> tuple[float, Float[Array, " 2"]]:
-    r"""Divergent component at the start of a row of phases that ends at rest over its last point.
+    r"""Divergent component at the start of a sequence of phases that ends at rest over its last point.
 
     Args:
         points: Where the zero moment point holds in each phase [m], shape ``(n, 2)``.
-        profiles: One for each phase.
+        profiles: Timing of each phase.
         omega: :math:`\omega` [1/s].
 
     Returns:
@@ -64,8 +64,8 @@ def holding_point(
     Args:
         xi: Divergent component at the start of the phase [m].
         start: Point that the phase ramps away from [m].
-        profile: Of the phase.
-        onward: What `entry` returns for the phases after it.
+        profile: Timing of the phase.
+        onward: Result of `entry` for the phases after it.
         omega: :math:`\omega` [1/s].
     """
     grow, first, last = forward_weights(profile, omega)
@@ -96,7 +96,7 @@ def pendulum(
 
     Args:
         t: Times since the start of the phase [s], shape ``(N,)``.
-        profile: Of the phase.
+        profile: Timing of the phase.
         points: Where the zero moment point starts and where it holds [m].
         xi: Divergent component at the start [m].
         com: Centre of mass at the start [m].
@@ -113,7 +113,7 @@ def pendulum(
 
 
 def _linear(t: Array, p: Array, slope: Array, xi: Array, com: Array, omega: float) -> PendulumState:
-    """Samples under a point that moves at constant speed: x = p + A exp(omega t) + B exp(-omega t)."""
+    """Samples while the zero moment point moves at constant speed: x = p + A exp(omega t) + B exp(-omega t)."""
     t = t[:, None]
     grow, decay = np.exp(omega * t), np.exp(-omega * t)
     a = (xi - p - slope / omega) / 2

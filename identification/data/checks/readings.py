@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Other readings of the same samples: a unit, a sign or the order of the joints taken differently."""
+"""Samples of a recording with another unit, sign or order of joints, to test whether the file has these wrong."""
 
 from __future__ import annotations
 
@@ -17,23 +17,26 @@ from phantom_dyn.signals.recursive import low_passed
 
 _ROWS = 400  # samples in a regression: enough for its thirty coefficients in each half, and quick for many readings
 _FEWEST = 60
-# The band ends at twice the frequency below which this share of each joint's velocity is: above, there is mostly noise.
+# The band ends at `_MARGIN` times the frequency below which `_MOVING` of the power of each joint's velocity lies.
+# Above, there is mostly noise.
 _MOVING, _MARGIN = 0.99, 2.0
-# Standard deviation of a torque over its largest value up to which it is constant: a low pass rounds to 1e-13.
+# Largest ratio of a torque's standard deviation to its largest value with which it is constant: a low pass leaves
+# rounding errors of 1e-13.
 _CONSTANT = 1e-9
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Samples of motion and torque by one reading of the data.
+    """Samples of motion and torque under one assumption on units, signs and order of joints.
 
     Attributes:
         motion: Samples of smooth motion.
         sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
         tau: Torque of the drives, shape ``(N, nv)``.
         external: Torque of measured forces, shape ``(N, nv)``, the same in every reading.
-        late_by_speed, late_by_acceleration: Possible error of each joint's torque per speed, and per acceleration, if
-            it was computed from a voltage, shape ``(nv,)``; None without any.
+        late_by_speed: Possible error of each joint's torque per speed, if the torque was computed from a voltage, shape
+            ``(nv,)``; None if no torque was.
+        late_by_acceleration: Possible error of each joint's torque per acceleration, likewise.
     """
 
     motion: Motion
@@ -47,8 +50,8 @@ class Reading:
 def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], step: float) -> Reading:
     """The data with the possible errors of torques that were computed from voltages.
 
-    Most of a servo's voltage is its back-EMF, and the torque follows from the small rest: an error of a few per cent of
-    the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of the rotor.
+    Most of a servo's voltage is its back-EMF, and the torque is proportional to the small difference. An error of a few
+    per cent of the back-EMF, or a voltage read half a sample late, is as large as friction or the torque of the rotor.
 
     Args:
         reading: The data as recorded.
@@ -66,10 +69,10 @@ def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], 
 
 
 def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:
-    """The data as recorded, in the band in which the robot moves; None without torque or with too few samples.
+    """The data as recorded, low-passed to the band in which the robot moves; None without torque or enough samples.
 
     Args:
-        smooth: The low-passed copy.
+        smooth: Low-passed copy of the recording.
         external: Torque of measured forces at the times of ``smooth``; None where there were none.
     """
     rows = smooth.rows(_ROWS)
@@ -88,7 +91,7 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
 
 
 def _moving_edge(smooth: Smooth) -> float:
-    """Frequency [Hz] up to which the joints move, at most the edge of the smooth copy."""
+    """Frequency up to which the joints move [Hz], at most the cutoff of the smoothed copy."""
     v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)
     power = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)) ** 2
     frequencies = np.fft.rfftfreq(len(v), smooth.step)
@@ -116,7 +119,7 @@ def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Readi
 
 
 def with_positions_plus(reading: Reading, shift: Float[Array, " nv"]) -> Reading:
-    """Positions of each joint [rad or m] counted from another zero."""
+    """Positions of each joint plus an offset [rad or m]."""
     m = reading.motion
     return replace(reading, motion=Motion(m.t, m.q + shift, m.v, m.a))
 

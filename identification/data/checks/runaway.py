@@ -1,7 +1,7 @@
-"""Diverged simulations: motion or torque that grows without bound, as that of no robot and no sensor does.
+"""Detection of diverged simulations: recordings in which motion or torque grows without bound.
 
-A joint that spins keeps its speed. A diverging one exceeds the rest of its recording by far in both speed and distance,
-or doubles both again and again.
+A joint that spins freely keeps its speed. A diverging one exceeds the speed and the distance of the rest of its
+recording by far, or doubles both again and again.
 """
 
 from __future__ import annotations
@@ -14,22 +14,23 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 # Number of pieces into which a recording is cut; the usual size of a motion is the median over them.
 _PIECES = 24
-# Smallest speed [rad/s or m/s] of a diverged motion, as a number and relative to the usual one, and smallest distance
-# [rad or m] likewise.
-_LEAST_SPEED, _TIMES_SPEED, _LEAST_WAY, _TIMES_WAY = 100.0, 100.0, 30.0, 20.0
+# Smallest speed of a diverged motion [rad/s or m/s], and its smallest ratio to the usual speed.
+_LEAST_SPEED, _TIMES_SPEED = 100.0, 100.0
+# Smallest distance from the start of a diverged motion [rad or m], and its smallest ratio to the usual distance.
+_LEAST_DISTANCE, _TIMES_DISTANCE = 30.0, 20.0
 # Number of consecutive pieces of which each is faster than the one before by a factor.
 _DOUBLING, _GROWS = 4, 2.0
-# A torque [N m or N] that no machine has in any unit.
+# A torque that no machine has, in whatever unit the file states it.
 _NO_TORQUE = 1e10
 # Ratio to the usual speed from which on samples count as diverged.
 _BEYOND = 5.0
 
 
 def ran_away(recording: Recording) -> Fault | None:
-    """The fault of a recording whose motion grows without bound; None where none does.
+    """The fault of a recording whose motion grows without bound; None if no joint's does.
 
     Args:
-        recording: Raw samples; excluded stretches are not looked at.
+        recording: Raw samples; excluded stretches are ignored.
     """
     kept = included(recording)
     t, q = recording.t[kept], recording.q[kept]
@@ -63,17 +64,17 @@ def _first_row(t: Float[Array, " N"], q: Float[Array, " N"], tau: Float[Array, "
         return int(np.argmax(np.abs(tau) > np.sqrt(_NO_TORQUE)))
     with np.errstate(over="ignore", invalid="ignore"):
         speed = np.abs(np.diff(q) / np.diff(t))
-        way = np.abs(q - np.median(q[: len(q) // _PIECES + 1]))
-    speeds, ways = _by_piece(speed), _by_piece(way)
-    usual, usual_way = float(np.median(speeds)), float(np.median(ways))
-    left_behind = (
+        distance = np.abs(q - np.median(q[: len(q) // _PIECES + 1]))
+    speeds, distances = _by_piece(speed), _by_piece(distance)
+    usual, usual_distance = float(np.median(speeds)), float(np.median(distances))
+    far_larger = (
         speeds.max() > max(_LEAST_SPEED, _TIMES_SPEED * usual)
-        and ways.max() > max(_LEAST_WAY, _TIMES_WAY * usual_way)
+        and distances.max() > max(_LEAST_DISTANCE, _TIMES_DISTANCE * usual_distance)
         and _lasts(speed > _BEYOND * usual)
     )
-    if not left_behind and not _doubles(speeds, ways):
+    if not far_larger and not _doubles(speeds, distances):
         return None
-    beyond = speed > _BEYOND * (usual if left_behind else float(speeds[: _first_doubling(speeds)].max()))
+    beyond = speed > _BEYOND * (usual if far_larger else float(speeds[: _first_doubling(speeds)].max()))
     return int(np.argmax(beyond))
 
 
@@ -86,11 +87,11 @@ def _lasts(beyond: Bool[Array, " N"]) -> bool:
     return int(beyond.sum()) >= 6
 
 
-def _doubles(speeds: Float[Array, " n"], ways: Float[Array, " n"]) -> bool:
+def _doubles(speeds: Float[Array, " n"], distances: Float[Array, " n"]) -> bool:
     """True if speed and distance multiply from piece to piece, up to values that no robot reaches."""
-    if speeds.max() < 10 * _LEAST_SPEED or ways.max() < 10 * _LEAST_WAY:
+    if speeds.max() < 10 * _LEAST_SPEED or distances.max() < 10 * _LEAST_DISTANCE:
         return False
-    return _first_doubling(speeds) < len(speeds) and _first_doubling(ways) < len(ways)
+    return _first_doubling(speeds) < len(speeds) and _first_doubling(distances) < len(distances)
 
 
 def _first_doubling(sizes: Float[Array, " n"]) -> int:

@@ -1,4 +1,4 @@
-"""Torque that stays unknown because a bus reads the voltage of a drive once per frame.
+"""Uncertainty of the torque between two readings of a drive's voltage, which a bus reads once per frame.
 
 A drive holds each reference until the next one arrives. Its voltage jumps at that moment and then falls as the joint
 follows. The bus reads the voltage always at the same moment after a jump, so that a line through the readings is not
@@ -34,8 +34,8 @@ class BetweenReadings:
         torque: Mean over the frame around each reading minus the line through the readings, if references arrive in
             the middle of a frame. It is zero unless a drive reduces its voltage to protect itself.
         arrival: Change of that mean if references arrive one frame later.
-        doubt: Standard deviation of the part that is not proportional to the arrival: whether a drive reduces its
-            voltage in this frame or in the next. It is signed, so that filters act on it as on the torque.
+        doubt: Standard deviation of the part that is not proportional to the arrival: a drive may reduce its voltage in
+            this frame or in the next. It has a sign, so that filters act on it as on the torque.
     """
 
     torque: Float[Array, "N nv"]
@@ -86,8 +86,8 @@ def _mean_voltage(
     """Voltage of a loop along the recorded motion, averaged over the frame around each time, shape ``(N,)``.
 
     Args:
-        loop: The loop.
-        recording: Gives references and motion.
+        loop: Control loop of the drive.
+        recording: Recording with references and motion.
         t: Uniform times [s], one frame apart.
         j: Index of the joint.
         part: Arrival of references, as one of `_PARTS`.
@@ -104,16 +104,16 @@ def _mean_voltage(
 
 
 def arrival_notes(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Note, ...]:
-    """Notes on joints whose references arrive at an unknown moment, with the viscous friction that has the same effect.
+    """Notes on joints whose references arrive at an unknown time, with the viscous friction that has the same effect.
 
     There is one more note for each recording in which such a drive reduces its voltage to protect itself.
 
     Args:
-        robot: Robot with `open_arrivals`.
-        recordings: Recordings with their loops.
+        robot: Robot with the names of these joints in ``unknown_arrivals``.
+        recordings: Recordings with the control loops of their drives.
     """
     out = []
-    for joint in robot.open_arrivals:
+    for joint in robot.unknown_arrivals:
         j = robot.joint_names.index(joint)
         read = [(one, loop) for one in recordings if one.loops and (loop := one.loops[j]) is not None]
         frames = [(float(np.median(np.diff(one.t))), loop.gain) for one, loop in read]
@@ -130,10 +130,10 @@ def _drop_note(recording: Recording, robot: Robot, j: int, loop: DriveLoop) -> N
     return Note(Code.DRIVE_DROPS, robot.joint_names[j], {**numbers, "unit": "m" if robot.prismatic[j] else "rad"})
 
 
-def with_open_arrivals(robot: Robot, logs: tuple[Log, ...]) -> Robot:
-    """The robot with the names of the joints whose references arrive at an unknown moment of a frame."""
+def with_unknown_arrivals(robot: Robot, logs: tuple[Log, ...]) -> Robot:
+    """The robot with the names of the joints whose references arrive at an unknown time within a frame."""
     left_open = [log.arrival.any(axis=0) for log in logs if log.arrival is not None]
     if not left_open:
         return robot
     joints = zip(robot.joint_names, np.any(left_open, axis=0), strict=True)
-    return replace(robot, open_arrivals=tuple(joint for joint, own in joints if own))
+    return replace(robot, unknown_arrivals=tuple(joint for joint, own in joints if own))

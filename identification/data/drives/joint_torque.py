@@ -107,7 +107,7 @@ def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) 
     """Torque per speed of joints whose back-EMF was computed from differences of positions; None without such joints.
 
     Args:
-        table: Columns under the contract's names.
+        table: Columns under their standard names.
         robot: Gives the constants of its drives.
         torque_from: For each joint, the quantity from which its torque was computed, as `torque_sources` says.
     """
@@ -194,7 +194,7 @@ def drive_torque(
     """Drive torque on the joint side [N m or N], shape ``(N, nv)``, read-only, and warnings about it.
 
     Args:
-        table: Columns under the contract's names.
+        table: Columns under their standard names.
         robot: Gives the joints and the constants of its drives.
         torque_needed: If False, the torque is None when a joint has none.
 
@@ -299,7 +299,7 @@ def computed_from_references(
     the last digit is a command, computed by something that knows the reference at that instant.
 
     Args:
-        table: Columns under the contract's names.
+        table: Columns under their standard names.
         robot: Gives the constants of the drives.
         loops: Position loop of each joint's drive, or None.
         torque_from: For each joint, the quantity from which its torque was computed.

@@ -31,7 +31,7 @@ def base_readings(
     """Readings of the sensors on the base, and warnings about them; None for a robot that is bolted down.
 
     Args:
-        table: Columns under the contract's names.
+        table: Columns under their standard names.
         robot: Says whether its base floats, and where the frames are.
         sensors: Readings [rad/s or m/s^2], shape ``(N, 3)``, by quantity (``w`` or ``sf``) and then by frame.
 

@@ -1,4 +1,4 @@
-"""Column maps: YAML that says which column of a file is which of the contract's, in which unit and with which sign.
+"""Column maps: YAML that says which column of a file is which of the standard ones, in which unit and with which sign.
 
 ```yaml
 t: {from: time_ms, unit: ms}
@@ -76,7 +76,7 @@ class ColumnMap:
 
     Attributes:
         file: Name of the map, for messages.
-        sources: By name of the contract (or bare quantity, where the source has a ``{joint}`` in it).
+        sources: By standard name (or bare quantity, where the source has a ``{joint}`` in it).
         ignored: Columns of the log to leave out.
         compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
             is all joints.
@@ -130,7 +130,7 @@ def source_of(file: str, key: str, value: Any) -> Source:
 
     Args:
         file: Name of the map, for messages.
-        key: The contract's name, or a quantity for all joints.
+        key: Standard name, or a quantity for all joints.
         value: The entry as it was written.
 
     Raises:
@@ -307,12 +307,12 @@ def _expanded(
 
 
 def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = None) -> RawTable:
-    """The columns of a file under the contract's names and in SI units; columns that the map does not name stay.
+    """The columns of a file under their standard names and in SI units; columns that the map does not name stay.
 
     Args:
         raw: Columns as the file names them.
         columns: What they are.
-        joints: Of the robot, in the order in which a file may number them; None where there is no robot.
+        joints: Joint names of the robot, in the order in which a file may number them; None where there is no robot.
 
     Raises:
         LogError: If the map names a column that the file does not have, or one that holds no numbers.

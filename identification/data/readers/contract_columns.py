@@ -1,4 +1,4 @@
-"""The contract's columns (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): their names and units, and the check of a file.
+"""The standard columns (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): their names and units, and the check of a file.
 
 `contract_table` takes what a file holds under these names, refuses what cannot be right (a missing column, a value that
 no sensor gives, a time that goes back) and names in a warning what it leaves out.
@@ -104,7 +104,7 @@ SHORTEST_STEP, LONGEST_STEP = 1e-5, 1e9
 
 @dataclass(frozen=True)
 class Column:
-    """What a column of the contract holds: quantity, joint or frame, and the part of what belongs to a frame."""
+    """Contents of a standard column: quantity, joint or frame, and the part of what belongs to a frame."""
 
     quantity: Quantity
     of: str = ""
@@ -112,7 +112,7 @@ class Column:
 
 
 def column_of(name: str) -> Column | None:
-    """Meaning of a column name, or None if it is none of the contract's."""
+    """Meaning of a column name, or None if it is not a standard one."""
     if name in ALONE:
         return Column(cast("Quantity", name))
     prefix, _, rest = name.partition(".")
@@ -125,7 +125,7 @@ def column_of(name: str) -> Column | None:
 
 
 def name_problem(name: str) -> str | None:
-    """What is wrong with a name that starts as the contract's do but is none of them; None for any other name."""
+    """What is wrong with a name that begins like a standard one but is none; None for any other name."""
     prefix, dot, _ = name.partition(".")
     folded = prefix.lower()
     if column_of(name) is not None:
@@ -143,7 +143,7 @@ def name_problem(name: str) -> str | None:
 
 
 def _contract_names(raw: RawTable) -> tuple[dict[str, Column], tuple[str, ...]]:
-    """The contract's columns in the file and the names of the others."""
+    """The standard columns in the file and the names of the others."""
     wanted = {name: column for name in raw.names if (column := column_of(name)) is not None}
     for name in raw.names:
         sentence = None if name in wanted else name_problem(name)
@@ -273,7 +273,7 @@ def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
 
 
 def contract_table(raw: RawTable) -> Table:
-    """The contract's columns of a file, checked.
+    """The standard columns of a file, checked.
 
     Args:
         raw: Columns as the file names them, or as a column map renamed them.

@@ -220,7 +220,7 @@ def units_question(raw: RawTable, joints: Sequence[str] | None) -> str:
 
     Args:
         raw: An episode.
-        joints: Of the robot; None where there is none.
+        joints: Joint names of the robot; None where there is none.
     """
     return (
         f"{raw.file}: a LeRobot dataset does not say the unit of its joints: save this map as columns.yaml, with unit: "

@@ -18,7 +18,7 @@ def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
 
     Args:
         recording: Says which columns of the file a map took.
-        entries: By key of a map its entry, with the contract's names in the place of the file's.
+        entries: By key of a map its entry, with standard names in the place of the file's.
     """
     where = "into a column map and give it with --columns"
     if recording.named:

@@ -22,7 +22,7 @@ def joints_of_numbers(
     Args:
         raw: The file.
         positions: Column of the position by number.
-        joints: Of the robot, in its order; None where there is no robot: then numbers are names.
+        joints: Joint names of the robot, in its order; None where there is no robot: then numbers are names.
 
     Raises:
         LogError: If there are more numbers than joints and all of them move, or fewer; one sentence with a map to begin

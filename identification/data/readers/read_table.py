@@ -1,4 +1,4 @@
-"""Tables with the contract's columns from one or several files of any known format, recognised by its first bytes.
+"""Tables with the standard columns from one or several files of any known format, recognised by its first bytes.
 
 The libraries behind the formats (pyarrow, rosbags) are imported in the functions that need them: a recording waits for
 those of its own format alone. Several files of one recording, such as positions in one and torques in another, are
@@ -121,7 +121,7 @@ def read_table(
     joints: Sequence[str] | None = None,
     other_joints: Sequence[str] = (),
 ) -> Table:
-    """Columns of a log under the contract's names, checked and ready to use.
+    """Columns of a log under their standard names, checked and ready to use.
 
     Args:
         path: A file as `read_raw` takes it, or several of one recording; topics are of the first.
@@ -129,14 +129,14 @@ def read_table(
             see `identification.data.readers.presets`.
         topic: Topic of joint states in a bag that has several.
         ref_topic: Topic of a bag that has the references of the position controllers, where another one has them.
-        joints: Of the robot, in its order, which names joints that a file numbers; None where there is no robot.
+        joints: Joint names of the robot in its order, for files that number the joints; None without a robot.
         other_joints: Further ones of the robot, which a map may name: passive ones, and those that are held.
 
     Returns:
-        The contract's columns; other columns are named in the warnings.
+        The standard columns; other columns are named in the warnings.
 
     Raises:
-        LogError: If file or map cannot be used, or one of the contract's columns cannot be right.
+        LogError: If file or map cannot be used, or one of the standard columns cannot be right.
     """
     preset = None if columns is None else preset_of(columns)
     # A map that cannot be used is refused before a long recording is read.
@@ -161,7 +161,7 @@ def read_table(
 
 
 def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
-    """The map of columns that are numbered under the contract's own names, as ``q[0]``; None where there are none."""
+    """The map of columns that are numbered under the standard names, as ``q[0]``; None where there are none."""
     found = {name: f"{name}[{{number}}]" for name in JOINT_QUANTITIES}
     sources = {name: Source(place, 1.0) for name, place in found.items() if matching(place, raw.names)}
     return ColumnMap(raw.file, sources) if sources else None

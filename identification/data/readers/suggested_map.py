@@ -1,6 +1,6 @@
-"""A column map for names that are not the contract's, guessed from words, numbers and units in them.
+"""A proposed column map for a file whose column names are not standard, guessed from words, numbers and units in them.
 
-Nothing is read by it, as a wrong guess would be a wrong recording: it saves the user from writing a dozen lines.
+The proposal is shown to the user and never used to read a file, because a wrong guess would give a wrong recording.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _WORDS: dict[Quantity, frozenset[str]] = {
     "v": frozenset("v dq qd qdot vel velocity velocities speed speeds qvel jvel omega".split()),
     "q": frozenset("q pos position positions angle angles theta qpos jpos encoder enc".split()),
 }
-_ASKED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp ctrl".split())
+_COMMANDED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp ctrl".split())
 _PLAIN = frozenset("actual measured meas state observation joint joints motor actuator axis feedback fb".split())
-"""Words that say nothing of the quantity."""
+"""Words that do not tell which quantity a column holds."""
 _UNITS = {
     "degree": "deg",
     "degrees": "deg",
@@ -33,7 +33,7 @@ _UNITS = {
     "mv": "mV",
 }
 _UNITS |= {unit: unit for unit in "ms us ns deg rev mm um rpm".split()}
-"""Units as they stand in names, and as a map writes them."""
+"""Units as they are written in column names, with their spelling in a column map."""
 
 
 def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
@@ -41,12 +41,12 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
     Args:
         names: Columns of the file.
-        joints: Of the robot; numbered columns are taken in their order, and a comment lists those beyond the
-            last joint.
+        joints: Joint names of the robot; numbered columns are assigned to them in order, and a comment lists those
+            beyond the last joint.
 
     Returns:
-        YAML with one entry a line, none for what has the right name; a position that no column seems to hold has a line
-        that asks for it.
+        YAML with one entry per line. Columns with a standard name need none. A comment asks for each joint whose
+        position no column seems to hold.
     """
     found: dict[tuple[Quantity, str], str] = {}
     numbered: dict[Quantity, dict[int, str]] = {}
@@ -62,7 +62,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
             numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
     beyond: list[str] = []
     for quantity, columns in numbered.items():
-        # A log of an arm may hold its gripper; of more numbers nobody knows which are the joints.
+        # A log of an arm may also hold its gripper; with more columns than that it is unknown which are the joints.
         if len(columns) - len(joints) in ((0, 1) if len(joints) > 1 else (0,)):
             in_order = [columns[number] for number in sorted(columns)]
             for joint, name in zip(joints, in_order, strict=False):
@@ -70,13 +70,13 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
             beyond += in_order[len(joints) :] if quantity == "q" else []
     if ("t", "") not in found or not any(quantity == "q" for quantity, _ in found):
         return ""
-    asked = [f"# {name}: of no joint of the robot (a gripper?)" for name in beyond]
-    return "\n".join([*_lines(found, joints), *asked])
+    unassigned = [f"# {name}: of no joint of the robot (a gripper?)" for name in beyond]
+    return "\n".join([*_lines(found, joints), *unassigned])
 
 
 def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:
     lines = [] if found["t", ""] == "t" else [f"t: {_source('t', found['t', ''])}"]
-    # A torque that is measured needs no current and no voltage beside it.
+    # Where torque is measured, current and voltage are not needed.
     torque = next((one for one in ("tau", "i", "u") if any((one, joint) in found for joint in joints)), "tau")
     for quantity in cast("tuple[Quantity, ...]", ("q", torque, "q_ref")):
         for joint in joints:
@@ -95,14 +95,14 @@ def _source(quantity: Quantity, name: str) -> str:
 
 
 def quoted(name: str) -> str:
-    """A column's name as a map has to write it."""
+    """A column's name in YAML, in quotes where it needs them."""
     if re.fullmatch(r"[A-Za-z_][\w.]*", name):
         return name
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _parts(name: str) -> list[str]:
-    """Words and numbers of a name in small letters: ``jointPos_1`` is joint, pos and 1, ``mNm`` is one word."""
+    """Words and numbers of a name in lower case: ``jointPos_1`` gives joint, pos and 1; ``mNm`` is one word."""
     out = []
     for run in re.findall(r"[A-Za-z]+|\d+", name):
         words = [run] if run.lower() in _UNITS else re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", run)
@@ -111,12 +111,12 @@ def _parts(name: str) -> list[str]:
 
 
 def _is_number(word: str) -> bool:
-    """True for the number of a joint; a longer row of digits, or one of another script, is none."""
+    """True if a word may be the number of a joint: at most six ASCII digits (a longer one is a serial number)."""
     return word.isascii() and word.isdigit() and len(word) < 7
 
 
 def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
-    """The joint whose name stands in a column's name, the longest where there are two, and the words without it."""
+    """The joint whose name a column's name contains (the longest if there are several), and the remaining words."""
     best, left = "", words
     most = 0
     for joint in joints:
@@ -129,15 +129,15 @@ def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[s
 
 
 def _quantity(words: list[str], has_joint: bool) -> Quantity | None:
-    """What a column holds by the words of its name; None where they do not tell."""
+    """Quantity of a column by the words of its name; None if they do not tell."""
     said = {word for word in words if word not in _UNITS}
-    asked = bool(said & _ASKED)
+    commanded = bool(said & _COMMANDED)
     for quantity, own in _WORDS.items():
         if said & own:
             if quantity == "q":
-                return "q_ref" if asked else "q"
-            # What a controller asks of a torque or a speed was not measured.
-            return None if asked else quantity
-    if has_joint and said <= _PLAIN | _ASKED:
-        return "q_ref" if asked else "q"
+                return "q_ref" if commanded else "q"
+            # A commanded torque or speed is not a measured one.
+            return None if commanded else quantity
+    if has_joint and said <= _PLAIN | _COMMANDED:
+        return "q_ref" if commanded else "q"
     return None

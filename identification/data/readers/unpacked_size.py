@@ -1,7 +1,8 @@
-"""How much a packed log unpacks to, found before it is read: a small file may hold thousands of times its size.
+"""Refusal of compressed logs that decompress to far more than a recording can hold (decompression bombs).
 
-The readers behind the formats unpack a piece as a whole, whatever it declares. So the declared sizes are added up, and
-pieces whose packing does not bound them are unpacked once in small steps that are thrown away.
+The libraries that read these formats decompress a chunk as a whole, whatever size it declares. So the declared sizes
+are added up first. Chunks whose compression may exceed the declared size are decompressed once in small steps, which
+are not kept.
 """
 
 from __future__ import annotations
@@ -21,33 +22,33 @@ import numpy as np
 from phantom_dyn.errors import LogError
 
 _ALWAYS = 200_000_000
-"""What any log may unpack to [bytes]: an hour of seven joints at 1 kHz, position and torque."""
+"""Decompressed size that is always allowed [bytes]: an hour of seven joints at 1 kHz, position and torque."""
 _TIMES = 50
-"""Beyond that, how many times its own size: measured numbers do not pack better than ten times."""
+"""Largest allowed ratio of compression for larger logs: measured numbers do not reach ten."""
 _STEP = 1_000_000
 _MAGIC = 8  # bytes at the end of an MCAP file
 _SAMPLE = 8  # bytes of a number once it is read
 
 
 class DamagedError(ValueError):
-    """The structure of a packed file contradicts itself."""
+    """The structure of a compressed file contradicts itself."""
 
 
 def require_unpacked_size(path: Path, size: int) -> None:
-    """Refuse a log that unpacks to more than a log of its size can hold.
+    """Refuse a log that decompresses to more than a log of its size can hold.
 
     Args:
         path: The file.
-        size: What it unpacks to [bytes].
+        size: Its decompressed size [bytes].
 
     Raises:
-        LogError: With both sizes.
+        LogError: If it is too large; the message states both sizes.
     """
     packed = path.stat().st_size
     if size > max(_ALWAYS, _TIMES * packed):
         raise LogError(
             f"{path.name} has {packed / 1e6:.3g} MB and unpacks to {size / 1e6:.3g} MB or more, which no recording "
-            "does: record it again, or write it without packing."
+            "does: record it again, or write it without compression."
         )
 
 
@@ -84,13 +85,13 @@ def require_small_parquet(path: Path, metadata: Any) -> None:
     groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
     columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     require_unpacked_size(path, sum(max(0, column.total_uncompressed_size) for column in columns))
-    # Of lists: a row may hold any number.
+    # In columns of lists, a row may hold any count of numbers.
     require_unpacked_size(path, _SAMPLE * sum(max(0, column.num_values) for column in columns))
 
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Packed piece of a bag: how it is packed, where its bytes are, what it declares to unpack to."""
+    """Compressed chunk of a bag: method of compression, place and length of its bytes, declared size."""
 
     packing: str
     start: int
@@ -99,12 +100,12 @@ class _Chunk:
 
 
 def require_small_mcap(path: Path) -> None:
-    """Refuse an MCAP file whose chunks unpack to more than a file of its size can hold, or than they declare.
+    """Refuse an MCAP file whose chunks decompress to more than a file of its size can hold, or than they declare.
 
     Raises:
         LogError: If they do.
-        DamagedError: If its index points at what is no chunk, or a record is longer than the file: a reader takes as
-            much memory as it declares.
+        DamagedError: If its index points to something else than a chunk, or a record is longer than the file: a reader
+            allocates as much memory as it declares.
     """
     with path.open("rb") as file:
         file.seek(8)
@@ -128,7 +129,7 @@ def require_small_mcap(path: Path) -> None:
 
 
 def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
-    """Start, kind and length of every record; the file stands behind the length when it is handed out."""
+    """Start, kind and length of every record; when one is yielded, the file is at the beginning of its content."""
     start = file.tell()
     while start + 9 <= size:
         file.seek(start)
@@ -144,10 +145,10 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
 
 
 def _indexed_chunk(record: bytes, size: int) -> int:
-    """Where an entry of an index says that a chunk begins, of a file of some size."""
+    """Start of the chunk to which an entry of the index points; the size is that of the file."""
     (start,) = struct.unpack_from("<Q", record, 16)
     at = 32
-    # Its offsets of messages, their length, and the name of the packing.
+    # Skips the offsets of messages, their length, and the name of the compression.
     at += 4 + struct.unpack_from("<I", record, at)[0] + 8
     at += 4 + struct.unpack_from("<I", record, at)[0]
     if struct.unpack_from("<Q", record, at)[0] > size:
@@ -156,11 +157,11 @@ def _indexed_chunk(record: bytes, size: int) -> int:
 
 
 def require_small_bag(path: Path) -> None:
-    """Refuse a ROS 1 bag whose chunks unpack to more than a file of its size can hold, or than they declare.
+    """Refuse a ROS 1 bag whose chunks decompress to more than a file of its size can hold, or than they declare.
 
     Raises:
         LogError: If they do.
-        DamagedError: If its index points at what is no chunk.
+        DamagedError: If its index points to something else than a chunk.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -184,7 +185,7 @@ def require_small_bag(path: Path) -> None:
 
 
 def _bag_fields(head: bytes) -> dict[bytes, bytes]:
-    """Fields of the head of a record of a ROS 1 bag."""
+    """Fields in the header of a record of a ROS 1 bag."""
     out, at = {}, 0
     while at + 4 <= len(head):
         (length,) = struct.unpack_from("<I", head, at)
@@ -203,7 +204,7 @@ def _require_small_chunks(path: Path, file: BinaryIO, chunks: list[_Chunk]) -> N
 
 
 def _require_declared(data: bytes, chunk: _Chunk) -> None:
-    """Unpack a chunk in small steps, none of which is kept; refuse one that goes on beyond what it declares."""
+    """Decompress a chunk in small steps, none of which is kept, and refuse it if it exceeds the size it declares."""
     size = 0
     while data:
         one = _OPENERS[chunk.packing]()
@@ -225,7 +226,7 @@ def _lz4() -> Any:
 
 
 def _zstd() -> Any:
-    # In Python's own library from 3.14 on; rosbags brings the other.
+    # In the standard library since Python 3.14; before that, rosbags depends on the backport.
     zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
     return zstd.ZstdDecompressor()
 

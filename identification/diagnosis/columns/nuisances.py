@@ -113,7 +113,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
     for joint in soft_joints(robot):
         # A recording of the file's simulator has its soft friction; a robot may have less or none.
         out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), SOFTNESS, joint))
-    for joint in robot.open_arrivals:
+    for joint in robot.unknown_arrivals:
         # Anywhere in the frame.
         out.append(Move(Nuisance(f"{joint} arrival of references", 0.29, 0.5, relative=False), ARRIVAL, joint))
     if robot.floating:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.data.changes import Change
-from identification.data.drives.arrivals import with_open_arrivals
+from identification.data.drives.arrivals import with_unknown_arrivals
 from identification.data.floating.swings import require_swings
 from identification.data.log import Log
 from identification.data.recording import Recording
@@ -151,7 +151,7 @@ def session_of(
         )
     _require_samples(session)
     require_swings(session.logs)
-    return replace(session, robot=with_open_arrivals(_with_its_friction(session), logs), recordings=every)
+    return replace(session, robot=with_unknown_arrivals(_with_its_friction(session), logs), recordings=every)
 
 
 def _require_samples(session: Session) -> None:

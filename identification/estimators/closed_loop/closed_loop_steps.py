@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.estimators.closed_loop.plant import Plant
-from phantom_dyn._kernels.dry_friction import Rubbing, rub
+from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction
 from phantom_dyn._kernels.followed_loops import rewind
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
@@ -70,7 +70,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
     room, mass, weight = plant.root.copy(), np.empty((nv, nv)), np.empty(nv)
     qm, vm, applied, force, speed = np.empty(nv), np.empty(nv), np.zeros(nv), np.empty(nv), np.empty(nv)
     viscous, level, impulse = np.empty(len(plant.E)), np.empty(len(plant.E)), np.empty(len(plant.E))
-    who = Rubbing(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
+    places = FrictionPlaces(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
     q, v, a = q0.copy(), v0.copy(), np.zeros(nv)
     rewind(plant.chain.loops)
     for k in range(N):
@@ -102,7 +102,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
                 return k
             accelerate(mass, force, h, v, speed)
             impulse[:] = 0.0
-            rub(mass, speed, who, impulse, level, 1.0)
+            apply_dry_friction(mass, speed, places, impulse, level, 1.0)
             for i in range(nv):
                 if not abs(speed[i]) < _TOO_FAST:
                     return k
@@ -139,7 +139,7 @@ def ask(
     Args:
         controllers: References, gains and window.
         k: The sample.
-        share: Of the way to the next sample.
+        share: Fraction of the way to the next sample.
         q: Positions, ``(nv,)``.
         v: Velocities, ``(nv,)``.
         start: Positions and velocities at the start, before which motion is taken to be uniform.

@@ -40,7 +40,7 @@ class FullParameters:
     """All parameters of a robot, physically possible.
 
     Attributes:
-        names: Of all ``p`` columns of the fit.
+        names: Names of all ``p`` columns of the fit.
         pi: Standard parameters of all bodies and coefficients of the effects, shape ``(p,)``.
         theta: Base parameters that they give, shape ``(r,)``.
         moved: How far these are from the fit's, in standard deviations, shape ``(r,)``.
@@ -103,8 +103,8 @@ def coefficient_bounds(
 
     Args:
         robot: Says what friction and rotor inertia is modelled already.
-        terms: Of a regressor, in its order.
-        names: Of all their coefficients.
+        terms: Terms of a regressor, in its order.
+        names: Names of all their coefficients.
     """
     given = []
     for term in terms:

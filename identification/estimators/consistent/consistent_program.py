@@ -45,7 +45,7 @@ class Program:
         bodies: References, one per body.
         lower: Bounds of the coefficients after the bodies', ``-inf`` for none.
         upper: ``inf`` for none.
-        weight: Of the prior, half the squared distance from the references, in units of the log-likelihood:
+        weight: Weight of the prior, half the squared distance from the references, in units of the log-likelihood:
             ``1 / s^2`` if the bodies are known to a share ``s`` (one sigma). The default only chooses among parameters
             that the recording cannot distinguish.
         margin: Smallest eigenvalue of each pseudo-inertia in units of the reference's mass and radius of gyration; by

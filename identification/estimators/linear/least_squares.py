@@ -69,7 +69,7 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     Args:
         regressor: The equations.
         base: Which columns are the unknowns.
-        weights: Of each row; 1 over its noise.
+        weights: Weight of each row; 1 over its noise.
 
     Raises:
         IdentifiabilityError: If the weights leave fewer independent rows than unknowns.
@@ -101,7 +101,7 @@ def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]
     """Share of each joint in the information, see `Solution`.
 
     Args:
-        rows: Of each joint: what has the same products as its base regressor, and the torque behind it.
+        rows: For each joint, rows with the same products as its base regressor, and the torque behind it.
         factor: Triangular factor ``R``.
     """
     white = [solve_triangular(factor, joint[:, :-1].T, trans=1) for joint in rows]
@@ -191,7 +191,7 @@ def factor_of(rows: Float[Array, "N nv r"], weights: Float[Array, " nv"]) -> Flo
     """Triangular factor of rows that count by the weights of their joints.
 
     Args:
-        rows: Of the unknowns.
+        rows: Regressor of the unknowns.
         weights: One over the noise of each joint.
 
     Raises:
@@ -213,7 +213,7 @@ def least_squares(
     """Solution of weighted equations and their triangular factor.
 
     Args:
-        rows: Of the unknowns.
+        rows: Regressor of the unknowns.
         target: Right-hand side.
         weights: One over the noise of each joint.
 
@@ -231,7 +231,7 @@ def influence_of(
     """Change of each least-squares estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
 
     Args:
-        rows: Of the unknowns.
+        rows: Regressor of the unknowns.
         factor: Their triangular factor.
         weights: One over the noise of each joint.
     """

@@ -1,6 +1,6 @@
-"""Result of measured poses as plain data of ``diagnosis.json``, and read back from it.
+"""Result of measured poses as plain data of ``diagnosis.json``, and its reading.
 
-As the contract requires, ``frames`` and findings are beside those of the torques; ``geometry`` has the rest.
+Frames and findings of poses are in the same lists as those of torques (docs/files.md); ``geometry`` holds the rest.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def frames_json(found: GeometryResult) -> list[dict[str, Any]]:
 
 
 def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
-    """Findings with the keys of findings in torque; ``measured`` says that they are of poses."""
+    """Findings with the same keys as findings of torques; ``measured`` is ``poses``."""
     return [
         {
             "effect": one.effect,
@@ -57,7 +57,7 @@ def findings_json(findings: Iterable[PoseFinding]) -> list[dict[str, Any]]:
 
 
 def geometry_json(found: GeometryResult) -> dict[str, Any]:
-    """The entry ``geometry``: everything but frames and findings, which are beside those of the torques."""
+    """The entry ``geometry``: everything but frames and findings, which are listed with those of torques."""
     rest = {name: value for name, value in vars(found).items() if name not in _BESIDE}
     lists = ("bounds", "not_testable", "fitted", "delays")
     return (
@@ -71,7 +71,7 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
 
 
 def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:
-    """Result of poses in the content of a ``diagnosis.json``, without errors of single poses; None if it has none."""
+    """Result of poses in the content of a ``diagnosis.json``, without errors of single poses; None without poses."""
     rest = content.get("geometry")
     if rest is None:
         return None

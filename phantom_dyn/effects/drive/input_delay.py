@@ -179,7 +179,7 @@ def delay_law(
         line: Lengths [s] and commands of the steps on their way, a ring; has to hold all steps of one delay and two.
         first: Place of the oldest.
         last: Place of the newest, -1 at the first step.
-        delay: Of the line [s].
+        delay: Delay of the line [s].
         dt: Length of this step [s].
         tau: Command during it.
     """

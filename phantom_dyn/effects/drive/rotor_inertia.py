@@ -1,7 +1,7 @@
 """Rotor inertia that the model lacks, reflected to the joint side: ``torque = -I a``.
 
-It leaves a residual proportional to that joint's own acceleration and no gravity. On the first joint, and wherever it
-regroups with the link's inertia, nothing can separate the two.
+It leaves a residual proportional to that joint's own acceleration, and none in gravity. On the first joint, and on all
+others where it regroups with the inertia of the link, the two cannot be separated.
 URDF has no place for it; MJCF: joint ``armature``.
 """
 
@@ -27,8 +27,8 @@ from phantom_dyn.effects.author import (
 )
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 
-# Acceleration that a drive can give to its own rotor at least [rad/s^2]: a third of the least of public models, which
-# are in docs/plausible_ranges.md.
+# Least acceleration that a drive can give to its own rotor [rad/s^2]: a third of the smallest value among the public
+# models in docs/plausible_ranges.md.
 _SLOWEST = 10.0
 
 
@@ -71,7 +71,7 @@ class RotorInertia(Effect):
                 inertia_unit(robot, joint),
                 0.0 - modelled,
                 plausible=(0.0 - modelled, max(most, 0.0)),
-                plausible_because=f"what is modelled can be missing, no more; {because}",
+                plausible_because=f"no more than the modelled rotor can be missing; {because}",
             ),
         )
 
@@ -80,7 +80,7 @@ class RotorInertia(Effect):
         return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], inertia_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The sum of it and of the modelled rotor is not negative."""
+        """Bounds with which the sum of this and the modelled rotor inertia is not negative."""
         return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
@@ -88,9 +88,9 @@ class RotorInertia(Effect):
         return torque_on_joint(robot, joint, -theta.item() * operation.a[:, row_of(robot, joint)])
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """A heavier rotor."""
+        """The robot with a heavier rotor."""
         return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The rotor inertia, with which a model file describes the effect completely."""
         return ModelNumbers(whole=True, rotor_inertia=theta.item())

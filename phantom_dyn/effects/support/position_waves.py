@@ -337,7 +337,7 @@ def unseen_waves(operation: Operation, joint: str | None, name: str) -> str | No
     Args:
         operation: The recording.
         joint: Its joint.
-        name: Of the effect in words.
+        name: Name of the effect in words.
     """
     row = row_of(operation.robot, joint)
     low, high = order_range(operation, row)

@@ -192,7 +192,7 @@ def dry_range(robot: Robot, joint: str | None, name: str) -> Parameter:
     Args:
         robot: The given model.
         joint: Active, or passive in a closed chain.
-        name: Of the parameter.
+        name: Name of the parameter.
     """
     least = 0.0 - modelled_friction_of(robot, joint)[1]
     return Parameter(

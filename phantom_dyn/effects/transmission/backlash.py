@@ -1,10 +1,10 @@
-"""A play of full width ``gap`` between motor and link.
+"""Backlash: a play of full width ``gap`` between motor and link.
 
 Where the torque ``tl`` that is passed to the link changes its sign, the link comes loose: the drive lacks ``tl`` until
 the free link has crossed the gap, and then an impact brings its speed back. Flight and impact cancel on average, so the
-effect shows only at frequencies above one over the time of flight. Friction acts where the velocity crosses zero,
-backlash where the transmitted torque does: gravity separates the two. Compliance has a resonance that does not move
-with amplitude.
+effect is visible only at frequencies above one over the time of flight. Friction changes its sign where the velocity
+does, backlash where the transmitted torque does: gravity separates the two. Compliance has a resonance whose frequency
+does not depend on the amplitude.
 Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
 MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
 no place for it.
@@ -36,18 +36,18 @@ from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 
-# Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
+# Times of flight whose gaps are tried [s]. After longer ones a link no longer flies from side to side, it rattles.
 _FLIGHTS = np.geomspace(0.008, 0.06, 12)
-# Least, usual and highest edge [Hz] of the low pass of the load, which has to show when a link comes loose.
+# Least, usual and highest cutoff [Hz] of the low pass of the load, whose changes of sign have to remain visible.
 _EDGES = (15.0, 60.0, 60.0)
-# Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
+# Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, with hardly any bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
-# Play [rad, m] that nobody would overlook.
+# Play that a user would notice by hand [rad, m].
 _WIDEST, _WIDEST_LINEAR = 0.1, 0.005
 
 
-def under_all_load(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
-    """Torque of backlash under the computed load without a filter, with all noise of the encoder."""
+def with_unfiltered_load(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
+    """Torque of backlash, computed from the load without a low pass, so that encoder noise acts on it unfiltered."""
     row = row_of(operation.robot, joint)
     return own[0] * _change_under(operation, row, float(shape[0]), *load_and_inertia(operation, row))
 
@@ -59,7 +59,7 @@ class Backlash(Effect):
     regime = "velocity_reversal"
     made_of = ("model",)
     fitted = "size in shape"
-    other_laws = (under_all_load,)
+    other_laws = (with_unfiltered_load,)
     words = EffectWords(
         name="backlash",
         meaning="play in the transmission: the link is loose over a small angle",
@@ -94,18 +94,18 @@ class Backlash(Effect):
         return tuple((float(gap),) for gap in np.median(slopes) * _FLIGHTS**3 / 6.0)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The same gap, and a quarter less and more."""
+        """The same gap, one a fifth smaller and one a quarter larger."""
         return tuple((factor * shape[0],) for factor in (0.8, 1.0, 1.25))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Additional drive torque with a gap of ``shape``: load missing in flight, impacts, and other joints."""
+        """Additional drive torque with the gap ``shape``: missing load in flight, impacts, reaction of other joints."""
         row = row_of(robot, joint)
         values = _change(operation, row, shape[0])
         rows = branch_rows(robot, joint)
         return Signature(rows, values[:, list(rows), None], ("share",), ("1",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The load is known, so the coefficient is one, within the errors of the computed flights and impacts."""
+        """Near one: the load is known, and the computed flights and impacts have some error."""
         return ((0.5, 1.5),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -113,7 +113,7 @@ class Backlash(Effect):
         return np.array([shape[0]])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It cannot be seen if the link never comes loose, or if the encoder sits on the link."""
+        """Why it cannot be tested: the link never comes loose, or the encoder is on the link; None if it can."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
         load = link_load(operation, row)
@@ -126,7 +126,7 @@ class Backlash(Effect):
         return -_change(operation, row_of(robot, joint), theta.item())
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """How far the link is through its play."""
+        """Position of the link relative to the motor within the play, shape ``(N, nv)``."""
         out = np.zeros_like(operation.q)
         row = row_of(operation.robot, joint)
         load, inertia = load_and_inertia(operation, row)
@@ -141,7 +141,7 @@ class Backlash(Effect):
         return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
-        """Model files can contain all of it, as this number."""
+        """The gap, with which a model file describes the effect completely."""
         return ModelNumbers(whole=True, gap=theta.item())
 
 
@@ -184,8 +184,8 @@ def _cross(
     Args:
         t: Time [s].
         pull: Acceleration with which a free link falls behind its motor.
-        width: Of each sample [s].
-        half: Of the gap.
+        width: Duration of each sample [s].
+        half: Half the gap.
         lead: Receives how far the motor is ahead of the link [rad or m]; zero before.
         rate: Receives its velocity; zero before.
         loose: Receives one where the link is free; zero before.
@@ -215,7 +215,7 @@ def _cross(
 def _fly(
     t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
 ) -> tuple[int, float]:
-    """Fill in the flight that begins on ``side`` just before sample ``start``; where it ends, and on which side."""
+    """Fill in the flight that begins on ``side`` just before sample ``start``; its last sample and side."""
     place, speed, k = side * half, 0.0, start
     if start > 0 and side * pull[start - 1] >= 0:
         since = (t[start] - t[start - 1]) * pull[start] / (pull[start] - pull[start - 1])
@@ -241,6 +241,6 @@ def _change_under(operation: Operation, row: int, gap: float, load: Array, inert
     gained = moved.impact - load / inertia * moved.loose
     change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)
     free = moved.loose > 0
-    # A free link takes no torque at all, whatever its place and speed.
+    # No torque is transmitted to a free link, whatever its position and speed.
     change[free, row] = (inertia * gained)[free]
     return change

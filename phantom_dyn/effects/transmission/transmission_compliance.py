@@ -190,7 +190,7 @@ def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, 
 
     Args:
         operation: Motion and torque.
-        row: Of the joint.
+        row: Row of the joint.
         edges: Frequencies [Hz] between which the load ends, the second one where no step of the encoder is stated.
 
     Returns:

@@ -38,7 +38,7 @@ REGIMES = (
     "time_drift",
     "everywhere",
 )
-"""The contract's names of where an effect shows most."""
+"""Names of the regimes in which an effect shows most."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SAMPLES, _SECONDS = 64, 2.0

@@ -112,7 +112,7 @@ def critical_stiffness_figure(found: StabilityMap, *, name: str) -> Figure:
     """
     up, across = _varying(found, 2)
     fixed = ", ".join(_fixed(found, axis) for axis in _AXES if axis not in (up, across))
-    title = f"{name}: stiffest stable virtual wall, and how it swings beyond it\n{fixed}"
+    title = f"{name}: stiffest stable virtual wall, and frequency of the oscillation beyond it\n{fixed}"
     out, ((left, right),) = panels(1, 2, title=title, width=11, height=4.2)
     # Only the axes that vary are left, in the order of the fields.
     stiffness, frequency = (values.squeeze() for values in (found.stiffness, found.frequency))
@@ -231,8 +231,8 @@ def worst_delay_figure(
         ax.yaxis.set_minor_formatter("{x:g}")
         ax.tick_params(axis="y", which="both", labelsize=8)
     gain.set_ylabel("largest stable force gain")
-    frequency.set_ylabel("it then swings at [Hz]")
-    frequency.set_xlabel("delay beside the hold [ms]")
+    frequency.set_ylabel("frequency of the\noscillation beyond it [Hz]")
+    frequency.set_xlabel("delay in addition to the hold [ms]")
     key(gain, "upper right")
     return out
 
@@ -246,8 +246,8 @@ def _verdict(margin: CriticalStiffness) -> str:
         return "no virtual wall is stable"
     if math.isinf(margin.stiffness):
         return "every virtual wall is stable"
-    swings = f"{margin.frequency:.4g} rad/s ({hertz(margin.frequency):.3g} Hz)"
-    return f"stable up to {margin.stiffness:.5g} N/m ({margin.decibels:.2f} dB), then it swings at {swings}"
+    frequency = f"{margin.frequency:.4g} rad/s ({hertz(margin.frequency):.3g} Hz)"
+    return f"stable up to {margin.stiffness:.5g} N/m ({margin.decibels:.2f} dB), then it oscillates at {frequency}"
 
 
 def _varying(found: StabilityMap, *wanted: int) -> list[str]:
@@ -267,7 +267,7 @@ def _shown(found: StabilityMap, axis: str) -> Array:
 
 def _label(axis: str) -> str:
     if axis in ("delay", "period"):
-        return f"{'delay beside the hold' if axis == 'delay' else 'sampling period'} [ms]"
+        return f"{'delay in addition to the hold' if axis == 'delay' else 'sampling period'} [ms]"
     words = "damping added to the motor" if axis == "damping" else "virtual damping of the wall"
     return f"{words} [N s/m]"
 

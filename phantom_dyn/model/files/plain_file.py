@@ -1,7 +1,6 @@
-"""Ordinary files: those of a user, and those for a library that reads paths alone.
+"""Ordinary files: a check that a user gave one, and temporary ones for libraries that read from a path only.
 
-A pipe keeps its reader waiting, and some devices never end, so they are refused. Of a file that is made for a library
-nothing is left, however the process ends.
+Pipes and devices are refused, because reading them may never end. A temporary file disappears however the process ends.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ def require_plain_file(path: Path, error: type[PhantomDynError], wanted: str) ->
     """Refuse a folder, pipe, socket or device in the place of a file, without opening it.
 
     Args:
-        path: What was given; if it is not there, whoever opens it says so.
-        error: What to raise.
-        wanted: What the file should be, with its article.
+        path: The path that was given. A missing file passes: opening it raises the error.
+        error: Type of the error to raise.
+        wanted: Kind of file that is wanted, with its article, for the message.
 
     Raises:
         PhantomDynError: Of the type ``error``.
@@ -50,11 +49,11 @@ _OPEN_FILES = Path("/proc/self/fd")
 
 @contextmanager
 def unnamed_file(content: bytes, *, suffix: str) -> Iterator[Path]:
-    """A path to a file with some content while the block lasts; where the system can, it has no name in any folder.
+    """Path of a temporary file while the context is open; on Linux, the file has no name in any folder.
 
     Args:
-        content: Of the file.
-        suffix: Of its name, where it needs one.
+        content: Content of the file.
+        suffix: Ending of its name on systems where it has one.
     """
     make = tempfile.TemporaryFile if _OPEN_FILES.is_dir() else tempfile.NamedTemporaryFile
     with make(suffix=suffix) as file:

@@ -76,8 +76,8 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
     """Facts of a MJCF file.
 
     Args:
-        root: Of the file.
-        sha256: Of the file.
+        root: Root element of the file.
+        sha256: SHA-256 of the file.
         path: The file, for messages.
         compiled: MuJoCo's model of it.
 

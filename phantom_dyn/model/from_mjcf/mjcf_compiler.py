@@ -47,7 +47,7 @@ def compiled_mjcf(path: Path, root: Element) -> CompiledMjcf:
 
     Args:
         path: The file.
-        root: Of the file.
+        root: Root element of the file.
 
     Raises:
         RobotError: If MuJoCo refuses it, or it holds soft bodies, thousands of copies or files that are none.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.dry_friction import Rubbing, rub
+from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction
 from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias, move_root
 from phantom_dyn.array_types import Array
@@ -73,7 +73,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
     n, nv = len(x), len(drives)
     mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     reading, bias = np.zeros(nv), np.zeros(nv)
-    who = Rubbing(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
+    places = FrictionPlaces(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
     for k in range(len(plan.t)):
         h = plan.steps[k]
         if mode != GIVEN:
@@ -106,7 +106,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
             transmit(arm, y, w, push, transmitted)
             invert(mobility)
             accelerate(mobility, push, v, h, speed)
-            rub(mobility, speed, who, friction, arm.coulomb, h)
+            apply_dry_friction(mobility, speed, places, friction, arm.coulomb, h)
             slow = advance(x, v, a, y, speed, h, plan.far)
             for j in range(nv):
                 if drives[j] == j:

@@ -1,4 +1,4 @@
-"""What compiled steps take: effects' laws, delay lines, a controller, the state, and room for what is recorded."""
+"""Arguments of the compiled simulation steps as named tuples of arrays: effects, controller, state, samples."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from phantom_dyn.effects.compiled_laws import delay_law, number_of
 from phantom_dyn.effects.simulated import Law
 
 GIVEN, AT_SAMPLES, AT_STEPS = 0, 1, 2
-"""Who says what the drives are asked for: the caller; the tracking law at samples; the same law at every step."""
+"""Source of the commanded torque: the caller; the tracking law, at samples; the tracking law, at every step."""
 
 
 class Laws(NamedTuple):
-    """Laws of one channel, in their order; ``k`` of them.
+    """The ``k`` laws of one channel (torque, command or reading), in the order in which they act.
 
     Attributes:
-        codes: Numbers of the laws, see `phantom_dyn.effects.compiled_laws.number_of`, ``(k,)``.
-        rows: Joints, ``(k,)``.
-        others: Joints whose speed counts too, ``(k,)``.
-        shares: Weight of that speed, ``(k,)``.
-        numbers: Parameters, ``(k, 4)``.
-        state: ``(k, 3)``; moves on with every step.
+        codes: Number of each law, see `phantom_dyn.effects.compiled_laws.number_of`, ``(k,)``.
+        rows: Joint of each law, ``(k,)``.
+        others: A second joint whose speed is added, ``(k,)``.
+        shares: Weight of the speed of the second joint, ``(k,)``.
+        numbers: Parameters of each law, ``(k, 4)``.
+        state: Internal state of each law, ``(k, 3)``; updated in every step.
     """
 
     codes: Array
@@ -35,11 +35,11 @@ class Laws(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Delay lines of the commands, one for each command law (used only where it is a delay).
+    """Delay lines of the commands, one for each command law (used only if the law is a delay).
 
     Attributes:
-        rings: Lengths and commands of the steps on their way, ``(k, n, 2)``.
-        ends: Places of the oldest and the newest, ``(k, 2)``.
+        rings: Ring buffers of the step lengths and commands that are still delayed, ``(k, n, 2)``.
+        ends: Indices of the oldest and the newest entry, ``(k, 2)``.
     """
 
     rings: Array
@@ -56,15 +56,15 @@ class EffectLaws(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """When to record and to step.
+    """Times of samples and steps, and the motion of the base.
 
     Attributes:
         t: Times of the samples [s], ``(N,)``.
-        steps: Length of the steps behind each sample [s], ``(N,)``.
-        counts: How many there are, ``(N,)``.
-        far: Speed beyond which the integration has blown up.
-        base: How the root moves at the samples, the columns of `phantom_dyn.motion.BaseMotion`, ``(N, 9)``; none,
-            ``(0, 9)``, of a robot that is bolted down.
+        steps: Length of the steps after each sample [s], ``(N,)``.
+        counts: Number of steps after each sample, ``(N,)``.
+        far: Speed above which the integration has diverged.
+        base: Motion of the base at the samples, the columns of `phantom_dyn.motion.BaseMotion`, ``(N, 9)``; shape
+            ``(0, 9)`` for a fixed base.
     """
 
     t: Array
@@ -80,10 +80,10 @@ class Control(NamedTuple):
     Attributes:
         mode: ``GIVEN``, ``AT_SAMPLES`` or ``AT_STEPS``.
         t: Times of the tables [s], ``(n,)``.
-        tables: Feedforward, reference of position and velocity, gains of both, what is added behind the limit,
+        tables: Feedforward, reference of position and velocity, gains of both, torque that is added after the limit,
             ``(n, nv, 6)``.
-        limits: ``(nv,)``.
-        cursor: Place in the tables, ``(1,)``; moves on.
+        limits: Largest commanded torques, ``(nv,)``.
+        cursor: Current row of the tables, ``(1,)``; updated in every step.
     """
 
     mode: int
@@ -94,7 +94,7 @@ class Control(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """State of a machine; all arrays move on with every step.
+    """State of the simulated robot; all arrays are updated in every step.
 
     Attributes:
         x: Positions of joints and loose motors, ``(n,)``.
@@ -102,8 +102,8 @@ class Moving(NamedTuple):
         a: Mean accelerations of the last step, ``(n,)``.
         transmitted: Torque that the transmissions passed, ``(nv,)``.
         friction: Torque of dry friction, ``(nv,)``.
-        asked: Torque that is asked of the drives, ``(nv,)``.
-        given: Torque that they gave in the last step, NaN before the first, ``(nv,)``.
+        asked: Commanded torque of the drives, ``(nv,)``.
+        given: Torque of the drives in the last step, NaN before the first, ``(nv,)``.
     """
 
     x: Array
@@ -116,12 +116,12 @@ class Moving(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What is recorded at N samples.
+    """Recorded values at N samples.
 
     Attributes:
-        q: Readings, ``(N, nv)``.
-        asked: Torque asked of the drives, ``(N, nv)``.
-        given: Torque that they gave before, ``(N, nv)``.
+        q: Readings of the encoders, ``(N, nv)``.
+        asked: Commanded torque of the drives, ``(N, nv)``.
+        given: Torque of the drives in the step before, ``(N, nv)``.
         x: Positions, ``(N, n)``.
         v: Velocities, ``(N, n)``.
         before: Accelerations of the step before, ``(N, n)``.
@@ -155,7 +155,7 @@ def packed(laws: list[Law]) -> Laws:
 
 
 def lines_of(laws: list[Law], t: Array, counts: Array) -> Lines:
-    """Empty delay lines for steps of which there are ``counts[k]`` between the times ``t[k]`` and ``t[k + 1]``."""
+    """Empty delay lines, long enough for ``counts[k]`` steps between the times ``t[k]`` and ``t[k + 1]``."""
     delays = [law.numbers[0] if law.function is delay_law else 0.0 for law in laws]
     size = 4 + int(max((_most_steps(t, counts, delay) for delay in delays if delay > 0.0), default=0.0))
     return Lines(np.zeros((len(laws), size, 2)), np.full((len(laws), 2), -1, np.int64))
@@ -180,5 +180,5 @@ def moving_from(x: Array, v: Array, transmitted: Array) -> Moving:
 
 
 def rows_for(count: int, nv: int, n: int) -> Rows:
-    """Room for ``count`` samples."""
+    """Empty arrays for ``count`` samples."""
     return Rows._make(np.zeros((count, width)) for width in (nv, nv, nv, n, n, n, n))

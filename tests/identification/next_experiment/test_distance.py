@@ -14,7 +14,7 @@ from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
 from identification.excitation.closable import CLEAR
-from identification.next_experiment.advise import followed, proposed
+from identification.next_experiment.advise import proposed, simulated_tracking
 from identification.next_experiment.candidates import SmallReversals, candidates, design_of, exciting, safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, Model
 from identification.next_experiment.separation import (
@@ -197,7 +197,7 @@ def reference() -> Motion:
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_the_motion_is_that_of_the_linear_loop(slide, share):
     # Closed form: kp / (kp - M w^2 + i w kd), once the start has died away.
-    motion = followed(slide, reference(), share)
+    motion = simulated_tracking(slide, reference(), share)
     mass = slide.model.inertias[1].mass + float(slide.model.armature[0])
     gain = share * KP / (share * KP - mass * W**2 + 1j * W * share * KD)
     wanted = 0.05 * (gain * np.exp(1j * W * motion.t)).real
@@ -207,12 +207,12 @@ def test_the_motion_is_that_of_the_linear_loop(slide, share):
 
 def test_a_robot_that_states_no_controllers_has_no_softer_ones(slide):
     silent = tuple(replace(drive, controller=None) for drive in slide.actuators)
-    assert followed(replace(slide, actuators=silent), reference(), 0.5) is None
+    assert simulated_tracking(replace(slide, actuators=silent), reference(), 0.5) is None
 
 
 def test_a_loop_that_runs_away_gives_no_motion(slide):
     wild = tuple(replace(drive, controller=Controller(kp=KP, kd=-1e6)) for drive in slide.actuators)
-    assert followed(replace(slide, actuators=wild), reference(), 1.0) is None
+    assert simulated_tracking(replace(slide, actuators=wild), reference(), 1.0) is None
 
 
 KINDS = {"Fourier series", "triangles and sines", "slow triangles", "holds with small reversals"}

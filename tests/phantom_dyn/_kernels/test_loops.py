@@ -17,7 +17,7 @@ import pytest
 from scipy.signal import firwin, oaconvolve
 
 from phantom_dyn._kernels import jit
-from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
+from phantom_dyn._kernels.dry_friction import FrictionPlaces, apply_dry_friction, friction_on_motors
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.simulation.compiled.arm_steps import spring_torque
 
@@ -28,7 +28,7 @@ def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng
         half = rng.normal(size=(4, 4))
         mobility, free, most, h = half @ half.T + 0.5 * np.eye(4), rng.normal(size=4), rng.uniform(0.0, 80.0, 4), 1e-2
         speed, friction = free.copy(), rng.uniform(-1.0, 1.0, 4) * most
-        rub(mobility, speed, rubbing_motors(np.arange(4), 4), friction, most, h)
+        apply_dry_friction(mobility, speed, friction_on_motors(np.arange(4), 4), friction, most, h)
         np.testing.assert_allclose(speed, free + mobility @ friction * h, atol=1e-7)
         sticks = np.abs(friction) < most
         assert np.all(speed[sticks] == 0.0)
@@ -38,7 +38,7 @@ def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng
 def test_without_friction_no_speed_changes(rng):
     speed = rng.normal(size=3)
     same = speed.copy()
-    rub(np.eye(3), speed, rubbing_motors(np.arange(3), 3), np.zeros(3), np.zeros(3), 1e-3)
+    apply_dry_friction(np.eye(3), speed, friction_on_motors(np.arange(3), 3), np.zeros(3), np.zeros(3), 1e-3)
     np.testing.assert_array_equal(speed, same)
 
 
@@ -49,7 +49,9 @@ def test_a_passive_joint_rubs_as_a_motor_with_its_own_velocity_would(rng):
         half = rng.normal(size=(2, 2))
         mobility, free, most, h = half @ half.T + 0.5 * np.eye(2), rng.normal(size=2), rng.uniform(0.0, 60.0, 3), 1e-2
         speed, friction = free.copy(), np.zeros(3)
-        rub(mobility, speed, Rubbing(np.arange(2), turns[2:], np.zeros((1, 3))), friction, most, h)
+        apply_dry_friction(
+            mobility, speed, FrictionPlaces(np.arange(2), turns[2:], np.zeros((1, 3))), friction, most, h
+        )
         np.testing.assert_allclose(speed, free + mobility @ turns.T @ friction * h, atol=1e-7)
         rates = turns @ speed
         moves = np.abs(rates) > 1e-6
@@ -219,5 +221,5 @@ def test_beside_a_kept_function_others_are_compiled(squares):
 
 
 def test_a_numba_whose_cache_is_another_is_left_as_it_is():
-    assert jit._loading_little(twice) is twice
+    assert jit._with_fast_loading(twice) is twice
     assert not hasattr(twice, "load_overload")

@@ -96,7 +96,7 @@ class _Clear:
 
     Attributes:
         joint: Its name.
-        columns: Of its torque.
+        columns: Columns of its torque.
         shifted: Torque at each lag, ``(n, lags)``.
         tau, slope: Torque without a lag and its derivative [per s].
         independent: How many of the samples are independent.

@@ -51,7 +51,7 @@ def common_scale(scales: Float[Array, " nv"]) -> float | None:
     A load that the model lacks gives one factor on all joints, too; on a single joint the two look the same.
 
     Args:
-        scales: Of each joint, see `torque_scales`.
+        scales: Scale of each joint, see `torque_scales`.
     """
     known = scales[~np.isnan(scales)]
     if not len(known) or np.abs(np.log(known)).min() <= _OTHER_UNIT or np.ptp(np.log(known)) >= _AGREE:
@@ -64,7 +64,7 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
 
     Args:
         robot: The given model.
-        scales: Of each joint, see `torque_scales`.
+        scales: Scale of each joint, see `torque_scales`.
 
     Returns:
         The first part of a sentence, and the entries; None if the joints do not share a factor.

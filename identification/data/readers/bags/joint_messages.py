@@ -1,4 +1,4 @@
-"""What messages of bags say of joints: measured values and references by the contract's quantities.
+"""What messages of bags say of joints: measured values and references by their standard quantities.
 
 Read are sensor_msgs/JointState, control_msgs/JointTrajectoryControllerState (with ``reference`` and ``feedback``, older
 with ``desired`` and ``actual``), control_msgs/DynamicJointState, franka_msgs/FrankaRobotState and FrankaState,
@@ -39,7 +39,7 @@ class JointValues:
     """What one message says.
 
     Attributes:
-        names: Of the joints; empty where the message numbers them.
+        names: Names of the joints; empty where the message numbers them.
         values: By quantity, one a joint, or empty; NaN for a joint of which nothing is said.
         stamp: Time of the message [ns], None where it has none.
         is_tick: True for a stamp that counts from a start of its own.

@@ -176,7 +176,7 @@ def register_types(file: str, store: Any, connections: Iterable[Any]) -> None:
     Args:
         file: Name of the bag, for messages.
         store: Knows the types of a distribution; gets what it does not know.
-        connections: Of the bag.
+        connections: Connections of the bag.
 
     Raises:
         LogError: If the bag holds no definition of a type and its layout is not known, or a definition is hostile.

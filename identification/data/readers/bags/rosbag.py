@@ -64,7 +64,7 @@ class _Topic:
     """Messages of one topic.
 
     Attributes:
-        name: Of the topic.
+        name: Name of the topic.
         kind: Type of its messages.
         messages: In the order in which they were received.
     """
@@ -296,7 +296,7 @@ def _reference(
     Args:
         file: The bag, for messages.
         asked: The topic.
-        names: Of the joints of the states, in whose order the references are numbered where they have no names.
+        names: Names of the joints of the states, in whose order the references are numbered where they have no names.
         start: Stamp of the first state [ns]; None where the states have none of a common clock.
         received: When each state was received [ns].
         t: Time of each state [s].

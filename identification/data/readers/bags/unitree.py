@@ -48,7 +48,7 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
 
     Args:
         file: The bag, for messages.
-        values: Of each message.
+        values: Values of each message.
     """
     every = np.array(values).reshape(-1, 10)
     if not every[:, :6].any():

@@ -1,11 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
-"""Which numbers of a finding a motion shows at all, and how far their deviations are widened by other explanations.
+"""Which parameters of a finding the recordings determine, and their standard deviations under rival explanations.
 
-A law may have numbers that leave nothing in a recording, as where a load is along the axis of every joint. Its fit
-gives them a value and a deviation of metres; that is no measurement, and is not stated as one.
+Some parameters of an effect leave no torque in a recording, such as the position of a load along the axis of every
+joint. The fit gives them a value with a standard deviation of metres, which must not be reported as a measurement.
 
-The fit of all numbers takes for granted that the moves stay within the tolerances and that every finding is the cause.
-Where either is in doubt, a size is uncertain by what it would be otherwise (law of total variance).
+The fit assumes that the model's numbers stay within their tolerances and that every finding is the true cause. Where
+either is in doubt, the standard deviation includes the change of the parameter in the other case (law of total
+variance).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
-# Deviation above which a number counts as unknown: as a share of its plausible size and of the number itself.
+# Standard deviation above which a parameter is unknown: as a share of its plausible size and of its own value.
 _UNKNOWN = 0.5
 # Largest width of a mass's 95 % interval, as a share of the mass, for which a centre of mass is stated; else the first
 # moments are.
@@ -34,12 +35,12 @@ _NARROW, _SIDES = 0.5, 2 * 1.96
 
 
 def only_shown(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
-    """The numbers, with an infinite deviation for those that the recordings do not determine.
+    """The parameters, with an infinite standard deviation for those that the recordings do not determine.
 
     Args:
         values: Parameters of a finding.
         session: Robot and recordings.
-        joint: Where it sits.
+        joint: Joint of the finding; None if it is of the whole robot.
     """
     limits = _plausible(session, joint)
     out = {name: _known(value, limits.get(value.unit)) for name, value in values.items()}
@@ -63,13 +64,13 @@ def _known(value: Value, limit: float | None) -> Value:
     if limit is None:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
-    # Also relative to the number: a light lever may carry a load of several times its own weight.
+    # Also relative to the value: a light link may carry a load of several times its own weight.
     shown = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
     return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
 
 
 def _plausible(session: Session, joint: str | None) -> dict[str, float]:
-    """Largest deviation of a known number, by unit."""
+    """Largest standard deviation with which a parameter counts as known, by unit."""
     robot = session.robot
     reach, mass = reach_of(robot), float(sum(inertia.mass for inertia in robot.model.inertias[1:]))
     out = {"m": reach, "kg m": mass * reach, "kg": mass, "kg m^2": mass * reach**2, "rad": np.pi, "1": 2.0}
@@ -77,7 +78,7 @@ def _plausible(session: Session, joint: str | None) -> dict[str, float]:
     if rows:
         torque = max(_largest([log.tau[:, row] for log in session.logs]) for row in rows)
         speed = max(_largest([log.motion.v[:, row] for log in session.logs]) for row in rows)
-        # A linear joint has its own range in place of the robot's.
+        # The range of a prismatic joint replaces that of the robot.
         for force, damping in (("N m", "N m s/rad"), ("N", "N s/m")):
             out |= {force: torque, damping: torque / max(speed, 1e-9)}
     return {unit: _UNKNOWN * size for unit, size in out.items() if size > 0.0}
@@ -97,14 +98,14 @@ def reach_of(robot: Robot) -> float:
 
 
 def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Term]) -> JointFit:
-    """The fit with deviations of sizes enlarged by their change under three times the tolerances.
+    """The fit, with standard deviations enlarged by the change of each size under three times the tolerances.
 
-    Where no move ends at its limit, the stated tolerances hold. Where one does, the model is probably wrong by more,
-    and the deviation of a size does not include its share of that error.
+    If no correction within the tolerances of the model ends at its limit, the stated tolerances hold. If one does, the
+    model is probably wrong by more, and the standard deviation of a size does not include its share of that error.
 
     Args:
-        fitted: Fit of all numbers.
-        plain: Fits in the judged band.
+        fitted: Fit of all parameters.
+        plain: Fits in the frequency band of the diagnosis.
         chosen: The effects of the fit.
     """
     problem = plain.problem.of(chosen)
@@ -116,14 +117,14 @@ def with_other_tolerances(fitted: JointFit, plain: Search, chosen: frozenset[Ter
 
 
 def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
-    """The fit with deviations of sizes enlarged by their change where a rival replaces another finding.
+    """The fit, with standard deviations enlarged by the change of each size where a rival replaces another finding.
 
-    Each set with rivals counts once, with its largest probability: one law in place of two findings is a rival of both.
-    Rivals that keep an effect and add another one count for its own size, too.
+    Each set of effects with rivals counts once, with its largest probability: one effect in place of two findings is a
+    rival of both. Rivals that keep an effect and add another one count for the size of that effect, too.
 
     Args:
-        fitted: Fit of all numbers.
-        shown: What is shown, with the sets of its rivals.
+        fitted: Fit of all parameters.
+        shown: The reported findings, with the sets of effects that contain their rivals.
     """
     sets: dict[frozenset[Term], float] = {}
     for standing in shown.standings.values():
@@ -138,7 +139,7 @@ def with_other_causes(fitted: JointFit, shown: Shown) -> JointFit:
 
 
 def _wider(fitted: JointFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> JointFit:
-    """The fit with the shift of coefficients in another set added to the deviations of the effects that it keeps."""
+    """The fit, with the shift of the coefficients that both sets share added to their covariance."""
     cov = fitted.cov.copy()
     for place in fitted.places:
         if place.term in kept:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.checks.check_recording import check_recording
-from identification.data.drives.arrivals import arrival_notes, between_readings, with_open_arrivals
+from identification.data.drives.arrivals import arrival_notes, between_readings, with_unknown_arrivals
 from identification.data.drives.joint_torque import external_torque
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
@@ -130,15 +130,15 @@ def test_a_torque_in_place_of_a_voltage_leaves_nothing_open(robot):
 def test_the_joint_is_named_with_the_friction_that_looks_the_same(robot):
     # By hand: half a frame of 20 ms times 24 V/rad times 0.5 N m/V.
     one = read_once_a_frame(robot, 0.031)
-    left_open = with_open_arrivals(robot, (process(one, robot),))
+    left_open = with_unknown_arrivals(robot, (process(one, robot),))
     (note,) = arrival_notes(left_open, (one,))
-    assert left_open.open_arrivals == ("pin",)
+    assert left_open.unknown_arrivals == ("pin",)
     assert note.numbers["viscous"] == pytest.approx(0.01 * 24 * 0.5, rel=0.01)
 
 
 def test_robots_whose_references_act_at_once_have_no_such_joint(robot):
     one = read_once_a_frame(replace(robot, reference_hold=None), 0.031)
-    assert with_open_arrivals(robot, (process(one, replace(robot, reference_hold=None)),)).open_arrivals == ()
+    assert with_unknown_arrivals(robot, (process(one, replace(robot, reference_hold=None)),)).unknown_arrivals == ()
 
 
 @pytest.fixture(scope="module")

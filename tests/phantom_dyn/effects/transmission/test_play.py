@@ -8,7 +8,7 @@ from scipy.interpolate import make_interp_spline
 
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.displaced import exact_change_by_link, link_load, load_and_inertia
-from phantom_dyn.effects.transmission.backlash import Backlash, Play, play, under_all_load
+from phantom_dyn.effects.transmission.backlash import Backlash, Play, play, with_unfiltered_load
 from phantom_dyn.effects.transmission.transmission_compliance import (
     TransmissionCompliance,
     _followed,
@@ -118,7 +118,7 @@ def test_the_impact_is_shared_by_the_two_samples_about_the_landing(t, pull):
 def test_in_flight_a_drive_lacks_the_whole_load(arm, smooth):
     # Closed form: a free link takes no torque from its own drive, but for the impact.
     moved = play(smooth.t, np.divide(*load_and_inertia(smooth, 1)), GAP)
-    change = under_all_load(smooth, "tilt", np.ones(1), np.array([GAP]))[:, 1]
+    change = with_unfiltered_load(smooth, "tilt", np.ones(1), np.array([GAP]))[:, 1]
     free = (moved.loose > 0) & (moved.impact == 0)
     assert free.sum() > 20
     np.testing.assert_allclose(change[free], -load_and_inertia(smooth, 1)[0][free], atol=1e-9)
@@ -132,7 +132,7 @@ def test_other_drives_feel_the_link_where_it_is(arm, smooth):
     moved = play(smooth.t, load / inertia, gap)
     gained = moved.impact - load / inertia * moved.loose
     exact = exact_change_by_link(arm, smooth, 1, -moved.lead, -moved.rate, gained)
-    change = under_all_load(smooth, "tilt", np.array([0.5]), np.array([gap]))
+    change = with_unfiltered_load(smooth, "tilt", np.array([0.5]), np.array([gap]))
     held = moved.loose == 0
     np.testing.assert_allclose(change[:, [0, 2]], 0.5 * exact[:, [0, 2]], atol=1e-5)
     np.testing.assert_allclose(change[held, 1], 0.5 * exact[held, 1], atol=1e-5)

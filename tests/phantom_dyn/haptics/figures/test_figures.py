@@ -114,7 +114,7 @@ def test_map_draws_stiffness_and_frequency_of_its_points():
     left, right = figures.critical_stiffness_figure(found, name="LHIfAM").axes[:2]
     np.testing.assert_array_equal(left.collections[0].get_array(), found.stiffness[:, 0, :, 0])
     np.testing.assert_allclose(right.collections[0].get_array(), found.frequency[:, 0, :, 0] / (2 * np.pi))
-    assert left.get_xlabel() == "delay beside the hold [ms]"
+    assert left.get_xlabel() == "delay in addition to the hold [ms]"
     assert left.get_ylabel() == "damping added to the motor [N s/m]"
 
 
