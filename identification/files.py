@@ -31,7 +31,7 @@ LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder
 """Formats of a recording that are read, for sentences."""
 
 LEROBOT_INFO = Path("meta", "info.json")
-"""What makes a folder a LeRobot dataset."""
+"""File by which a LeRobot dataset is recognised."""
 EPISODE = "episode_{:06d}"
 """Name of an episode of a LeRobot dataset behind the folder's; there may or may not be a file of that name."""
 
@@ -281,7 +281,7 @@ def looks_like_log(word: str | Path) -> bool:
 
 
 def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
-    """Refuse a recording in the place of the robot where a robot stands in the place of a recording.
+    """Refuse arguments that were swapped: a recording for the robot and a robot for a recording.
 
     Raises:
         UsageError: The sentence has the two in the right order.
@@ -303,7 +303,7 @@ def is_full(error: BaseException) -> bool:
 
 
 def unreachable_words(error: OSError) -> str | None:
-    """What to do where the system refuses access to a file, in one sentence; None for an error that names no file."""
+    """Advice for an error of access to a file, in one sentence; None for an error that names no file."""
     if error.errno is None or not isinstance(error.filename, str | bytes):
         return None
     place = shortened(os.fsdecode(error.filename), 200)
@@ -314,6 +314,6 @@ def unreachable_words(error: OSError) -> str | None:
 
 
 def full_words(error: OSError) -> str:
-    """What to do about such an error, in one sentence."""
+    """Advice for such an error, in one sentence."""
     reason = (error.strerror or str(error)).lower()
     return f"nothing more can be written ({reason}): free some space, or name a place with more, TMPDIR included"

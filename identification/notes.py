@@ -1,4 +1,4 @@
-"""What a stage has to say beside its result: a code, a joint and numbers, of which words are made elsewhere.
+"""Notes of a stage beside its result: a code, a joint and numbers, of which `identification.words` makes sentences.
 
 No stage reads the sentence of another: who sorts, counts, changes or leaves out notes goes by their codes.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 
 class Code(Enum):
-    """What a note is about."""
+    """Topic of a note."""
 
     # Recordings without torque, and their controllers.
     TORQUE_ASKED = auto()

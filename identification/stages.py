@@ -46,7 +46,7 @@ class Stage(Enum):
 
 @dataclass(frozen=True)
 class Announcement:
-    """What is being done now.
+    """Progress of a run.
 
     Attributes:
         stage: Stage of the run.

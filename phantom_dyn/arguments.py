@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Kind:
-    """What an argument may be.
+    """Allowed values of an argument.
 
     Attributes:
         wanted: In words, the end of a sentence.
@@ -32,7 +32,7 @@ class Kind:
 
 
 def path_of(what: str) -> Kind:
-    """A path, or a name that stands for one; ``what`` says of which."""
+    """A path, or the name of a built-in file; ``what`` is the kind of file."""
     return Kind(what, lambda given: isinstance(given, str | Path))
 
 
@@ -116,7 +116,7 @@ def takes(**kinds: Kind) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def described(given: object) -> str:
-    """What was given, short enough for a sentence."""
+    """Description of an argument, short enough for a message."""
     text = " ".join(repr(given).split())
     kind = type(given).__name__
     return f"{text if len(text) <= 40 else text[:39] + '…'} ({kind})"

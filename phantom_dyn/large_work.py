@@ -75,7 +75,7 @@ def starts_processes() -> bool:
 
 
 def _backend() -> tuple[Any, int | None]:
-    """What `joblib.parallel_config` says: the backend, and how many jobs or None."""
+    """Settings of `joblib.parallel_config`: the backend, and the number of jobs or None."""
     from joblib.parallel import get_active_backend
 
     return cast("tuple[Any, int | None]", get_active_backend())

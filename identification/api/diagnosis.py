@@ -55,7 +55,7 @@ class Diagnosis:
 
     @property
     def findings(self) -> tuple[results.Finding, ...]:
-        """What the model lacks, the largest first: effect, joint, parameters, share, probability, rivals."""
+        """Effects that the model lacks, the largest first: effect, joint, parameters, share, probability, rivals."""
         return self.result.findings
 
     @property

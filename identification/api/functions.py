@@ -370,7 +370,7 @@ def map_workspace(
     stiffness: Float[Array, " nv"] | Sequence[float] | None = None,
     jobs: int | Literal[1] | None = None,
 ) -> xarray.Dataset:
-    """What a hand feels at the tip of a robot over its workspace, as an xarray dataset with units.
+    """Inertia and forces that a hand feels at the tip of a robot over its workspace, as an xarray dataset with units.
 
     Args:
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.

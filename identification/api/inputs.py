@@ -33,8 +33,8 @@ def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
     """The robot that was given, loaded where it is a path or name.
 
     Args:
-        given: What stands in the place of the robot.
-        recordings: What stands in the place of the recordings, to recognise arguments that were swapped.
+        given: A robot, a path, or the name of a built-in robot.
+        recordings: Argument in the place of the recordings, to recognise arguments that were swapped.
 
     Raises:
         UsageError: If it is no robot; the sentence says what was given and what is wanted.
@@ -91,7 +91,7 @@ def listed(given: object) -> tuple[object, ...]:
 
 
 def described(given: object) -> str:
-    """What was given, short enough for a sentence."""
+    """Description of an argument, short enough for a message."""
     if isinstance(given, Robot):
         return f"the robot {given.name}"
     if isinstance(given, Recording):

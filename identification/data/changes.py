@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What is known to differ in one of several recordings (payload, controllers), and the robot's model as it was then."""
+"""Known changes between recordings (payload, controllers), and the robot's model with them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Change:
 
     @property
     def unknown(self) -> tuple[Kind, ...]:
-        """What has changed and has no known value."""
+        """Changes of unknown amount in a recording."""
         known = {"payload": self.payload is not None, "controller": bool(self.controllers)}
         return tuple(kind for kind in self.changed if not known.get(kind, False))
 

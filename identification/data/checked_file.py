@@ -1,4 +1,4 @@
-"""What is wrong with a recording, for its user: certain faults, what was mended, and doubts."""
+"""Faults of a recording, for its user: certain ones, repaired ones, and doubts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MEASURED = {False: "positions", True: "positions and orientations"}
 
 @dataclass(frozen=True, repr=False)
 class CheckedRecording:
-    """What is wrong with a recording: what certainly is, and what may be.
+    """Faults of a recording: certain ones, and possible ones.
 
     Attributes:
         file: Its name.
@@ -66,7 +66,7 @@ class CheckedRecording:
 
 
 def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording:
-    """What a recording that was read and checked says of itself."""
+    """Properties of a recording that was read and checked."""
     seconds = float(found.t[-1] - found.t[0])
     return CheckedRecording(
         found.file,
@@ -90,7 +90,7 @@ def checked_file(
     ref_topic: str | None = None,
     progress: Progress = lambda _: None,
 ) -> CheckedRecording:
-    """What is wrong with the recording in a file.
+    """Faults of the recording in a file.
 
     Args:
         path: A recording in any format that `identification.data.reading.read_recording` reads.

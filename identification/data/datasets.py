@@ -324,7 +324,7 @@ def _to_file(url: str, output_file: str, _: object) -> None:
 
 
 def within(seconds: float, job: Callable[[], T]) -> T:
-    """What ``job`` returns; a job that takes longer is left behind.
+    """Result of ``job``; a job that takes longer is abandoned.
 
     It runs in a thread, because the search for a host's address cannot be interrupted otherwise.
 

@@ -47,7 +47,7 @@ _DEVIATIONS = 3.0
 
 @dataclass(frozen=True)
 class DriveLoop:
-    """What regression says of the loop of one drive; deviations are of a jackknife over stretches of time.
+    """Parameters of one drive's control loop by regression; standard deviations by a jackknife over stretches of time.
 
     Attributes:
         output: Quantity that was logged: ``u``, ``duty``, ``i`` or ``tau``.

@@ -1,4 +1,4 @@
-"""What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
+"""Repairs of a recording that need no guess: encoder turns are unwrapped, short spikes and dropouts cut out.
 
 A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again, in
 radians, or in degrees where the unit is not known yet. A value that departs by far more than all changes near it and

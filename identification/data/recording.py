@@ -91,7 +91,7 @@ class Table:
 
 @dataclass(frozen=True)
 class BaseReadings:
-    """What the sensors on a base read that is not bolted down, in the axes of their frames.
+    """Readings of the sensors on a floating base, in the axes of their frames.
 
     Attributes:
         gyroscope: Frame of the gyroscope.

@@ -9,7 +9,7 @@ from phantom_dyn.errors import LogError
 
 
 def fault_sentence(file: str, fault: Fault) -> str:
-    """What is wrong, what shows it, and what to do, in one sentence."""
+    """Sentence on a fault: what is wrong, the evidence, and what to do."""
     return f"{file}: {fault.what} ({fault.why}): {fault.mend}."
 
 
@@ -32,7 +32,7 @@ def require_right(recordings: Iterable[Recording]) -> None:
 
 
 def wrong_with(recordings: Iterable[Recording]) -> tuple[str, ...]:
-    """What is certainly wrong with recordings, one clause each, as in ``a.csv: the positions of j1 are in degrees``."""
+    """Certain faults of recordings, one clause each, as in ``a.csv: the positions of j1 are in degrees``."""
     return tuple(f"{recording.file}: {fault.what}" for recording in recordings for fault in recording.wrong)
 
 

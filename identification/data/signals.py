@@ -264,7 +264,7 @@ def differences(recording: Recording) -> Float[Array, "N nv"]:
 def _references(
     recording: Recording, robot: Robot, t: Float[Array, " N"], q_ref: Array, q: Array, v: Array
 ) -> References | None:
-    """What controllers ask for, where the torque was computed from references; None where it was not."""
+    """Torque that the controllers command, if the torque was computed from references; else None."""
     gain, limits = recording.follows, recording.follows_up_to
     if gain is None or limits is None:
         return None

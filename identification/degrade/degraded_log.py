@@ -159,7 +159,7 @@ class Degraded:
 
 @dataclass(frozen=True)
 class _Change:
-    """What differs from the recording, at the samples of a uniform grid, shape ``(N, nv)`` each.
+    """Changes of the recording at the samples of a uniform grid, shape ``(N, nv)`` each.
 
     Attributes:
         tau: Drive torque that is asked for.

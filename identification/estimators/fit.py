@@ -1,4 +1,4 @@
-"""What an estimator returns: base parameters with honest uncertainty, and what they predict.
+"""Result of an estimator: base parameters with their uncertainty, and the torque that they predict.
 
 A fit from a `Reduction` looks at no sample again, so that it takes milliseconds.
 """
@@ -174,7 +174,7 @@ class InfluencedValues(Values):
 
 @dataclass(frozen=True)
 class JointNoise:
-    """What an estimator takes the noise of each joint to be, and how much its score scatters.
+    """Noise of each joint as an estimator models it, and the scatter of its score.
 
     Attributes:
         sigma: Noise of each joint's torque, shape ``(nv,)``.

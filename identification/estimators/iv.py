@@ -120,7 +120,7 @@ class Endogeneity:
         return self.probability < level
 
     def sentence(self, level: float = 0.05) -> str:
-        """What the test says, in words.
+        """Result of the test in words.
 
         Args:
             level: Share of sound recordings that are called biased all the same.

@@ -1,7 +1,7 @@
 """Friction of joints that move at constant speeds: viscous and Coulomb part, without a model of the robot.
 
 Triangles of several speeds have long straight parts. There, offset, gravity (a sine of the joint's position),
-centrifugal torque (the square of its speed) and what is left of inertia are nuisances, and the rest is friction.
+centrifugal torque (the square of its speed) and the remaining inertia are nuisances, and the rest is friction.
 
 References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, the friction tests.

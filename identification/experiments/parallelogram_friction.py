@@ -96,7 +96,7 @@ def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> di
     """Viscous and Coulomb friction that each moving joint shows in a test.
 
     Only stretches of constant speed are used. There, offset, gravity (a sine of the joint's position) and centrifugal
-    torque (the square of its speed) and what is left of inertia are nuisances. One speed hardly parts the two unknowns:
+    torque (the square of its speed) and the remaining inertia are nuisances. One speed hardly parts the two unknowns:
     take several.
 
     Args:

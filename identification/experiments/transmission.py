@@ -54,7 +54,7 @@ def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float)
 def blocked_arm_loop(
     t: Float[Array, " N"], torque: Float[Array, " N"], *, stiffness: float, damping: float, coulomb: float
 ) -> Loop:
-    """What a motor does against a blocked arm, its inertia left out, from rest at zero.
+    """Motion of a motor against a blocked arm, without inertia, from rest at zero.
 
     Between two samples the torque is that of the later one and the motor moves at one speed (implicit Euler), so that
     with ``damping = 0`` the result is exact: dry friction lets the torque play by ``coulomb`` to either side.

@@ -214,7 +214,7 @@ def _listed(value: float | list[float]) -> list[float]:
 
 
 def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
-    """What a diagnosis says of an effect that is not one of its findings."""
+    """Statement of a diagnosis on an effect that is not one of its findings."""
     if any(finding.place == at for finding in diagnosis.minor):
         return "seen, but too small to matter"
     for finding in diagnosis.findings:

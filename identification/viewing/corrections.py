@@ -1,4 +1,4 @@
-"""What a diagnosis adds to a model: its findings and its moves within tolerance, read from any file that holds them."""
+"""Corrections of a model by a diagnosis (findings, changes within tolerance), read from any file that holds them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class Correction:
-    """What the given model lacks.
+    """Corrections of the given model.
 
     Attributes:
         effects: Findings that act in all recordings.

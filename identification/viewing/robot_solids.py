@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What one copy of the robot is drawn with: links, joints, rails of linear joints; and how much room it needs."""
+"""Solids of one drawn copy of the robot: links, joints, rails of linear joints; and the space that it needs."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Solids:
 
 
 def robot_solids(replay: Replay) -> Solids:
-    """What the robot of a replay is drawn with."""
+    """Solids with which the robot of a replay is drawn."""
     model = replay.robot.model
     measured = replay.copies[0]
     known = np.flatnonzero(np.isfinite(measured.poses).all(axis=(1, 2)))

@@ -218,7 +218,7 @@ def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
 
 
 def _of_torque(gap: JointGap) -> float:
-    """What is left on a joint as a share of its torque; zero where the torque is not known."""
+    """RMS residual of a joint as a share of its torque; zero if the torque is not known."""
     return gap.rms_after / gap.rms_torque if gap.rms_torque else 0.0
 
 
@@ -253,7 +253,7 @@ def _at_limits(moves: list[Adjusted]) -> list[str]:
 
 
 def hidden_words(move: Adjusted) -> str:
-    """What could hide behind a move that ends at its limit; empty if that is not known."""
+    """Larger error that a change at the limit of its tolerance could hide, in words; empty if it is not known."""
     if move.hides is None:
         return ""
     if move.hides.kind == "payload":

@@ -46,7 +46,7 @@ def filtered(kernel: Array, x: Array, step: int) -> Array:
     kept = np.empty((blocks, rows))
     for column in range(x.shape[1]):
         given[:] = x[: len(given), column]
-        # A few samples tell of most columns that they are not zero; all are looked at only where these are.
+        # A few samples suffice to see that most columns are not zero; all are read only if these are zero.
         if not (given[:: len(given) // _LOOKED_AT + 1].any() or given.any()):
             out[:, column] = 0.0
             continue

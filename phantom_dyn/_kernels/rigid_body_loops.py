@@ -27,7 +27,7 @@ class Frame(NamedTuple):
 
 
 class FramePoses(NamedTuple):
-    """What `frame_loop` writes of N samples.
+    """Results of `frame_loop` for N samples.
 
     Attributes:
         rotation: Rotation of the frame, ``(N, 3, 3)``.

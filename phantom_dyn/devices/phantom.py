@@ -238,7 +238,7 @@ def gravity_torque(q: Float[Array, "N 3"], parameters: PhantomParameters = PHANT
 
 
 def _constants(p: PhantomParameters) -> tuple[float, float, float]:
-    """What multiplies cos(theta2) sin(theta3), cos(2 theta2) and -cos(2 theta3); the last two times eight."""
+    """Coefficients of cos(theta2) sin(theta3), cos(2 theta2) and -cos(2 theta3); the last two times eight."""
     (_, ay, az), (_, cy, cz) = p.inertia_a, p.inertia_c
     (_, bey, bez), (_, dfy, dfz) = p.inertia_be, p.inertia_df
     coupling = p.l1 * (p.l2 * p.m_a + p.l3 * p.m_c)

@@ -77,7 +77,7 @@ def project(G: Float[Array, "N nt nv"], values: Float[Array, "N nt *k"]) -> Floa
 
 
 def _varies(G: Array) -> bool:
-    """False where one matrix stands for every sample."""
+    """False if the same matrix holds for every sample."""
     return len(G) == 0 or G.strides[0] != 0
 
 

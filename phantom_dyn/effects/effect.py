@@ -1,4 +1,4 @@
-"""What an effect of the catalogue provides.
+"""Interface of an effect of the catalogue.
 
 An author gives a name, a regime, words, `Effect.parameters`, the law `Effect.torque`, its columns `Effect.signature`
 and how it enters a simulation `Effect.simulated`. All the rest has a default that is right for a torque on one joint

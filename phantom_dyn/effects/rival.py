@@ -42,7 +42,7 @@ OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
 
 @dataclass(frozen=True)
 class Signature:
-    """What an effect leaves in inverse dynamics: drive torque needed per unit of each coefficient.
+    """Residual of an effect in inverse dynamics: drive torque per unit of each coefficient.
 
     Attributes:
         rows: Indices of the joints whose torque it touches.

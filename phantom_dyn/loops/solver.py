@@ -37,7 +37,7 @@ SINGULAR = 1e-5
 """Smallest over largest singular value of the constraint's slope in the unknowns, below which they are not determined:
 Newton's steps then end in rounding."""
 _STEP = 1e-11
-"""Newton's last step [rad or m]; it is quadratic, so that what is left is rounding."""
+"""Newton's last step [rad or m]; it converges quadratically, so that the error is rounding."""
 _ITERATIONS = 12
 """Of Newton's method at most: from one step of `REACH` away it takes four or five."""
 REACH = 0.3
@@ -231,7 +231,7 @@ class RecentSolutions:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a copy for another process needs: all but the solutions."""
+        """State for a copy in another process: all attributes but the solutions."""
         return self.__dict__ | {"_kept": ()}
 
 

@@ -41,7 +41,7 @@ class MapModel:
         upper: Highest one.
         stiffness: Stiffness of the active joints [N m/rad], shape ``(nv,)``, or None.
         stiffness_note: Where the stiffness comes from, for captions.
-        posture: Configuration that a branch is chosen by and that stands in for joints without a grid, ``(nv,)``.
+        posture: Configuration that selects the branch, and position of joints without a grid, ``(nv,)``.
         branches: Closed-form inverse kinematics: candidates ``(B, N, nv)`` of tip positions ``(N, 3)``, or None.
     """
 

@@ -29,7 +29,7 @@ class Attached:
 
 
 def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
-    """What hangs on each body by fixed or locked joints, each with all behind it; nothing twice.
+    """Parts on each body behind fixed or locked joints, each with all that it carries; none twice.
 
     Args:
         model: Its frames say what was fixed where.
@@ -45,7 +45,7 @@ def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
 
 
 def _attached_to(model: pin.Model, fixed: list[int]) -> tuple[Attached, ...]:
-    """What hangs on one body, whose frames of fixed joints are known."""
+    """Parts on one body, whose frames of fixed joints are known."""
     frames = model.frames
     out: dict[tuple[str, ...], Attached] = {}
     for root in fixed:

@@ -46,7 +46,7 @@ _KINDS = {
     "JointModelSpherical": _BALL,
     "JointModelSphericalZYX": _BALL,
 }
-"""What Pinocchio's joints of more than one velocity are called in a message."""
+"""Names of Pinocchio's joints of more than one velocity, for messages."""
 _GYRATION, _TIMES_SIZE = 1.0, 3.0
 """Radius of gyration [m], and in lengths of the robot, beyond which an inertia is called a placeholder."""
 _DRIVE = (

@@ -168,7 +168,7 @@ class Robot:
     # Cached: a function of the model alone, which never changes.
     @cached_property
     def attached(self) -> tuple[tuple[Attached, ...], ...]:
-        """What hangs on each body by fixed or locked joints, by Pinocchio's index of the joint that moves the body."""
+        """Parts on each body behind fixed or locked joints, by Pinocchio's index of the joint that moves the body."""
         return attached_bodies(self.model)
 
     # Cached: it keeps solutions that depend on the positions alone, see there, so that no answer depends on it.

@@ -219,7 +219,7 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
 
 
 def wanted_value(struct: type[msgspec.Struct], keys: list[str]) -> str:
-    """What the key path ``keys`` of ``struct`` takes, in words."""
+    """Values that the key path ``keys`` of ``struct`` takes, in words."""
     annotation: Any = struct
     for key in keys:
         if not (isinstance(annotation, type) and issubclass(annotation, msgspec.Struct)):

@@ -69,12 +69,12 @@ class Follower:
     factor: float
     offset: float
     why: str
-    """What the file says, such as ``<mimic>``."""
+    """The element in the file, such as ``<mimic>``."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What a file says of the drive of a joint, on the joint's side; None where it says nothing."""
+    """Properties of a joint's drive in a file, on the joint's side; None for those that it does not state."""
 
     kp: float | None = None
     kd: float | None = None
@@ -113,7 +113,7 @@ class RobotXml:
         warnings: Sentences on what will be left out.
         loops: Closed chains that the file states.
         driven: Joints that an actuator of the file acts on.
-        soft_friction: By joint, how the simulator that the file is for lets it rub; nothing for a URDF.
+        soft_friction: Dry friction of each joint in the simulator that the file is for; empty for a URDF.
         drives: By joint, what its actuator says.
         base_joints: Joints of a body on the world that has several.
         play: Joints that are the play of the joint before them, on the same body, and how far they go [rad or m].

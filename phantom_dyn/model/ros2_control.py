@@ -26,7 +26,7 @@ def is_ros2_control(content: Mapping[str, Any]) -> bool:
 
 
 def ros2_config(content: Mapping[str, Any], path: Path) -> Ros2Config:
-    """What a ros2_control file says of the drives: ``gains.<joint>.p`` and ``.d`` of controllers that command effort.
+    """Drives in a ros2_control file: ``gains.<joint>.p`` and ``.d`` of controllers that command effort.
 
     Args:
         content: Text of the file.

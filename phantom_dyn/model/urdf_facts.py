@@ -95,7 +95,7 @@ def _check_urdf_joint(joint: Element, path: Path) -> None:
             raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
     limit = joint.find("limit")
     if limit is not None:
-        # Without a limit in truth the largest float stands in some files.
+        # Some files state the largest float for a joint without a limit.
         ends = [numbers(limit, end, owner, path, count=1, most=np.inf) or [0.0] for end in ("lower", "upper")]
         for attribute in ("effort", "velocity"):
             given = numbers(limit, attribute, owner, path, count=1, most=np.inf)

@@ -279,7 +279,7 @@ def joint_axis(model: pin.Model, joint: int) -> tuple[Float[Array, "3"], bool]:
 
 
 def joint_solid(model: pin.Model, joint: int, size: float) -> Mesh:
-    """What shows a joint: a drum along the axis of a revolute one, a bar along that of a linear one.
+    """Shape that marks a joint: a drum along the axis of a revolute one, a bar along that of a linear one.
 
     Args:
         model: Pinocchio's model.

@@ -29,11 +29,11 @@ from phantom_dyn.simulation.control import Tracking, with_late_references
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 
 Controller = Callable[[float, Array, Array], Array]
-"""What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders."""
+"""Commanded torque of the drives [N m or N], (nv,), from time, position readings and velocities at the encoders."""
 _TOO_FAST = 1e6
 """Speed [rad/s or m/s] that no robot reaches: the integration has blown up, or the drives push without end."""
 _MOTORS = ("motors[0]", "motors[1]")
-"""What the start of the motors is called in a message."""
+"""Name of the motors' initial positions in messages."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Given:
-    """What a simulation takes as known besides the start of its links.
+    """Initial conditions of a simulation besides those of its links.
 
     Attributes:
         motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
@@ -61,7 +61,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Simulation(ReadOnlyArrays):
-    """What a recording of the robot holds, and the true motion behind it.
+    """Recorded signals of the robot, and the true motion.
 
     Attributes:
         t: Time [s], shape ``(N,)``.
@@ -255,12 +255,12 @@ class Channels:
         return q
 
     def sample(self, t: float, state: State) -> tuple[Array, Array]:
-        """What the drives are asked for at a sample, and what they gave in the step before it."""
+        """Commanded torque at a sample, and torque of the drives in the step before it."""
         self._asked = self.ask(t, state.x, state.v)
         return self._asked, self._asked if self._given is None else self._given
 
     def ask(self, t: float, x: Array, v: Array) -> Array:
-        """What the controller asks of the drives in a state."""
+        """Torque that the controller commands in a state."""
         tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
         if tau.shape != (len(self._drives),):
             wanted = f"wanted {len(self._drives)} numbers, one a joint"

@@ -280,7 +280,7 @@ def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> float
 
 
 def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:
-    """What is no fault of the torque: a joint that is defined otherwise in the model than in the recording."""
+    """Hypotheses that are no fault of the torque: a joint that the model defines differently than the recording."""
     return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, says="rival", moves=True)
 
 

@@ -271,7 +271,7 @@ def matching(name: str, names: Sequence[str]) -> dict[str, str]:
 def _expanded(
     columns: ColumnMap, raw: RawTable, joints: Sequence[str] | None
 ) -> tuple[dict[str, Source], tuple[str, ...]]:
-    """Sources with every place replaced by what it matches, and what to tell of it; entries written out win."""
+    """Sources with every placeholder replaced by its matches, and notes on these; explicit entries have priority."""
     out: dict[str, Source] = {}
     numbered: dict[str, dict[int, str]] = {}
     for key, source in columns.sources.items():

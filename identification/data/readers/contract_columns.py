@@ -39,7 +39,7 @@ MEANT = {
     "w": "the angular velocity of a gyroscope",
     "sf": "the specific force of an accelerometer",
 }
-"""What the parts of a frame's quantity are together, in words."""
+"""Name of a quantity of a frame, for messages."""
 
 # Larger than anything a sensor gives, in SI units: such a value is a broken sample or a wrong unit.
 LARGEST: dict[Quantity, float] = {
@@ -125,7 +125,7 @@ def column_of(name: str) -> Column | None:
 
 
 def name_problem(name: str) -> str | None:
-    """What is wrong with a name that begins like a standard one but is none; None for any other name."""
+    """Message on a name that begins like a standard one but is none; None for any other name."""
     prefix, dot, _ = name.partition(".")
     folded = prefix.lower()
     if column_of(name) is not None:

@@ -31,7 +31,7 @@ _OTHER_FEATURES = {"observation.velocity": "v", "observation.effort": "tau", "ob
 
 
 def read_info(folder: Path) -> Mapping[str, Any]:
-    """What ``meta/info.json`` of a dataset says.
+    """Contents of a dataset's ``meta/info.json``.
 
     Raises:
         LogError: If it cannot be read, or is none.

@@ -14,7 +14,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def entries_words(recording: Recording, entries: Mapping[str, str]) -> str:
-    """What to do, as in ``write t: {from: t, unit: ms} into a column map and give it with --columns``.
+    """Advice, as in ``write t: {from: t, unit: ms} into a column map and give it with --columns``.
 
     Args:
         recording: Says which columns of the file a map took.

@@ -17,7 +17,7 @@ from phantom_dyn.errors import LogError, listed, shortened
 def joints_of_numbers(
     raw: RawTable, positions: Mapping[int, str], joints: Sequence[str] | None
 ) -> tuple[dict[int, str], tuple[str, ...]]:
-    """The joint that each number means, and what to tell of it.
+    """Joint of each number, and a note on the assignment.
 
     Args:
         raw: The file.

@@ -1,4 +1,4 @@
-"""What SAGE keeps beside its ``state_motor.csv``: the references in ``control.csv``, names in ``joint_list.txt``."""
+"""Files beside SAGE's ``state_motor.csv``: the references in ``control.csv``, names in ``joint_list.txt``."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Controllers(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What a simulation of N samples receives, each of shape ``(N, nv)``.
+    """Inputs of a simulation of N samples, each of shape ``(N, nv)``.
 
     Attributes:
         q: Positions.

@@ -138,7 +138,7 @@ def require_own_controllers(loops: Iterable[Loop]) -> None:
 
 
 def _at_joints(loop: Loop, asked: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
-    """What controllers ask for, late and held as the loop says, in the band."""
+    """Torque that the controllers command, with the delay and hold of the loop, in the band."""
     t, late = loop.log.motion.t, loop.feedback.delay
     if late:
         asked = np.stack([np.interp(t - late, t, column) for column in asked.T], axis=1)

@@ -19,7 +19,7 @@ from phantom_dyn.model.robot import Robot
 
 
 class Plant(NamedTuple):
-    """What moves in a closed loop, as compiled steps take it; ``nt`` joints of the tree, ``nv`` active ones.
+    """The robot in a closed loop as arrays for the compiled steps; ``nt`` joints of the tree, ``nv`` active ones.
 
     Attributes:
         numbers: The joints of the tree, root first, as `phantom_dyn._kernels.single_state.joint_rows` gives them.
@@ -149,7 +149,7 @@ def _given(robot: Robot) -> Plant:
 
 
 def _followed(robot: Robot, arrays: TreeArrays) -> Chain:
-    """How the tree follows the active joints; the passive ones rub elsewhere."""
+    """Motion of the tree for that of the active joints; friction of the passive ones is added elsewhere."""
     chain, nt = robot.chain, robot.model.nv
     none, rotor = np.zeros(nt), np.zeros(nt)
     if chain is None:
@@ -161,7 +161,7 @@ def _followed(robot: Robot, arrays: TreeArrays) -> Chain:
 
 
 def _row(robot: Robot, joint: str | None) -> int:
-    """Place of a joint among those that rub: active ones, then passive ones."""
+    """Index of a joint among those with friction: active ones, then passive ones."""
     return [*robot.joint_names, *robot.passive_names].index(joint or "")
 
 

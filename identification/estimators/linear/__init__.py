@@ -1,1 +1,1 @@
-"""What the linear estimators share: least squares, scatter, cautions."""
+"""Functions that the linear estimators share: least squares, scatter, cautions."""

@@ -133,7 +133,7 @@ def _primitive(kind: Element) -> dict[str, str] | None:
 
 
 def _refused(mesh: Path, scale: str) -> str:
-    """Why MuJoCo does not load a mesh; empty if it does, or if that cannot be tried."""
+    """Why MuJoCo does not load a mesh; empty if it does, or if MuJoCo is not installed."""
     if mesh.suffix.lower() not in _MESHES:
         return f"ends in {mesh.suffix or 'nothing'}"
     if mujoco_problem():

@@ -1,1 +1,1 @@
-"""What users do with a diagnosis: training in simulation, and control."""
+"""Uses of a diagnosis: training in simulation, and control."""

@@ -94,7 +94,7 @@ class ReferenceDelay(Effect):
     def bounds_in(
         self, robot: Robot, operation: Operation, joint: str | None, shape: Shape
     ) -> tuple[tuple[float, float], ...]:
-        """What a regression of the drive's own output says of its delay, where that was logged as well."""
+        """Delay of a drive by regression of its logged output."""
         known = operation.references
         if known is None:
             return self.coefficient_bounds(robot, joint, shape)

@@ -113,7 +113,7 @@ class TorqueConstant(Effect):
         return (FormulaTerm("gain", "tl", lambda tl: tl, "{torque}"),)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
+        """Torque of the drive in addition to the logged torque, if the logged torque is what the true motion needs."""
         rows = list(rows_of(robot, joint))
         out = np.zeros_like(operation.tau)
         out[:, rows] = operation.tau[:, rows] * (1.0 - 1.0 / theta[0])
@@ -136,5 +136,5 @@ class TorqueConstant(Effect):
 @command_law
 @within
 def scaled_law(tau: float, ratio: float) -> float:
-    """What the drive gives when ``tau`` is asked for."""
+    """Torque of the drive for the command ``tau``."""
     return ratio * tau

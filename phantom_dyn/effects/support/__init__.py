@@ -1,1 +1,1 @@
-"""What several effects share: rows of joints, displaced joints, changed robots, periodograms."""
+"""Functions that several effects share: rows of joints, displaced joints, changed robots, periodograms."""

@@ -154,7 +154,7 @@ class _Residual:
     weight: Float[Array, " N"] | None = None
 
     def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
-        """What background and orders leave, fitted by least squares."""
+        """Residual after a least squares fit of background and orders."""
         columns = self._columns(orders)
         gram = columns.T @ columns
         return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=_DEPENDENT)[0]
@@ -167,7 +167,7 @@ class _Residual:
         return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
 
     def misfit(self, orders: tuple[float, ...]) -> float:
-        """Sum of squares of what is left."""
+        """Sum of squares of the residual."""
         left = self.without(orders)
         return float(left @ left)
 

@@ -1,4 +1,4 @@
-"""What effects share: which row of the torque a joint is, signatures that touch one row, units, ranges of friction.
+"""Functions that effects share: row of a joint in the torque, signatures that touch one row, units, ranges of friction.
 
 Ranges of friction torques: all that the model has may be missing and no more, and no drive overcomes more than its
 limit.

@@ -32,7 +32,7 @@ _SEGMENT = 8192
 _REACH = 2
 """Bins on either side of a peak that belong to it under a Hann window."""
 _LEAST_SAMPLES, _LEAST_LEFT = 100, 64
-"""Least number of samples of an experiment, and of what is left after settling."""
+"""Least number of samples of an experiment, and of its part after settling."""
 
 
 @dataclass(frozen=True)

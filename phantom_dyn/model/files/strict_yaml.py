@@ -95,7 +95,7 @@ _GREATEST = int(1.7976931348623157e308)
 
 
 def _cut(node: yaml.Node) -> str:
-    """What a node says, for a message."""
+    """Text of a node, for a message."""
     text = node.value if isinstance(node, yaml.ScalarNode) else "a list or mapping"
     return text if len(text) <= 40 else f"{text[:40]}…"
 

@@ -134,7 +134,7 @@ def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ..
 
 
 def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
-    """How MuJoCo lets each joint rub, from ``solreffriction`` and ``solimpfriction``.
+    """Dry friction of each joint in MuJoCo, from ``solreffriction`` and ``solimpfriction``.
 
     The constraint has the reference acceleration ``-b v`` and gives way by what its impedance ``d`` leaves. Source:
     MuJoCo's documentation, "Computation" (constraint model) and "Modeling" (solver parameters).

@@ -31,7 +31,7 @@ _DEEPEST = 20
 _SOFT = ("composite", "flexcomp", "flex")
 """Elements of soft bodies."""
 _UNSEEN = ("keys", "sensors", "skins", "pairs", "excludes", "cameras", "lights", "tuples", "numerics", "texts")
-"""What a file holds that moves nothing."""
+"""Elements of a file that move nothing."""
 
 
 @dataclass(frozen=True)

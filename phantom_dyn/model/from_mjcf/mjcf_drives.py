@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What the actuators of a MJCF say of the drives: gains of servos, largest torques, gears."""
+"""Properties of the drives from the actuators of a MJCF: gains of servos, largest torques, gears."""
 
 from __future__ import annotations
 

@@ -274,7 +274,7 @@ def jackknife_error(without: Float[Array, " b"]) -> float:
 
 
 def _left(columns: Float[Array, "n k"], series: Float[Array, "n m"]) -> Float[Array, "n m"]:
-    """What columns leave of several series."""
+    """Residuals of several series after a least squares fit of the columns."""
     basis, values, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, values > _SAME]
     return series - basis @ (basis.T @ series)

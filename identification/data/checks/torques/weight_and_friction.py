@@ -1,4 +1,4 @@
-"""What a recording can tell of weights: torques that a model of the weight computed, and joints that only lift.
+"""Checks against weight: torques that were computed from a model of the weight, and joints that only lift.
 
 Gravity compensation asks for the weight that its own model holds: recorded as torque, it shows that model and nothing
 of the robot. Friction of a gear grows with its load, and where the load is only lifted it has the sign of the weight

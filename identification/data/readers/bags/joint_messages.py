@@ -1,4 +1,4 @@
-"""What messages of bags say of joints: measured values and references by their standard quantities.
+"""Values of joints in messages of bags: measured ones and references, by their standard quantities.
 
 Read are sensor_msgs/JointState, control_msgs/JointTrajectoryControllerState (with ``reference`` and ``feedback``, older
 with ``desired`` and ``actual``), control_msgs/DynamicJointState, franka_msgs/FrankaRobotState and FrankaState,
@@ -36,7 +36,7 @@ DOCUMENTED_ORDER = ("unitree_go/msg/LowState", "unitree_hg/msg/LowState", "unitr
 
 @dataclass(frozen=True)
 class JointValues:
-    """What one message says.
+    """Values of the joints in one message.
 
     Attributes:
         names: Names of the joints; empty where the message numbers them.

@@ -49,7 +49,7 @@ _TICK = 0.02
 
 @dataclass(frozen=True)
 class _Message:
-    """What one message says, and when it was received [ns]."""
+    """Values of one message, and the time at which it was received [ns]."""
 
     received: int
     says: JointValues

@@ -1,4 +1,4 @@
-"""What Unitree's ``LowState`` says of the base: its inertial sensor, and which feet are on the ground.
+"""Values of the base in Unitree's ``LowState``: inertial sensor, and which feet are on the ground.
 
 The messages name no frames: the sensor is taken to be at the link ``imu``, as in the maker's files of quadrupeds. The
 force of a foot is an integer without a unit, in which a foot in the air and one on the ground are two levels.
