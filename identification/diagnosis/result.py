@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.rest_law import Dependence, Law
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.notes import Said
@@ -16,7 +17,6 @@ from phantom_dyn.motion import Motion
 
 if TYPE_CHECKING:
     from identification.diagnosis.replay import Replay
-    from identification.diagnosis.rest_law import Dependence, Law
     from identification.geometry.result import GeometryResult
     from phantom_dyn.model.robot import Robot
 

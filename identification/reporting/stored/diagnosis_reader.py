@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from identification.diagnosis.evidence import Evidence
-from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
@@ -21,15 +20,14 @@ from identification.diagnosis.result import (
     Gap,
     JointGap,
     NotTestable,
-    Rival,
     Unexplained,
-    Value,
 )
 from identification.diagnosis.written import WrittenFile
-from identification.engine.claims import Claim, GateResult
+from identification.engine.claims import Claim
+from identification.geometry.result import GeometryResult
+from identification.reporting.stored.built import built
 from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
-from identification.reporting.stored.diagnosis_schema import require_document
-from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
+from identification.reporting.stored.geometry_json import geometry_of, is_of_poses
 from identification.words.effect_words import shown_as
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
@@ -37,6 +35,33 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 FILE = INDEX
 OLDER = ("gap-diagnosis/2",)
 """Schemas of earlier versions that can be read as well."""
+
+
+@dataclass(frozen=True)
+class _Document:
+    """Fields of a diagnosis that its file holds."""
+
+    schema: str
+    verdict: str
+    run: str
+    gap: Gap
+    joints: tuple[JointGap, ...]
+    band_hz: tuple[float, float]
+    findings: tuple[Finding, ...]
+    minor: tuple[Finding, ...]
+    adjusted: tuple[Adjusted, ...]
+    unexplained: Unexplained
+    bounds: tuple[Bound, ...]
+    not_testable: tuple[NotTestable, ...]
+    data_warnings: tuple[str, ...]
+    next_experiment: dict | None
+    rollout: dict | None
+    seconds: float
+    version: str
+    robot: str | None = None
+    geometry: GeometryResult | None = None
+    ledger: tuple[Claim[EffectAt], ...] = ()
+    files: tuple[WrittenFile, ...] = ()
 
 
 def read_diagnosis(path: str | Path) -> Diagnosis:
@@ -67,176 +92,53 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         found = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
         raise LogError(f"{path} {found}, wanted {SCHEMA}: diagnose the recording again with this version.")
     try:
-        require_document(content)
-        return _diagnosis(content)
+        return _diagnosis(built(_Document, _fields_of(content)))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         reason = shortened(str(error).replace("`", ""), 200)
         raise LogError(f"{path} is not a whole {SCHEMA} ({reason}): diagnose the recording again.") from error
 
 
-def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
-    left = content["unexplained"]
-    where = left["where"]
-    gap = content["gap"]
-    joints = tuple(_joint(joint) for joint in content["joints"])
-    low, high = content["band_hz"]
-    return Diagnosis(
-        verdict=content["verdict"],
-        robot=content.get("robot") or "",
-        recordings=(),
-        joints=joints,
-        band_hz=(float(low), float(high)),
-        findings=tuple(_finding(finding) for finding in content["findings"] if not is_of_poses(finding)),
-        adjusted=tuple(Adjusted(**move) for move in content["adjusted"]),
-        unexplained=Unexplained(
-            _number(left["fraction_of_explainable"]),
-            left["structured"],
-            where["joint"],
-            where["regime"],
-            tuple((float(start), float(stop)) for start, stop in where["times"]),
-            _law(left["law"]),
-            _dependence(left.get("dependence")),
-        ),
-        bounds=tuple(Bound(**bound) for bound in content["bounds"]),
-        not_testable=tuple(NotTestable(**entry) for entry in content["not_testable"]),
-        data_warnings=tuple(content["data_warnings"]),
-        next_experiment=content["next_experiment"],
-        rollout=content["rollout"],
-        seconds=_number(content["seconds"]),
-        version=content["version"],
-        evidence=no_evidence(len(joints)),
-        gap=Gap(gap["closed"], _interval(gap["interval"])),
-        minor=tuple(_finding(finding) for finding in content["minor"]),
-        run=content["run"],
-        geometry=read_geometry(content),
-        ledger=tuple(_claim(claim) for claim in content.get("ledger", ())),
-        files=tuple(_file(file) for file in content.get("files", ())),
-    )
+def _fields_of(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a file, rearranged where a diagnosis has another layout."""
+    left = dict(content["unexplained"])
+    left |= left.pop("where")
+    dependence = left.get("dependence")
+    if dependence is not None:
+        curves = [
+            {"middle" if key == "torque" else key: part for key, part in one.items()} for one in dependence["curves"]
+        ]
+        left["dependence"] = {**dependence, "curves": curves}
+    own = {key: value for key, value in content.items() if key not in ("frames", "geometry")}
+    return own | {
+        "findings": [_with_words(one) for one in content["findings"] if not is_of_poses(one)],
+        "minor": [_with_words(one) for one in content["minor"]],
+        "unexplained": left,
+        "geometry": geometry_of(content),
+    }
 
 
-def _file(file: Mapping[str, Any]) -> WrittenFile:
-    return WrittenFile(
-        file["file"],
-        {joint: _number(value) for joint, value in file["rms_left"].items()},
-        {joint: _number(value) for joint, value in file["rms_given"].items()},
-        tuple(file["holds"]),
-        tuple(file["lacks"]),
-        file.get("refused", ""),
-    )
+def _with_words(finding: Mapping[str, Any]) -> dict[str, Any]:
+    """A finding with words for the name of a user's own effect, which the file states."""
+    words = None if (name := finding.get("name")) is None else shown_as(str(name))
+    return {key: value for key, value in finding.items() if key != "name"} | {"words": words}
+
+
+def _diagnosis(found: _Document) -> Diagnosis:
+    for finding in (*found.findings, *found.minor):
+        for name, value in finding.parameters.items():
+            if _length(value.value) != _length(value.std):
+                raise ValueError(f"{name} of {finding.effect} has not as many standard deviations as values")
+    stored = {name: value for name, value in vars(found).items() if name != "schema"}
+    stored |= {"robot": found.robot or "", "recordings": (), "evidence": no_evidence(len(found.joints))}
+    return Diagnosis(**stored)
+
+
+def _length(value: float | list[float]) -> int | None:
+    """Length of a list; None for a number."""
+    return len(value) if isinstance(value, list) else None
 
 
 def no_evidence(nv: int) -> Evidence:
     """Evidence without samples for ``nv`` joints."""
     none = np.zeros((0, nv))
     return Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * nv)
-
-
-def _joint(joint: Mapping[str, Any]) -> JointGap:
-    numbers = {name: _number(joint[name]) for name in ("rms_before", "rms_after", "noise_floor")}
-    return JointGap(**{**joint, **numbers, "noise_floor_interval": _interval(joint["noise_floor_interval"])})
-
-
-def _finding(finding: Mapping[str, Any]) -> Finding:
-    low, high = finding["gap_closed_interval"]
-    return Finding(
-        effect=finding["effect"],
-        joint=finding["joint"],
-        regime=finding["regime"],
-        parameters={
-            name: Value(_numbers(value["value"]), _numbers(value["std"]), value["unit"])
-            for name, value in finding["parameters"].items()
-        },
-        gap_closed=_number(finding["gap_closed"]),
-        gap_closed_interval=(_number(low), _number(high)),
-        probability=_number(finding["probability"]),
-        rivals=tuple(
-            Rival(tuple(EffectAt(**at) for at in rival["effects"]), _number(rival["probability"]))
-            for rival in finding["rivals"]
-        ),
-        verdict=finding["verdict"],
-        recording=finding.get("recording"),
-        share=finding["share"],
-        law=finding.get("law"),
-        words=None if (name := finding.get("name")) is None else shown_as(name),
-    )
-
-
-def _claim(claim: Mapping[str, Any]) -> Claim[EffectAt]:
-    numbers = ({name: _number(result[name]) for name in ("value", "needed")} for result in claim["gates"])
-    return Claim(
-        tuple(EffectAt(**at) for at in claim["effects"]),
-        tuple(GateResult(**{**result, **own}) for result, own in zip(claim["gates"], numbers, strict=True)),
-        claim["outcome"],
-        tuple(EffectAt(**at) for at in claim.get("instead", ())),
-        {name: _number(value) for name, value in claim.get("figures", {}).items()},
-        claim.get("judged_by", "torques"),
-    )
-
-
-def _law(law: Mapping[str, Any] | None) -> Law | None:
-    if law is None:
-        return None
-    return Law(
-        joint=law["joint"],
-        inputs=tuple(law["inputs"]),
-        formula=law["formula"],
-        gap_closed=_number(law["gap_closed"]),
-        gap_closed_interval=_pair(law["gap_closed_interval"]),
-        valid={name: _pair(pair) for name, pair in law["valid"].items()},
-        like=law["like"],
-    )
-
-
-def _dependence(found: Mapping[str, Any] | None) -> Dependence | None:
-    if found is None:
-        return None
-    gains = [
-        InputGain(tuple(one["inputs"]), _number(one["gain"]), _pair(one["interval"]), _number(one["chance"]))
-        for one in found["gains"]
-    ]
-    curves = [
-        InputCurve(
-            one["input"],
-            one["unit"],
-            one["direction"],
-            *(tuple(_number(value) for value in one[name]) for name in ("x", "torque", "low", "high")),
-        )
-        for one in found["curves"]
-    ]
-    series = ("hz", "gain", "gain_low", "gain_high", "phase", "phase_low", "phase_high")
-    answers = [
-        FrequencyAnswer(one["input"], one["unit"], *(tuple(_number(value) for value in one[name]) for name in series))
-        for one in found.get("answers", [])
-    ]
-    terms = [
-        LawTerm(one["term"], one["unit"], _number(one["coefficient"]), _pair(one["interval"]), _number(one["chosen"]))
-        for one in found["terms"]
-    ]
-    return Dependence(
-        joint=found["joint"],
-        unit=found["unit"],
-        inputs=tuple(found["inputs"]),
-        gains=tuple(gains),
-        curves=tuple(curves),
-        answers=tuple(answers),
-        terms=tuple(terms),
-        same_terms=_number(found["same_terms"]),
-        rest_closed=_number(found["rest_closed"]),
-        blocks=found["blocks"],
-    )
-
-
-def _pair(pair: list[float | None]) -> tuple[float, float]:
-    return _number(pair[0]), _number(pair[1])
-
-
-def _numbers(value: Any) -> float | list[float]:
-    return [_number(entry) for entry in value] if isinstance(value, list) else _number(value)
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _interval(pair: list[float] | None) -> tuple[float, float] | None:
-    return None if pair is None else (_number(pair[0]), _number(pair[1]))

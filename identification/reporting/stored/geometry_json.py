@@ -7,21 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from math import nan
 from typing import Any
 
-from identification.geometry.result import (
-    FittedPose,
-    FrameGap,
-    GeometryResult,
-    Lateness,
-    Number,
-    Place,
-    PoseBound,
-    PoseFinding,
-    PoseRival,
-    Unseen,
-)
+from identification.geometry.result import GeometryResult, PoseFinding
 from identification.geometry.terms import ELASTIC
 from identification.words.note_words import sentences
 
@@ -70,29 +58,19 @@ def geometry_json(found: GeometryResult) -> dict[str, Any]:
     )
 
 
-def read_geometry(content: Mapping[str, Any]) -> GeometryResult | None:
-    """Result of poses in the content of a ``diagnosis.json``, without errors of single poses; None without poses."""
+def geometry_of(content: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Fields of the `GeometryResult` in a ``diagnosis.json``, as plain data; None if it has none."""
     rest = content.get("geometry")
     if rest is None:
         return None
-    interval = rest["interval"]
-    return GeometryResult(
-        verdict=rest["verdict"],
-        closed=rest["closed"],
-        interval=None if interval is None else (interval[0], interval[1]),
-        frames=tuple(_frame(one) for one in content["frames"]),
-        findings=tuple(_finding(one) for one in content["findings"] if is_of_poses(one)),
-        minor=tuple(_finding(one) for one in rest["minor"]),
-        bounds=tuple(PoseBound(**one) for one in rest["bounds"]),
-        not_testable=tuple(Unseen(**one) for one in rest["not_testable"]),
-        fitted=tuple(FittedPose(**{**one, "pose": tuple(one["pose"])}) for one in rest["fitted"]),
-        delays=tuple(Lateness(**one) for one in rest["delays"]),
-        rank=rest["rank"],
-        structured=rest["structured"],
-        warnings=(),
-        torque_verdict=rest["torque_verdict"],
-        notes=tuple(rest["notes"]),
-    )
+    as_joints = ("rms_torque", "rms_within_tolerance")
+    return {
+        **rest,
+        "frames": [{key: value for key, value in one.items() if key not in as_joints} for one in content["frames"]],
+        "findings": [_finding_fields(one) for one in content["findings"] if is_of_poses(one)],
+        "minor": [_finding_fields(one) for one in rest["minor"]],
+        "warnings": [],
+    }
 
 
 def is_of_poses(finding: Mapping[str, Any]) -> bool:
@@ -100,30 +78,8 @@ def is_of_poses(finding: Mapping[str, Any]) -> bool:
     return finding.get("measured") == "poses"
 
 
-def _frame(one: Mapping[str, Any]) -> FrameGap:
-    low, high = one["noise_floor_interval"]
-    own = {name: value for name, value in one.items() if name not in ("rms_torque", "rms_within_tolerance")}
-    return FrameGap(**{**own, "noise_floor_interval": (low, high)})
-
-
-def _finding(one: Mapping[str, Any]) -> PoseFinding:
-    low, high = one["gap_closed_interval"]
-    return PoseFinding(
-        effect=one["effect"],
-        joint=one["joint"],
-        parameters={
-            name: Number(**{**value, "std": nan if value["std"] is None else value["std"]})
-            for name, value in one["parameters"].items()
-        },
-        share=one["share"],
-        gap_closed=one["gap_closed"],
-        gap_closed_interval=(low, high),
-        probability=one["probability"],
-        rivals=tuple(
-            PoseRival(
-                tuple(Place(at["effect"], at["joint"], tuple(at["parameters"])) for at in rival["effects"]),
-                rival["probability"],
-            )
-            for rival in one["rivals"]
-        ),
-    )
+def _finding_fields(finding: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a `PoseFinding`, without those that the file has for readers of findings in torque."""
+    rivals = [{"places": one["effects"], "probability": one["probability"]} for one in finding["rivals"]]
+    as_torques = ("regime", "verdict", "measured")
+    return {key: value for key, value in finding.items() if key not in as_torques} | {"rivals": rivals}
