@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from identification.notes import Code, Note
-from identification.words.numbers_and_names import percent
+from identification.words.numbers_and_names import filled, percent
 
 _LACKED = {
     "rotor_inertia": "rotor inertias: put them into {config} (rotor_inertia [kg m^2 or kg])",
@@ -29,8 +29,9 @@ def _begun(text: str) -> str:
     return f"{text[:1].lower()}{text[1:]}"
 
 
-def _of_file(make: Callable[[Note], str]) -> Callable[[Note], str]:
-    """A sentence on "it", preceded by the name of the file if the note has one."""
+def _of_file(words: str | Callable[[Note], str]) -> Callable[[Note], str]:
+    """A sentence on "it", from a template or a function, preceded by the name of the file if the note has one."""
+    make = filled(words) if isinstance(words, str) else words
     return lambda note: f"{note.files[0]}: {_begun(make(note))}" if note.files else make(note)
 
 
@@ -44,22 +45,6 @@ def _names(files: tuple[str, ...]) -> str:
 
 def _not_written(note: Note) -> str:
     return f"{_names(note.files)} {'was' if len(note.files) == 1 else 'were'} not written: {note.numbers['problem']}"
-
-
-def _not_alone(note: Note) -> str:
-    return f"{note.files[0]} was not written: it goes with {note.numbers['other']}."
-
-
-def _written_wrong(note: Note) -> str:
-    n = note.numbers
-    return (
-        f"{note.files[0]} was not written: loaded again with {n['loaded_with']}, it needs torques that differ by "
-        f"{n['difference']:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
-    )
-
-
-def _refused(note: Note) -> str:
-    return f"{note.files[0]} was not written: {note.numbers['problem']}."
 
 
 def _no_place(note: Note) -> str:
@@ -118,29 +103,9 @@ def _places_not_in_it(note: Note) -> str:
     return f"{note.files[0]} has no place for the corrected place of {names}."
 
 
-def _loops_stay_open(note: Note) -> str:
-    return f"{note.files[0]} has no place for what poses showed: with its joints moved, {note.numbers['problem']}"
-
-
-def _loops_as_drawn(note: Note) -> str:
-    return f"{note.files[0]} has no place for what poses showed: where its loops close follows from how it is drawn."
-
-
 def _as_it_was_given(note: Note) -> str:
     names = ", ".join(note.numbers["names"])
     return f"{note.files[0]} has no place for what poses showed: it has {names} as given."
-
-
-def _given_file_not_in_it(note: Note) -> str:
-    return (
-        "The given file is not in it, so it lacks the shapes, sensors and actuators of that file: "
-        f"{note.numbers['problem']}"
-    )
-
-
-def _same_torques(note: Note) -> str:
-    del note
-    return "No body can have all inertias that were found: the files have possible bodies with the same torques."
 
 
 def _nearest_body(note: Note) -> str:
@@ -156,20 +121,11 @@ def _locked_can_move(note: Note) -> str:
     return f"{', '.join(n['names'])} can move in it: to fix them, name them under lock in a {n['config']} beside it."
 
 
-def _no_shapes(note: Note) -> str:
-    del note
-    return "The given file is no URDF, so this one has bodies, joints and frames, and no shapes."
-
-
 def _only_motors(note: Note) -> str:
     drives, but = "actuators", ""
     if note.numbers["of_urdf"]:
         drives, but = "limits of torque and speed", f", but for limits that {note.numbers['config']} states"
     return f"It lacks shapes, sensors and {drives} of the given file{but}; a motor drives each joint."
-
-
-def _reduced_law(note: Note) -> str:
-    return f"It has, {note.numbers['words'].kept}: {note.joint}."
 
 
 def _rotor_unknown(note: Note) -> str:
@@ -178,20 +134,6 @@ def _rotor_unknown(note: Note) -> str:
         f"The rotor inertia of {', '.join(n['names'])} is not known, so a hundredth of what the joint moves is taken: "
         f"state rotor_inertia in {n['config']}."
     )
-
-
-def _needs_newer_mujoco(note: Note) -> str:
-    del note
-    return "Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0."
-
-
-def _delays_cut(note: Note) -> str:
-    shortest = note.numbers["shortest"]
-    return f"Its delays are cut short where the timestep is below {shortest:g} s: raise nsample there."
-
-
-def _file_remark(note: Note) -> str:
-    return note.numbers["sentence"]
 
 
 def _checked(note: Note) -> str:
@@ -237,23 +179,18 @@ def _within_tolerance(note: Note) -> str:
     return f"{moved} not in the corrected files: no body can have these values."
 
 
-def _other_numbers(note: Note) -> str:
-    del note
-    return (
-        "The corrected files have sizes and changes within tolerance that were fitted together. The stated sizes, "
-        "without changes that are uncertain, would leave a larger gap."
-    )
-
-
 def _one_recording_only(note: Note) -> str:
     return f"The corrected model lacks effects that act in one recording only: {', '.join(note.numbers['effects'])}."
 
 
 FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.NOT_WRITTEN: _not_written,
-    Code.NOT_ALONE: _not_alone,
-    Code.WRITTEN_WRONG: _written_wrong,
-    Code.REFUSED: _refused,
+    Code.NOT_ALONE: filled("{files[0]} was not written: it goes with {other}."),
+    Code.WRITTEN_WRONG: filled(
+        "{files[0]} was not written: loaded again with {loaded_with}, it needs torques that differ by "
+        "{difference:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
+    ),
+    Code.REFUSED: filled("{files[0]} was not written: {problem}."),
     Code.NO_PLACE: _of_file(_no_place),
     Code.NO_PLACE_FOR_EFFECT: _of_file(_no_place_for_effect),
     Code.NO_PLACE_FOR_DRIVE: _of_file(_no_place_for_drive),
@@ -262,24 +199,37 @@ FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.NO_PLACE_FOR_LINKS: _no_place_for_links,
     Code.NO_PLACE_FOR_POSES: _no_place_for_poses,
     Code.PLACES_NOT_IN_IT: _places_not_in_it,
-    Code.LOOPS_STAY_OPEN: _loops_stay_open,
-    Code.LOOPS_AS_DRAWN: _loops_as_drawn,
+    Code.LOOPS_STAY_OPEN: filled("{files[0]} has no place for what poses showed: with its joints moved, {problem}"),
+    Code.LOOPS_AS_DRAWN: filled(
+        "{files[0]} has no place for what poses showed: where its loops close follows from how it is drawn."
+    ),
     Code.AS_IT_WAS_GIVEN: _as_it_was_given,
-    Code.GIVEN_FILE_NOT_IN_IT: _of_file(_given_file_not_in_it),
+    Code.GIVEN_FILE_NOT_IN_IT: _of_file(
+        "The given file is not in it, so it lacks the shapes, sensors and actuators of that file: {problem}"
+    ),
     Code.NEAREST_BODY: _nearest_body,
-    Code.SAME_TORQUES: _same_torques,
+    Code.SAME_TORQUES: filled(
+        "No body can have all inertias that were found: the files have possible bodies with the same torques."
+    ),
     Code.LOCKED_CAN_MOVE: _of_file(_locked_can_move),
-    Code.NO_SHAPES: _of_file(_no_shapes),
+    Code.NO_SHAPES: _of_file("The given file is no URDF, so this one has bodies, joints and frames, and no shapes."),
     Code.ONLY_MOTORS: _of_file(_only_motors),
-    Code.REDUCED_LAW: _of_file(_reduced_law),
+    Code.REDUCED_LAW: _of_file("It has, {words.kept}: {joint}."),
     Code.ROTOR_UNKNOWN: _of_file(_rotor_unknown),
-    Code.NEEDS_NEWER_MUJOCO: _of_file(_needs_newer_mujoco),
-    Code.DELAYS_CUT: _of_file(_delays_cut),
-    Code.FILE_REMARK: _of_file(_file_remark),
+    Code.NEEDS_NEWER_MUJOCO: _of_file(
+        "Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0."
+    ),
+    Code.DELAYS_CUT: _of_file(
+        "Its delays are cut short where the timestep is below {shortest:g} s: raise nsample there."
+    ),
+    Code.FILE_REMARK: _of_file("{sentence}"),
     Code.CHECKED: _checked,
     Code.ROLLED_OUT: _rolled_out,
     Code.RESIDUAL_HELD: _residual_held,
     Code.WITHIN_TOLERANCE: _within_tolerance,
-    Code.OTHER_NUMBERS: _other_numbers,
+    Code.OTHER_NUMBERS: filled(
+        "The corrected files have sizes and changes within tolerance that were fitted together. The stated sizes, "
+        "without changes that are uncertain, would leave a larger gap."
+    ),
     Code.ONE_RECORDING_ONLY: _one_recording_only,
 }

@@ -8,7 +8,7 @@ from identification.diagnosis.result import EffectAt
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import joined, on_place
 from identification.words.effect_words import words_of
-from identification.words.numbers_and_names import NO_BREAK, with_unit
+from identification.words.numbers_and_names import NO_BREAK, filled, with_unit
 
 RivalPair = tuple[Sequence[EffectAt], Sequence[EffectAt]]
 """Two hypotheses, each given by its effects."""
@@ -67,13 +67,6 @@ def _implausible_size(note: Note) -> str:
     return (
         f"The {n['parameter'].replace('_', ' ')} of {where} comes out as {_sized(n['value'], n['unit'])}, which is "
         f"not plausible ({_range(n['least'], n['most'], n['unit'])}): {n['because']}."
-    )
-
-
-def _friction_drives(note: Note) -> str:
-    return (
-        f"The friction of {note.joint}, that of the model and of all findings together, pushes in the direction of the "
-        "motion. No friction does that, so another cause must be at work there."
     )
 
 
@@ -138,7 +131,10 @@ def _one_sided(note: Note) -> str:
 
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
-    Code.FRICTION_DRIVES: _friction_drives,
+    Code.FRICTION_DRIVES: filled(
+        "The friction of {joint}, that of the model and of all findings together, pushes in the direction of the "
+        "motion. No friction does that, so another cause must be at work there."
+    ),
     Code.MISSING_PART: _missing_part,
     Code.DRIVE_SUM: _drive_sum,
     Code.ONE_SIDED: _one_sided,

@@ -9,13 +9,9 @@ import numpy as np
 from identification.data.recording import time_text
 from identification.diagnosis.evidence import Followed
 from identification.notes import Code, Note
-from identification.words.numbers_and_names import NO_BREAK
+from identification.words.numbers_and_names import NO_BREAK, filled
 
 _STATE_IT = "State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in robot.yaml if you know them"
-
-
-def _torque_asked(note: Note) -> str:
-    return f"{note.numbers['file']}: without torque columns, the torque is what its controllers asked for."
 
 
 def _motion_only(note: Note) -> str:
@@ -61,13 +57,6 @@ def _gain_by_friction(note: Note) -> str:
     )
 
 
-def _gain_or_constant(note: Note) -> str:
-    return (
-        f"The torque constant of {note.joint} and the gain of its controller cannot be separated by positions: the "
-        f"ratio of {note.numbers['ratio']:.3g} is that of their product."
-    )
-
-
 def _strays_under_control(note: Note) -> str:
     n = note.numbers
     return (
@@ -87,13 +76,6 @@ def _rests_apart(note: Note) -> str:
     )
 
 
-def _controller_gives_way(note: Note) -> str:
-    return (
-        f"Part of it is how far the controller of {note.joint} gives way under load: state its gain kp in robot.yaml "
-        "to separate the two."
-    )
-
-
 def _event(note: Note) -> str:
     n = note.numbers
     out = ":".join(f"{edge:.2f}" for edge in n["exclude"])
@@ -109,14 +91,6 @@ def _poses_left_out(note: Note) -> str:
     what = "pose lies" if count == 1 else "poses lie"
     files = ", ".join(note.numbers["recordings"])
     return f"{files}: {count} measured {what} more than six noise levels from all others and were left out."
-
-
-def _soft_friction(note: Note) -> str:
-    del note
-    return (
-        "With this file friction changes sign as softly as MuJoCo's does: the recording looks simulated by it, and "
-        "this softness does not count as a gap."
-    )
 
 
 def _search_without_end(note: Note) -> str:
@@ -219,17 +193,26 @@ def _not_simulated(note: Note) -> str:
 
 
 MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
-    Code.TORQUE_ASKED: _torque_asked,
+    Code.TORQUE_ASKED: filled("{file}: without torque columns, the torque is what its controllers asked for."),
     Code.MOTION_ONLY: _motion_only,
     Code.GAINS_ESTIMATED: _gains_estimated,
     Code.GAIN_BY_FRICTION: _gain_by_friction,
-    Code.GAIN_OR_CONSTANT: _gain_or_constant,
+    Code.GAIN_OR_CONSTANT: filled(
+        "The torque constant of {joint} and the gain of its controller cannot be separated by positions: the ratio "
+        "of {ratio:.3g} is that of their product."
+    ),
     Code.STRAYS_UNDER_CONTROL: _strays_under_control,
     Code.RESTS_APART: _rests_apart,
-    Code.CONTROLLER_GIVES_WAY: _controller_gives_way,
+    Code.CONTROLLER_GIVES_WAY: filled(
+        "Part of it is how far the controller of {joint} gives way under load: state its gain kp in robot.yaml to "
+        "separate the two."
+    ),
     Code.EVENT: _event,
     Code.POSES_LEFT_OUT: _poses_left_out,
-    Code.SOFT_FRICTION: _soft_friction,
+    Code.SOFT_FRICTION: filled(
+        "With this file friction changes sign as softly as MuJoCo's does: the recording looks simulated by it, and "
+        "this softness does not count as a gap."
+    ),
     Code.SEARCH_WITHOUT_END: _search_without_end,
     Code.OPEN_ARRIVAL: _open_arrival,
     Code.DRIVE_DROPS: _drive_drops,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from math import fsum
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.engine import contract_levels
+from identification.notes import Note
 from phantom_dyn.effects.catalogue import known_effect
 
 NO_BREAK = "\N{NO-BREAK SPACE}"  # keeps a number and its unit on one line
@@ -106,3 +108,8 @@ def _named(joint: JointGap) -> float:
     """Share of a joint's gap that findings close; one if only noise is left."""
     quiet = joint.rms_after <= contract_levels.FLOORS_LEFT * joint.noise_floor
     return 1.0 if quiet or joint.closed is None else min(max(joint.closed, 0.0), 1.0)
+
+
+def filled(template: str) -> Callable[[Note], str]:
+    """A function that makes the sentence of a note: the template, filled with the joint and the numbers of the note."""
+    return lambda note: template.format(joint=note.joint, **note.numbers)
