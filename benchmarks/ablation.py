@@ -1,17 +1,20 @@
 """Says of every gate and named number of the diagnosis whether it prevents wrong answers, and what right ones it costs.
 
     python benchmarks/ablation.py follow --cases CASES.yaml --store DIR    # each case once, all numbers followed
-    python benchmarks/ablation.py vary --cases CASES.yaml --store DIR --minutes 60
-    python benchmarks/ablation.py table --store DIR --page docs/ablation.md
+    python benchmarks/ablation.py numbers --cases CASES.yaml --store DIR --minutes 60
+    python benchmarks/ablation.py table --store DIR --page docs/ablation.md --part numbers
 
 CASES.yaml lists the sets: ``{make: field, sealed: FOLDER, each: 6}`` has ``cases`` and ``answers`` of a draw whose
 answers are open and takes the quickest six of each kind, ``{make: second, given: FOLDER}`` has cases of
-`benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads.
+`benchmarks/given_cases.py`, ``{make: loads, loads: FOLDER, each: 2}`` recordings with weighed loads. An entry with
+``names: [..]`` takes these cases alone.
 
 A case is run once with every number followed (`benchmarks/ablation_numbers.py`) and every gate counted. What no
 comparison asks, or what no comparison would turn on with half or twice the number, cannot change that case and is not
 run. A gate is left out where it refused something, one of the search where it alone did. Numbers are changed in groups,
-and a group whose answer differs is halved until the number is found.
+and a group whose answer differs is halved until the number is found. The groups grow with every case in which their
+numbers changed no answer. A number that was found to decide in one case is left out of the groups of the next, and is
+run there by itself after all others, with ``--again``.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ import random
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,11 +35,21 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.ablation_numbers import CHECKOUT, FACTORS, Named, named_numbers
-from benchmarks.ablation_runs import Case, Variant, cases_of, load_everything, run, stored_result
-from benchmarks.ablation_table import answer_of, base_of, between_markers, gates_to_leave_out, tables
+from benchmarks.ablation_runs import Case, Variant, cases_of, load_everything, run, stored_result, warm_up
+from benchmarks.ablation_table import (
+    answer_of,
+    base_of,
+    between_markers,
+    gates_table,
+    gates_to_leave_out,
+    may_change,
+    met_in,
+    numbers_table,
+)
 
 FOLDERS = ("identification/diagnosis", "identification/engine", "identification/gates")
 GROUP = 8  # numbers that are changed in one run at first
+MOST_IN_A_GROUP = 32  # half of these would be found to decide seldom enough that halving costs little
 PACKAGES = ("identification", "phantom_dyn")
 # Counts that NumPy and deques ask to be whole numbers and nothing else.
 UNFOLLOWED = {
@@ -45,17 +58,6 @@ UNFOLLOWED = {
     "identification.diagnosis.noise.sensor_noise:_SEGMENTS",
     "identification.diagnosis.search.fits:_RECENT",
 }
-
-
-def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
-    """Numbers that could change a case with their factor `FACTORS[k]`, by what was followed."""
-    trace = result["trace"]
-    if trace is None:
-        return list(names)
-    unfollowed = set(result["skip"])
-    return [
-        name for name in names if name in unfollowed or trace["lost"].get(name) or trace["flips"].get(name, (0, 0))[k]
-    ]
 
 
 def deciding(names: Sequence[str], differs: Callable[[Sequence[str]], bool]) -> list[str]:
@@ -138,8 +140,19 @@ def vary_gates(case: Case, gates: Sequence[str], store: Store, until: float) -> 
             store.add(case.key, f"without {gate}", run(case, Variant(gates=(gate,))))
 
 
-def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: float) -> None:
-    """Run a case with half and twice each number that may matter in it, in groups that are halved where they do."""
+def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: float, *, again: bool = False) -> None:
+    """Run a case with half and twice each number that may matter in it, in groups that are halved where they do.
+
+    Args:
+        case: Followed before.
+        numbers: Named numbers.
+        store: Of the results.
+        until: Time at which no run begins any more [s].
+        again: Numbers that decide another case, each by itself, in place of those that decide none so far.
+
+    Raises:
+        TimeoutError: If that time has come.
+    """
     by_key = {n.key: n for n in numbers}
     base = store.of(case.key)["follow"]
     for k, factor in enumerate(FACTORS):
@@ -154,9 +167,32 @@ def vary_numbers(case: Case, numbers: Sequence[Named], store: Store, until: floa
                 store.add(case.key, variant, run(case, Variant(numbers=chosen, factor=factor)))
             return answer_of(store.of(case.key)[variant]) != answer_of(base)
 
-        names = may_change(base, by_key, k)
-        for start in range(0, len(names), GROUP):
-            deciding(names[start : start + GROUP], differs)
+        others = {key: runs for key, runs in store.cases() if key != case.key}
+        elsewhere = met_in(others, factor)
+        for group in groups_of(may_change(base, by_key, k), elsewhere, again=again):
+            deciding(group, differs)
+
+
+def groups_of(
+    names: Sequence[str], elsewhere: Mapping[str, tuple[int, int]], *, again: bool = False
+) -> Iterator[list[str]]:
+    """Groups of numbers that are changed in one run.
+
+    Args:
+        names: Numbers that may change a case.
+        elsewhere: In how many other cases each was run, and in how many of these it changes the answer.
+        again: Those that change the answer of another case, each by itself, in place of the others.
+    """
+    if again:
+        yield from ([name] for name in names if elsewhere.get(name, (0, 0))[1])
+        return
+    left = sorted(
+        (name for name in names if not elsewhere.get(name, (0, 0))[1]), key=lambda n: -elsewhere.get(n, (0,))[0]
+    )
+    while left:
+        size = min(GROUP * 2 ** elsewhere.get(left[0], (0,))[0], MOST_IN_A_GROUP)
+        yield left[:size]
+        left = left[size:]
 
 
 def gate_names() -> tuple[str, ...]:
@@ -173,6 +209,26 @@ def chosen_cases(path: Path) -> list[Case]:
     return cases
 
 
+def seconds_of(store: Store, case: Case) -> float:
+    """Seconds that a case took where it was followed [s]."""
+    return store.of(case.key).get("follow", {}).get("seconds", 0.0)
+
+
+def one_make_after_the_other(cases: Sequence[Case], seconds: Mapping[str, float]) -> list[Case]:
+    """The quickest case of every make and kind, then the next of each: those of any time are of every make."""
+    place: dict[tuple[str, str], int] = {}
+    of_make: dict[str, int] = {}
+    ranked = []
+    for case in sorted(cases, key=lambda case: seconds[case.key]):
+        nth = place[case.make, case.kind] = place.get((case.make, case.kind), -1) + 1
+        ranked.append((nth, seconds[case.key], case))
+    out = []
+    for nth, took, case in sorted(ranked, key=lambda one: one[:2]):
+        turn = of_make[case.make] = of_make.get(case.make, -1) + 1
+        out.append((turn, took, nth, case))
+    return [case for *_, case in sorted(out, key=lambda one: one[:3])]
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Follows, varies, or writes the table."""
     parser = argparse.ArgumentParser(description="Which gates and numbers of the diagnosis decide, and what they cost.")
@@ -187,16 +243,22 @@ def main(words: Sequence[str] | None = None) -> None:
         metavar="TEXT",
         help="numbers whose key holds one of these; gates of these names",
     )
-    parser.add_argument("--page", type=Path, metavar="FILE", help="page that gets the table between its markers")
+    parser.add_argument("--again", action="store_true", help="numbers that decide another case, each by itself")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="page that gets the tables between their markers")
+    parser.add_argument(
+        "--part", nargs="*", choices=("gates", "numbers"), default=("gates", "numbers"), help="tables; default: both"
+    )
     given = parser.parse_args(words)
     store, until = Store(given.store), time.time() + 60.0 * given.minutes
     numbers = named_numbers(FOLDERS)
     if given.what == "table":
-        text = tables(dict(store.cases()), numbers, gate_names())
-        if given.page is None:
-            print(text)
-        else:
-            given.page.write_text(between_markers(given.page.read_text(), text))
+        results = dict(store.cases())
+        parts = {"gates": gates_table(results, gate_names()), "numbers": numbers_table(results, numbers)}
+        for part in given.part:
+            if given.page is None:
+                print(parts[part])
+            else:
+                given.page.write_text(between_markers(given.page.read_text(), part, parts[part]))
         return
     if given.what != "stored":
         load_everything()
@@ -204,8 +266,10 @@ def main(words: Sequence[str] | None = None) -> None:
     gates = [gate for gate in gate_names() if not given.only or gate in given.only]
     unfollowed = {n.key for n in numbers if n.key in UNFOLLOWED}
     cases = chosen_cases(given.cases)
-    if given.what == "numbers":  # the quickest first: each takes dozens of runs
-        cases.sort(key=lambda case: store.of(case.key).get("follow", {}).get("seconds", 0.0))
+    if given.what == "numbers":  # each takes dozens of runs
+        cases = one_make_after_the_other(cases, {case.key: seconds_of(store, case) for case in cases})
+    if given.what != "stored" and cases:
+        warm_up(cases[0])
     for case in cases:
         known = store.of(case.key)
         if time.time() > until:
@@ -218,7 +282,7 @@ def main(words: Sequence[str] | None = None) -> None:
             vary_gates(case, gates, store, until)
         elif given.what == "numbers" and "follow" in known:
             try:
-                vary_numbers(case, numbers, store, until)
+                vary_numbers(case, numbers, store, until, again=given.again)
             except TimeoutError:
                 break
         else:

@@ -19,6 +19,7 @@ import numpy as np
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FACTORS = (0.5, 2.0)  # what a number is multiplied by
+_NEARLY_ALL = 0.9  # share or probability from which on what is left to one says how strict it is
 Value = float | int | tuple
 
 
@@ -90,9 +91,14 @@ def _unit(lines: Sequence[str], at: int) -> str:
 
 
 def scaled(value: Value, factor: float) -> Value:
-    """A number halved or doubled; a whole one stays whole, and above zero if it was."""
+    """A number halved or doubled; a whole one stays whole, and above zero if it was.
+
+    Of a probability such as 0.99 what is left to one is doubled or halved, as there is none of 1.98.
+    """
     if isinstance(value, tuple):
         return tuple(scaled(part, factor) for part in value)
+    if isinstance(value, float) and _NEARLY_ALL <= value < 1.0:
+        return 1.0 - (1.0 - value) / factor
     return max(round(value * factor), min(value, 1)) if isinstance(value, int) else value * factor
 
 

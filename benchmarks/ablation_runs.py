@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib.util
+import io
 import json
 import os
 import pkgutil
@@ -209,6 +210,19 @@ def load_everything() -> None:
             importlib.import_module(found.name)
 
 
+def warm_up(case: Case) -> None:
+    """Diagnose a case in this process, so that children find numba and compiled functions loaded."""
+    from identification.cli.main import main
+
+    with (
+        tempfile.TemporaryDirectory(prefix="ablation-") as out,
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
+        for step in case.steps:
+            main(["diagnose", *(word.format(out=out) for word in step)])
+
+
 @dataclass
 class Met:
     """How often each gate was asked, refused, and was alone in refusing, by name."""
@@ -350,6 +364,8 @@ def cases_of(entry: Mapping) -> list[Case]:
     else:
         folder = Path(entry["loads"])
         cases = [known_load(folder, book, make) for book in json.loads((folder / "cases.json").read_text())["cases"]]
+    if "names" in entry:
+        cases = [case for case in cases if case.name in entry["names"]]
     taken: Counter[str] = Counter()
     out = []
     for case in cases:
@@ -360,11 +376,15 @@ def cases_of(entry: Mapping) -> list[Case]:
 
 
 def _one_robot_after_the_other(folder: Path) -> list[str]:
-    """Names of the cases of a draw: of each robot the quickest to diagnose, then of each the next."""
+    """Names of the cases of a draw: of each robot the quickest to diagnose, then of each the next.
+
+    Where no results are stored all are as quick.
+    """
     seconds: dict[tuple[str, str], list[tuple[float, str]]] = {}
-    for path in (folder / "results").glob("*.json"):
+    stored = sorted((folder / "results").glob("*.json"))
+    for path in stored or sorted((folder / "answers").glob("*.json")):
         answer = json.loads((folder / "answers" / path.name).read_text())
-        took = json.loads(path.read_text())["seconds"]
+        took = json.loads(path.read_text())["seconds"] if stored else 0.0
         seconds.setdefault((answer["robot"], answer["kind"]), []).append((took, path.stem))
     ranked = [
         (place, robot, name) for (robot, _), some in seconds.items() for place, (_, name) in enumerate(sorted(some))

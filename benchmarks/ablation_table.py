@@ -14,7 +14,6 @@ STRUCTURAL = ("explains more than others",)  # the comparison of sets itself: wi
 LEAST = 2  # wrong answers that a gate has to prevent on some make
 COUNTS = ("other answers", "wrong ones prevented", "right ones kept", "wrong ones made", "right ones lost")
 FACTOR_WORDS = tuple(str(factor) for factor in FACTORS)
-BEGIN, END = "<!-- ablation -->", "<!-- end of ablation -->"
 Results = Mapping[str, Mapping[str, Mapping]]
 Answer = tuple[str, tuple[str, ...], bool, bool]
 
@@ -62,6 +61,17 @@ def gates_to_leave_out(result: Mapping, gates: Iterable[str]) -> list[str]:
     ]
 
 
+def may_change(result: Mapping, names: Iterable[str], k: int) -> list[str]:
+    """Numbers that could change a case with their factor `FACTORS[k]`, by what was followed."""
+    trace = result["trace"]
+    if trace is None:
+        return list(names)
+    unfollowed = set(result["skip"])
+    return [
+        name for name in names if name in unfollowed or trace["lost"].get(name) or trace["flips"].get(name, (0, 0))[k]
+    ]
+
+
 @dataclass
 class Effect:
     """What a change of one gate or number did, each counted by make.
@@ -73,6 +83,8 @@ class Effect:
         mended: Wrong answers that the change takes away.
         lost: Answers that only the change makes right.
         kept: Right answers that the change takes away.
+        failed: Cases in which the diagnosis fails with the change. They count in no other way: a number that must not
+            have this value decides nothing by that.
     """
 
     ran: Counter[str] = field(default_factory=Counter)
@@ -81,10 +93,14 @@ class Effect:
     mended: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
     kept: Counter[str] = field(default_factory=Counter)
+    failed: Counter[str] = field(default_factory=Counter)
 
     def count(self, make: str, before: Mapping, after: Mapping) -> None:
         """Count a case: its answer as it is, and with the change."""
         self.ran[make] += 1
+        if after["verdict"] == "failed" and before["verdict"] != "failed":
+            self.failed[make] += 1
+            return
         self.changed[make] += answer_of(before) != answer_of(after)
         self.prevented[make] += after["wrong"] and not before["wrong"]
         self.mended[make] += before["wrong"] and not after["wrong"]
@@ -114,29 +130,62 @@ def of_gates(results: Results, gates: Iterable[str]) -> dict[str, Effect]:
 
 
 def of_numbers(results: Results, factor: float) -> dict[str, Effect]:
-    """What each number did that was changed by itself, by a factor."""
+    """What each number did that was changed by a factor: by itself, or in a group that changes no answer."""
     out: dict[str, Effect] = defaultdict(Effect)
     for key, runs in results.items():
-        for variant, result in runs.items():
-            first, *names = variant.split()
-            if first == str(factor) and len(names) == 1:
-                out[names[0]].count(key.split("/")[0], runs["follow"], result)
+        for name, result in _changed_by(runs, factor).items():
+            out[name].count(key.split("/")[0], runs["follow"], result)
     return out
 
 
+def _changed_by(runs: Mapping[str, Mapping], factor: float) -> dict[str, Mapping]:
+    """The run of a case that says of each number what it does: by itself where there is one."""
+    out: dict[str, Mapping] = {}
+    for variant, result in runs.items():
+        first, *names = variant.split()
+        if first != str(factor):
+            continue
+        if len(names) == 1:
+            out[names[0]] = result
+        elif answer_of(result) == answer_of(runs["follow"]):
+            out = {**{name: result for name in names}, **out}
+    return out
+
+
+def met_in(results: Results, factor: float) -> dict[str, tuple[int, int]]:
+    """In how many cases each number was changed by a factor, and in how many of these the answer is another or none."""
+    return {
+        name: (one.ran.total(), one.changed.total() + one.failed.total())
+        for name, one in of_numbers(results, factor).items()
+    }
+
+
+MET = (
+    "not reached",
+    "never near a decision",
+    "near a decision, and in each such case half and twice change no answer",
+    "near a decision, and half and twice change no answer in those of these cases that were run",
+    "near a decision, or where it cannot be followed: not run",
+    "with half or twice the diagnosis fails",
+)
+"""How a number can be met that was not found to decide."""
+
+
 def met_as(results: Results, name: str) -> str:
-    """How a number was met in the runs in which it was followed: not at all, far from a decision, or near one."""
-    ways = {"not reached": 0, "never near a decision": 1, "near one, or where it cannot be followed": 2}
-    most = 0
+    """How a number was met that was not found to decide, one of `MET`."""
+    asked, may, ran = False, 0, 0
     for runs in results.values():
         trace = runs.get("follow", {}).get("trace")
         if trace is None:
             continue
-        if name in runs["follow"]["skip"] or trace["lost"].get(name) or any(trace["flips"].get(name, ())):
-            most = 2
-        elif trace["asked"].get(name):
-            most = max(most, 1)
-    return {place: word for word, place in ways.items()}[most]
+        asked = asked or bool(trace["asked"].get(name))
+        for k, factor in enumerate(FACTORS):
+            near = bool(may_change(runs["follow"], [name], k))
+            may += near
+            ran += near and name in _changed_by(runs, factor)
+    if not may:
+        return MET[1] if asked else MET[0]
+    return MET[2 if ran == may else 3 if ran else 4]
 
 
 def by_make(counts: Mapping[str, int]) -> str:
@@ -153,47 +202,61 @@ def decided(gate: str, effect: Effect, refused: int) -> str:
     return "open: not run in all" if sum(effect.ran.values()) < refused else "does not earn its place"
 
 
-def tables(results: Results, numbers: Sequence[Named], gates: Sequence[str]) -> str:
-    """The page's part between its markers."""
-    kinds = Counter((key.split("/")[0], base_of(runs)["kind"]) for key, runs in results.items())
-    makes = sorted({make for make, _ in kinds})
-    lines = [f"{len(results)} cases: " + "; ".join(_kinds_of(make, kinds) for make in makes) + ".", ""]
+def gates_table(results: Results, gates: Sequence[str]) -> str:
+    """What leaving out each gate did, and which cases there are."""
+    lines = [_cases_of(results), ""]
     lines += [f"| gate | run without it | {' | '.join(COUNTS)} | decided |", "|---" * (len(COUNTS) + 3) + "|"]
     for gate, one in of_gates(results, gates).items():
         cells = " | ".join(by_make(count) for count in one.counts)
         refused = sum(gate in gates_to_leave_out(base_of(runs), gates) for runs in results.values())
         ran = f"{sum(one.ran.values())} of {refused}"
         lines.append(f"| {gate} | {ran} | {cells} | {decided(gate, one, refused)} |")
+    return "\n".join(lines)
+
+
+def numbers_table(results: Results, numbers: Sequence[Named]) -> str:
+    """What half and twice each number did, how the others were met, and which cases there are."""
     known = {n.key: n for n in numbers}
     effects = {factor: of_numbers(results, factor) for factor in FACTORS}
     deciding = [
         name
         for name in known
-        if any(sum(effects[factor][name].changed.values()) for factor in FACTORS if name in effects[factor])
+        if any(effects[factor][name].changed.total() for factor in FACTORS if name in effects[factor])
     ]
-    changed = [key for key, runs in results.items() if any(name.split()[0] in FACTOR_WORDS for name in runs)]
-    lines += [
+    followed = {key: runs for key, runs in results.items() if "follow" in runs}
+    changed = {key: runs for key, runs in followed.items() if any(name.split()[0] in FACTOR_WORDS for name in runs)}
+    lines = [
+        f"Followed: {_cases_of(followed)} Changed in {len(changed)} of these: {_cases_of(changed)}",
         "",
-        f"Of {len(known)} named numbers {len(deciding)} were found to decide: half or twice of each changes an answer. "
-        f"Cases in which numbers were changed: {len(changed)}.",
+        f"Of {len(known)} named numbers {len(deciding)} were found to decide: half or twice of each changes an answer.",
         "",
+        f"| number | value, unit | times | cases | {' | '.join(COUNTS)} |",
+        "|---" * (len(COUNTS) + 4) + "|",
     ]
-    lines += [f"| number | value, unit | times | {' | '.join(COUNTS)} |", "|---" * (len(COUNTS) + 3) + "|"]
     for name in deciding:
         for factor in FACTORS:
             one = effects[factor].get(name)
-            if one is None or not sum(one.changed.values()):
+            if one is None or not one.changed.total():
                 continue
             cells = " | ".join(by_make(count) for count in one.counts)
             value = f"{known[name].value} {known[name].unit}".strip()
-            lines.append(f"| `{_short(name)}` | {value} | {factor:g} | {cells} |")
+            lines.append(f"| `{_short(name)}` | {value} | {factor:g} | {one.ran.total()} | {cells} |")
     rest: dict[str, list[str]] = defaultdict(list)
     for name in known:
         if name not in deciding:
-            rest[met_as(results, name)].append(name)
-    for words, names in sorted(rest.items()):
+            fails = any(effects[factor][name].failed for factor in FACTORS if name in effects[factor])
+            rest[MET[-1] if fails else met_as(results, name)].append(name)
+    for words in (words for words in MET if words in rest):
+        names = rest[words]
         lines += ["", f"{words.capitalize()} ({len(names)}): " + ", ".join(f"`{_short(name)}`" for name in names) + "."]
     return "\n".join(lines)
+
+
+def _cases_of(results: Results) -> str:
+    """How many cases of each make and kind there are."""
+    kinds = Counter((key.split("/")[0], base_of(runs)["kind"]) for key, runs in results.items())
+    makes = sorted({make for make, _ in kinds})
+    return f"{len(results)} cases: " + "; ".join(_kinds_of(make, kinds) for make in makes) + "."
 
 
 def _kinds_of(make: str, kinds: Mapping[tuple[str, str], int]) -> str:
@@ -206,7 +269,8 @@ def _short(key: str) -> str:
     return f"{module.split('.')[-1]}.{name}"
 
 
-def between_markers(page: str, text: str) -> str:
-    """A page with another text between its markers."""
-    before, rest = page.split(BEGIN)
-    return f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}"
+def between_markers(page: str, part: str, text: str) -> str:
+    """A page with another text between the markers of a part."""
+    begin, end = f"<!-- {part} -->", f"<!-- end of {part} -->"
+    before, rest = page.split(begin)
+    return f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}"

@@ -7,10 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablation import deciding, gates_to_leave_out, may_change
+from benchmarks.ablation import deciding, groups_of, one_make_after_the_other
 from benchmarks.ablation_numbers import Followed, Named, Trace, followed, named_numbers, scaled
-from benchmarks.ablation_runs import Outcome, of_given
-from benchmarks.ablation_table import Effect, between_markers, met_as, of_gates, of_numbers
+from benchmarks.ablation_runs import Case, Outcome, of_given
+from benchmarks.ablation_table import (
+    MET,
+    Effect,
+    between_markers,
+    gates_to_leave_out,
+    may_change,
+    met_as,
+    met_in,
+    numbers_table,
+    of_gates,
+    of_numbers,
+)
 from benchmarks.given_cases import Answered
 
 MODULE = """
@@ -47,10 +58,18 @@ def test_a_named_number_has_the_unit_of_the_comment_above_it(module: dict[str, N
 
 @pytest.mark.parametrize(
     ("value", "factor", "expected"),
-    [(0.3, 2.0, 0.6), (5, 0.5, 2), (1, 0.5, 1), (0, 2.0, 0), ((1.0, 4.0), 0.5, (0.5, 2.0))],
+    [
+        (0.3, 2.0, 0.6),
+        (0.96, 2.0, 0.98),
+        (0.96, 0.5, 0.92),
+        (5, 0.5, 2),
+        (1, 0.5, 1),
+        (0, 2.0, 0),
+        ((1.0, 4.0), 0.5, (0.5, 2.0)),
+    ],
 )
 def test_a_number_is_halved_or_doubled_and_a_count_stays_one(value: object, factor: float, expected: object) -> None:
-    assert scaled(value, factor) == expected  # type: ignore[arg-type]
+    assert scaled(value, factor) == pytest.approx(expected)  # type: ignore[arg-type]
 
 
 def number(value: float) -> tuple[Followed, Trace]:
@@ -173,15 +192,40 @@ def test_a_number_counts_by_the_runs_that_change_it_alone() -> None:
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [
-        ("m:NEVER", "not reached"),
-        ("m:FAR", "never near a decision"),
-        ("m:NEAR", "near one, or where it cannot be followed"),
-        ("m:LOST", "near one, or where it cannot be followed"),
-    ],
+    [("m:NEVER", MET[0]), ("m:FAR", MET[1]), ("m:NEAR", MET[2]), ("m:LOST", MET[3]), ("m:COUNT", MET[4])],
 )
-def test_a_number_that_decides_nothing_is_told_by_how_near_it_came(name: str, words: str) -> None:
-    assert met_as({"one/a": {"follow": FOLLOWED}}, name) == words
+def test_a_number_that_decides_nothing_is_told_by_how_near_it_came_and_what_was_run(name: str, words: str) -> None:
+    runs = {"follow": {**NOTHING, **FOLLOWED}, "2.0 m:NEAR m:LOST": NOTHING}
+    assert met_as({"one/a": runs}, name) == words
+
+
+def test_a_group_that_changes_no_answer_counts_for_each_number_and_one_that_does_for_none() -> None:
+    runs = {"follow": NOTHING, "0.5 m:A m:B": NOTHING, "0.5 m:C m:D": FALSE_CLAIM, "0.5 m:C": FALSE_CLAIM}
+    assert met_in({"one/a": runs}, 0.5) == {"m:A": (1, 0), "m:B": (1, 0), "m:C": (1, 1)}
+
+
+def test_a_number_with_which_a_diagnosis_fails_is_left_out_of_groups_and_changes_no_answer() -> None:
+    runs = {"follow": NOTHING, "0.5 m:A": said("failed", (), right=False, wrong=False)}
+    assert met_in({"one/a": runs}, 0.5) == {"m:A": (1, 1)}
+    effect = of_numbers({"one/a": runs}, 0.5)["m:A"]
+    assert (effect.failed, effect.changed, effect.kept) == ({"one": 1}, {}, {})
+
+
+def test_groups_grow_with_cases_without_another_answer_and_leave_out_what_decides_elsewhere() -> None:
+    names = [f"m:N{k}" for k in range(30)]
+    elsewhere = {"m:N0": (3, 1), **{name: (1, 0) for name in names[20:]}}
+    assert [len(group) for group in groups_of(names, elsewhere)] == [16, 8, 5]
+    assert list(groups_of(names, elsewhere, again=True)) == [["m:N0"]]
+
+
+def test_the_first_cases_are_the_quickest_of_every_make() -> None:
+    def outcome(_: Path) -> Outcome:
+        raise AssertionError
+
+    seconds = {"one/a": 3.0, "one/b": 1.0, "one/c": 9.0, "two/d": 5.0}
+    kinds = {"one/c": "single"}
+    cases = [Case(key[:3], key[4:], kinds.get(key, "null"), (), outcome) for key in seconds]
+    assert [case.key for case in one_make_after_the_other(cases, seconds)] == ["one/b", "two/d", "one/c", "one/a"]
 
 
 def test_a_finding_is_wrong_if_neither_it_nor_a_rival_is_there() -> None:
@@ -209,6 +253,24 @@ def test_a_gate_left_out_lets_pass_what_it_refuses_wherever_it_was_imported() ->
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).resolve().parents[2])
 
 
-def test_the_page_gets_the_tables_between_its_markers() -> None:
-    page = "before\n<!-- ablation -->\nold\n<!-- end of ablation -->\nafter\n"
-    assert between_markers(page, "new") == "before\n<!-- ablation -->\n\nnew\n\n<!-- end of ablation -->\nafter\n"
+def test_the_page_gets_each_table_between_its_markers() -> None:
+    page = "before\n<!-- gates -->\nold\n<!-- end of gates -->\nafter\n<!-- numbers -->\n<!-- end of numbers -->\n"
+    with_gates = page.replace("old", "\nnew\n")
+    assert between_markers(page, "gates", "new") == with_gates
+
+
+def test_the_table_of_numbers_says_which_decide_how_the_others_were_met_and_in_how_many_cases() -> None:
+    runs = {
+        "follow": {**NOTHING, **FOLLOWED, "kind": "null"},
+        "2.0 m:NEAR m:LOST": NOTHING,
+        "2.0 m:COUNT": FALSE_CLAIM,
+        "0.5 m:BAD": said("failed", (), right=False, wrong=False),
+    }
+    numbers = [Named("m", name, 3, "counts") for name in ("COUNT", "NEAR", "FAR", "BAD")]
+    text = numbers_table({"one/a": runs, "one/b": {"stored": {**NOTHING, "kind": "null"}}}, numbers)
+    assert "Followed: 1 cases: one 1 null. Changed in 1 of these: 1 cases: one 1 null." in text
+    assert "Of 4 named numbers 1 were found to decide" in text
+    assert "| `m.COUNT` | 3 counts | 2 | 1 | 1 one | 1 one | 1 one | - | - |" in text
+    assert f"{MET[2].capitalize()} (1): `m.NEAR`." in text
+    assert f"{MET[1].capitalize()} (1): `m.FAR`." in text
+    assert f"{MET[-1].capitalize()} (1): `m.BAD`." in text
