@@ -121,11 +121,12 @@ BURST_FLANK = 0.25
 # milliseconds.
 REVERSAL_TIME = 0.005
 
-# s: three of these deviations. So long a joint may stick while its velocity seems to pass through zero.
-STANDING_TIME = 0.015
+# s: so long a joint may stick while its velocity seems to pass through zero.
+STANDING_TIME = 3.0 * REVERSAL_TIME
 
-# counts: of the encoder, within which the reading of a standing joint stays.
-STANDING_COUNTS = 2
+# counts: of the encoder, within which the reading of a standing joint stays: two, and the overshoot of splines through
+# rounded readings at uneven times.
+STANDING_COUNTS = 2.2
 
 # share: of the joint's usual speed. Where so few counts in that time are a higher speed, the encoder is too coarse to
 # show a standstill so quickly.

@@ -8,8 +8,6 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
-_EULER = 0.5772156649
-
 
 def exceeded_by_chance(best: Float[Array, " R"], wrong: float) -> float:
     """Threshold that the largest gain exceeds with a given probability, by a Gumbel law fitted to some of them.
@@ -19,7 +17,7 @@ def exceeded_by_chance(best: Float[Array, " R"], wrong: float) -> float:
         wrong: Probability.
     """
     spread = best.std() * np.sqrt(6) / np.pi
-    return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
+    return float(best.mean() - np.euler_gamma * spread - spread * np.log(-np.log1p(-wrong)))
 
 
 def squares_by_chance(count: int, free: float, wrong: float) -> float:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# times: the probability of the finding, above which a rival replaces it: the most probable cause leads (contract).
-OUTDONE = 1.0
 # share: of the probability of the best cause, from which on causes that do not cancel lead in the place of one that
 # needs others to cancel it.
 NEARLY_AS_LIKELY = 0.5
@@ -41,4 +39,4 @@ def likelier_than_rivals(own: float, rival: float, *, leads: bool) -> GateResult
         rival: That of the likeliest rival that could lead.
         leads: False if that rival has to lead.
     """
-    return GateResult("likelier than rivals", own, OUTDONE * rival, "probability", leads)
+    return GateResult("likelier than rivals", own, rival, "probability", leads)

@@ -139,6 +139,18 @@ def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "
     return directions, tuple(f"{body} {quantity}" for quantity in quantities)
 
 
+def has_known_centre(mass: float, std: float) -> bool:
+    """True if a centre of mass is stated: the 95 % interval of its mass is narrower than half of the mass.
+
+    Else first moments are, which do not divide by the mass.
+
+    Args:
+        mass: Mass [kg].
+        std: Its standard deviation [kg].
+    """
+    return 2 * 1.96 * std < 0.5 * abs(mass)
+
+
 def payload_body(robot: Robot) -> int:
     """Pinocchio index of the joint whose link carries the payload.
 

@@ -22,9 +22,6 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 
-# Standard normal deviate that is exceeded with 95 % power.
-_POWER = 1.645
-
 
 def smallest_seen(
     operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
@@ -183,8 +180,10 @@ def _rows(problem: Problem, term: Term) -> list[int]:
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
     """Size in standard deviations at which an effect is claimed with 95 % power, for a least gain before its price."""
+    from scipy.special import ndtri
+
     needed = least + max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
-    return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
+    return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed))) + ndtri(0.95))
 
 
 def _lasting(by_block: Float[Array, " B"], needed: float) -> float:

@@ -33,8 +33,6 @@ _MARGIN = 0.2
 _FILLED = 0.6
 # Usable samples of a joint that a search for bursts needs.
 _LEAST_SAMPLES = 50
-# Median of the square of a standard normal number.
-_MEDIAN_SQUARE = 0.4549
 # Degrees of freedom of Student's law, with which variances are fitted: events have little weight in it.
 _FREEDOM = 4.0
 _STEPS = 60
@@ -311,7 +309,7 @@ def _variance(residual: Array, causes: Causes, use: Array) -> Array:
     usual = float(np.median(causes.torque[use]))
     calm = use & (causes.torque <= usual) & (causes.known <= np.median(causes.known[use]))
     calm = calm if np.count_nonzero(calm) >= _FEWEST_SAMPLES else use
-    noise = max(float(np.median(residual[calm] ** 2)) / _MEDIAN_SQUARE, 1e-300)
+    noise = max((1.4826 * float(np.median(np.abs(residual[calm])))) ** 2, 1e-300)
     known = noise + causes.known
     # Events come whatever the torque is: a part that is the same at all times takes them up, and is not expected.
     events = np.full(len(residual), noise)

@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from identification.data.log import Log
 from identification.data.signals import differentiate
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.noise.reading_noise import ReadingNoise
 from identification.diagnosis.noise.sensor_noise import Density
@@ -27,12 +28,10 @@ from phantom_dyn.random_streams import random_stream
 _START = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
 _TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
 _RATIO = 2.0  # ratio of the ends of a part of the band: a filter of an octave rings for a period
-_TRAVELS = 0.05  # speed of a joint that travels, as a share of its top speed: slower, a reversal is near
 _AROUND = 1.0  # distance to a stop or a reversal, in periods of a part's lower end, beyond which friction adds nothing
 _FEWEST = 40.0  # independent values in a part: with fewer its power is uncertain by more than a third
 _OF_ENCODERS = 0.5  # largest share of a part's power from the encoders: beyond, the difference is too uncertain
-_MEDIAN = 0.4549364  # median of the square of a standard normal variable
-_EFFICIENCY = 0.37  # efficiency of that median relative to the mean
+_EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
 _HIDDEN = 0.3  # share of a part's power below which the torque's noise may be an error of the encoders' part
 _LOWEST = 2  # most parts with the least power that are averaged: remains of motion and effects raise the others
 
@@ -133,8 +132,8 @@ def balance_parts(
             values = float(2.0 * (b - a) * use.sum() / rate)
             if values >= _FEWEST:
                 centre = float(np.sqrt(a * b))
-                kept = _MEDIAN * (b - a) * float(log.noise_gain(np.array([centre]))[0])
-                power, own = (float(np.median(x[use, j] ** 2)) / kept for x in (whole, encoders))
+                kept = (b - a) * float(log.noise_gain(np.array([centre]))[0])
+                power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / kept for x in (whole, encoders))
                 parts.append(Part(centre, power, own, values))
     return out
 
@@ -173,7 +172,7 @@ def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Arra
 def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
     """True where a joint travels for so long before and after: not at rest, and near no reversal or contact."""
     speed = np.abs(log.motion.v)
-    slow = standing_still(log) | (speed < _TRAVELS * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
+    slow = standing_still(log) | (speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
     slow = slow if log.touched is None else slow | log.touched
     reach = max(1, round(seconds * log.band.rate_hz))
     out = np.logical_not(ndimage.maximum_filter1d(slow, 2 * reach + 1, axis=0))

@@ -21,13 +21,11 @@ _UNLIKE = 0.5
 _LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the shorter recording's
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
 _STANDS = 0.01  # share of the largest joint velocity: a joint with less is not compared
-_LEAST = 40.0  # independent differences: with fewer a deviation is uncertain by more than a tenth
+_LEAST = 20.0  # independent differences: with fewer a deviation is uncertain by more than a sixth
 # A drive with a loose controller repeats its motion to some per cent only. Two motions may differ by the first share if
 # the model's error changes between them by less than the second share of the difference that does not repeat.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
-_FEW = 20.0  # least number of independent differences of such motions; with few of them the interval is wide
-# Largest relative difference of the clocks of two recordings, and number of offsets within two samples that are tried.
-_CLOCKS, _PLACES = 0.02, 41
+_PLACES = 41  # number of offsets within two samples that are tried
 
 
 @dataclass(frozen=True)
@@ -59,13 +57,13 @@ def repeated_noise(
         counts: Weight of each sample where motions repeat loosely; None if such motions are not compared.
     """
     rows = len(session.robot.joint_names)
-    apart: list[list[Float[Array, " n"]]] = [[] for _ in range(rows)]
+    apart: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     for first, second, lag in repetitions(session):
         a, b = _overlap(len(residual[first]), len(residual[second]), lag)
         agree = _agree(session.logs[first], a, session.logs[second], b)
         for j in range(rows):
             use = agree & usable[first][a, j] & usable[second][b, j]
-            apart[j].append((residual[first][a, j] - residual[second][b, j])[use])
+            apart[j].append((residual[first][a, j] - residual[second][b, j], use.astype(float)))
     strictly = [_spread(parts) for parts in apart]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
@@ -90,7 +88,7 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
             of_model = np.maximum(of_model, unlike * left)
             for j in range(rows):
                 apart[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
-    out = [_weighted_spread(parts) for parts in apart]
+    out = [_spread(parts) for parts in apart]
     return [
         one if one is not None and most < _OF_MODEL * one.value else None
         for one, most in zip(out, of_model, strict=True)
@@ -103,8 +101,6 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
     The logs begin at about the same time, but between two samples and with another clock. None if the motions differ.
     """
     rates = first.band.output_rate_hz, second.band.output_rate_hz
-    if abs(rates[0] / rates[1] - 1.0) > _CLOCKS:
-        return None
     v, w = _velocity(first), _velocity(second)
     usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
     moves = usual > _STANDS * usual.max()
@@ -120,12 +116,8 @@ def _beside(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None
     inside = (at + best[1] >= 0) & (at + best[1] <= len(w) - 1)
     mine, theirs = np.flatnonzero(inside), (at + best[1])[inside]
     q, p = first.motion.q[first.samples][mine], _between(second.motion.q[second.samples], theirs)
-    way = np.maximum(np.ptp(q, axis=0), 1e-12)
-    apart = np.maximum(
-        ((v[mine] - _between(w, theirs))[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2
-    )
-    agree = ndimage.uniform_filter1d(apart.max(axis=1), max(1, round(_WINDOW * rates[0])), mode="nearest") < _LOOSELY**2
-    return mine, theirs, agree, best[0]
+    apart = _apart((q[:, moves], p[:, moves]), (v[mine] - _between(w, theirs))[:, moves] / usual[moves], rates[0])
+    return mine, theirs, apart < _LOOSELY**2, best[0]
 
 
 def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
@@ -141,8 +133,8 @@ def _between(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m 
     )
 
 
-def _weighted_spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
-    """The same as `_spread`, for differences with weights."""
+def _spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
+    """Standard deviation of one repetition, from differences of two and their weights; None with too few of them."""
     independent, squares, count = 0.0, 0.0, 0.0
     for apart, weight in parts:
         used = weight > 0
@@ -150,7 +142,7 @@ def _weighted_spread(parts: list[tuple[Array, Array]]) -> Repeated | None:
             own = weight[used]
             independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(apart[used])
             squares, count = squares + float(own @ apart[used] ** 2), count + float(own.sum())
-    if independent < _FEW:
+    if independent < _LEAST:
         return None
     return Repeated(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
 
@@ -209,20 +201,23 @@ def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
 
 def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     """True where two stretches are the same motion: every joint has the same position and velocity."""
-    window = max(1, round(_WINDOW * first.band.output_rate_hz))
     v, w = _velocity(first), _velocity(second)
     q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
     usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
     moves = usual > _STANDS * usual.max()
+    apart = _apart((q[:, moves], p[:, moves]), (v[a] - w[b])[:, moves] / usual[moves], first.band.output_rate_hz)
+    return apart < rules.REPEATED**2
+
+
+def _apart(positions: tuple[Array, Array], velocities: Array, rate: float) -> Float[Array, " n"]:
+    """Squared difference of two stretches of the joint that differs most, averaged over a window.
+
+    Args:
+        positions: Of both, ``(n, k)``; their difference counts relative to the way of the first.
+        velocities: Their difference, relative to the usual velocity, ``(n, k)``.
+        rate: Samples per second [Hz].
+    """
+    q, p = positions
     way = np.maximum(np.ptp(q, axis=0), 1e-12)
-    apart = np.maximum(((v[a] - w[b])[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2)
-    return ndimage.uniform_filter1d(apart.max(axis=1), window, mode="nearest") < rules.REPEATED**2
-
-
-def _spread(parts: list[Float[Array, " n"]]) -> Repeated | None:
-    """Standard deviation of one repetition, from differences of two; None with too few independent ones."""
-    independent = sum(len(part) / autocorrelation_time(part) for part in parts)
-    if independent < _LEAST:
-        return None
-    mean = float(np.mean(np.concatenate(parts) ** 2))
-    return Repeated(float(np.sqrt(0.5 * mean)), float(np.sqrt(0.5 / independent)))
+    largest = np.maximum(velocities**2, ((q - p) / way) ** 2).max(axis=1)
+    return ndimage.uniform_filter1d(largest, max(1, round(_WINDOW * rate)), mode="nearest")

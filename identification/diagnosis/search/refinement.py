@@ -10,8 +10,6 @@ from identification.diagnosis.search.search import Search
 
 # Most runners-up of one finding.
 _MOST_CLOSE = 3
-# Share of a finding's gain that a rival has to reach to be a runner-up, by twice its gain with the bounds held.
-_FAR_BELOW = 0.2
 # Relative difference of shapes below which laws are linearised about the same point.
 _SAME_SHAPE = 0.03
 
@@ -34,7 +32,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
         rivals = tuple(term for term in shaped if search.possible(remaining, term))
-        gains = search.gains(remaining, rivals, above=0.0 if won is None else _FAR_BELOW * won)
+        gains = search.gains(remaining, rivals, above=0.0 if won is None else rules.RUNNER_UP * won)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (

@@ -15,7 +15,7 @@ from identification.diagnosis.search.fair_costs import adds_up, costs_of, losses
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
-from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.diagnosis.search.special_cases import places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from identification.engine import contract_levels
@@ -27,8 +27,8 @@ from phantom_dyn.array_types import Array, Float
 
 NONE_BARRED: frozenset[Place] = frozenset()
 
-# Held-out loss of an implausible size; largest share of what it explains that a plausible cause may leave.
-_NO_CAUSE, _MOSTLY = 1e12, 0.5
+# Largest share of what an implausible size explains that a plausible cause may leave.
+_MOSTLY = 0.5
 # Most passes over all findings.
 _LOOKS = 3
 
@@ -92,7 +92,7 @@ def stand(
         names = {key: others for key, others in names.items() if key in possible}
         options = {key: loss for key, loss in options.items() if key == chosen or key in names}
     if diagnosed and not sound and any(_sound(search, key, key) for key in possible):
-        options[chosen] = options[chosen] + _NO_CAUSE / len(base.loss)
+        options[chosen] = options[chosen] + IMPOSSIBLE / len(base.loss)
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
@@ -233,7 +233,7 @@ def _leader(
     is_sound |= {
         at: _sound(search, key, key - chosen) and not _new_in_old(search, key - chosen) for at, key in there.items()
     }
-    shares = {(): rivalry.OUTDONE * own} | {at: kept[at] for at in there}
+    shares = {(): own} | {at: kept[at] for at in there}
     sine = bool(search.problem.session.in_one_sine)
     plain = {at for at in shares if sine and adds_up(search, there.get(at, chosen))}
     if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):

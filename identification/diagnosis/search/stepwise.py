@@ -21,17 +21,15 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
-# Most effects of one set, far more than any robot has: in all, and for each joint.
-_MOST_TERMS, _MOST_TERMS_EACH = 40, 6
 # Most rivals that are tested on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
-# The same for the best effect below the threshold of chance.
-_SHORT_JUDGED = 8
-# Where a joint moves in one sine: most effects with which a search begins again, and most joints for which it does.
-_MOST_BEGUN, _MOST_JOINTS_BEGUN = 8, 3
-# Most structures without a name in a set, and most of them that are tested on held-out data in one step.
+# The same where the best is seldom far behind: of effects below the threshold of chance, of structures without a name,
+# and of effects with which a search begins again where a joint moves in one sine.
+_FEW_JUDGED = 8
+# Most joints of a robot for which a search begins again.
+_MOST_JOINTS_BEGUN = 3
+# Most structures without a name in a set.
 _MOST_NAMELESS = 4
-_MOST_NAMELESS_JUDGED = 8
 
 
 def explain(search: Search, progress: Progress, start: frozenset[Term] = frozenset()) -> frozenset[Term]:
@@ -102,7 +100,7 @@ def _from_other_beginnings(search: Search, chosen: frozenset[Term], progress: Pr
     for term in sorted(named, key=lambda term: -gains[term]):
         first.setdefault(term.place, term)
     best = chosen
-    for term in [*first.values()][:_MOST_BEGUN]:
+    for term in [*first.values()][:_FEW_JUDGED]:
         if term in chosen:
             continue
         trial = replace(search, record=search.record.forked())
@@ -119,7 +117,7 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
     rivals = tuple(term for term in search.terms if term.named and search.possible(chosen, term))
     promised = search.gains(chosen, rivals, above=0.0)
-    best = sorted(rivals, key=lambda term: -promised[term])[:_SHORT_JUDGED]
+    best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
     tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
@@ -131,8 +129,8 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
     in sample, until no further one can be better than the best so far. An added effect can make earlier ones
     unnecessary, and without them it can be unnecessary itself: where sets repeat, the best of the cycle is the result.
     """
-    seen, rows = [chosen], len(search.problem.columns.rows)
-    while len(chosen) < max(_MOST_TERMS, _MOST_TERMS_EACH * rows):
+    seen = [chosen]
+    while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         base = search.score(chosen)
         rivals = [term for term in search.terms if term.named and search.possible(chosen, term)]
@@ -157,7 +155,6 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
         if chosen in seen:
             return min(seen[seen.index(chosen) :], key=search.score)
         seen.append(chosen)
-    return chosen
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
@@ -233,7 +230,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
         better: dict[frozenset[Term], GateResult] = {}
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless, above=search.threshold.overall)
-            for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
+            for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
                 if not more_than_chance(promised[term], search.threshold.overall).passed or not possible(base, term):
                     continue
                 tried = _only_needed(search, term, base, chosen)

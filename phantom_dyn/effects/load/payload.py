@@ -39,6 +39,7 @@ from phantom_dyn.model.inertia import (
     STANDARD_UNITS,
     body_parameters,
     central_parameters,
+    has_known_centre,
     payload_body,
     point_mass_parameters,
 )
@@ -49,8 +50,6 @@ _HEAVIEST, _FARTHEST = 1000.0, 3.0
 _MATCHES, _NEAR = 1.25, 0.02
 # Squared radius of gyration [m^2] that is rounding, and largest share of a link that can be taken away.
 _ROUNDING, _LEFT = 1e-8, 0.999
-# A mass this many standard deviations from zero has an interval of 95 % that is narrower than half of it.
-_CERTAIN = 2 * 1.96 / 0.5
 # Radius of gyration of a load over its lever: a fifth, as that of a ball at half its distance.
 _EXTENT = 0.2
 _MOMENTS = ("moment_x", "moment_y", "moment_z")
@@ -143,7 +142,7 @@ class Payload(Effect):
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
         """Mass and centre; first moments in place of the centre if the mass is known too badly."""
-        if abs(coefficients[0]) > _CERTAIN * std[0]:
+        if has_known_centre(coefficients[0], std[0]):
             return super().stated_law(robot, joint, shape, std, coefficients)
         names = (Parameter(f"moment_{axis}", "kg m") for axis in "xyz")
         return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]

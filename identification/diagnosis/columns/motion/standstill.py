@@ -22,11 +22,10 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 
-# Overshoot [counts] of splines through rounded readings at uneven times.
-_SWING = 0.2
 # Orders of the differences that estimate the noise, and number of rows that they need.
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
-# Smallest travel of a joint that moves [rad or m], and in deviations of its readings.
+# Smallest travel of a joint that moves [rad or m], and in deviations of its readings. A joint that its drive holds may
+# sag by less, slowly and without noise.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 # Time over which a joint travels [s], and share by which it travels more than the sign of its velocity says. A velocity
 # that rises steadily through zero has at most 0.3. Counts of the encoder from which on the direction shows.
@@ -138,9 +137,8 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        # A little more than two counts: splines between readings at uneven times overshoot by a part of a count. Where
-        # no count is known, only a reading that does not change at all shows no motion.
-        most = (rules.STANDING_COUNTS + _SWING) * counted_step(robot, log, j)
+        # Where no count is known, only a reading that does not change at all shows no motion.
+        most = rules.STANDING_COUNTS * counted_step(robot, log, j)
         speed = np.abs(log.motion.v[:, j])
         # Median speed while the joint moves, as many joints rest for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))

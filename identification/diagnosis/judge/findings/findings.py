@@ -51,7 +51,6 @@ from phantom_dyn.random_streams import random_stream
 _DRAWS = 200
 # Ratio of interval widths, bodies that can exist over all bodies, above which no note calls the interval one-sided.
 _NARROWER = 0.8
-_INTERVAL = (2.5, 97.5)  # per cent
 
 
 def remarks(shown: Shown) -> tuple[Said, ...]:
@@ -224,7 +223,7 @@ def _of(shown: Shown, term: Term) -> Note | None:
     precision, anywhere = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, anywhere, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)
-    (low, high), all_of_them = (np.percentile(some @ mix.T, _INTERVAL, axis=0) for some in (nearest, drawn))
+    (low, high), all_of_them = (np.percentile(some @ mix.T, [2.5, 97.5], axis=0) for some in (nearest, drawn))
     width = all_of_them[1] - all_of_them[0]
     intervals = [
         (one.name, float(low[k]), float(high[k]), one.unit)

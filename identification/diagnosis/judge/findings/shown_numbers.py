@@ -24,14 +24,11 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.result import Value
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.model.inertia import payload_body
+from phantom_dyn.model.inertia import has_known_centre, payload_body
 from phantom_dyn.model.robot import Robot
 
 # Standard deviation above which a parameter is unknown: as a share of its plausible size and of its own value.
 _UNKNOWN = 0.5
-# Largest width of a mass's 95 % interval, as a share of the mass, for which a centre of mass is stated; else the first
-# moments are.
-_NARROW, _SIDES = 0.5, 2 * 1.96
 
 
 def only_shown(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
@@ -45,19 +42,11 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
     limits = _plausible(session, joint)
     out = {name: _known(value, limits.get(value.unit)) for name, value in values.items()}
     mass = out.get("mass")
-    if mass is not None and "moment_x" in out and not _is_narrow(mass):
-        out["mass"] = replace(mass, std=np.inf)
+    if mass is not None and "moment_x" in out:
+        value, std = (float(np.ravel(part)[0]) for part in (mass.value, mass.std))
+        if not has_known_centre(value, std):
+            out["mass"] = replace(mass, std=np.inf)
     return out
-
-
-def moments_instead(mass: float, std: float) -> bool:
-    """True if a mass is so uncertain that first moments are stated in place of its centre."""
-    return _SIDES * std >= _NARROW * abs(mass)
-
-
-def _is_narrow(mass: Value) -> bool:
-    value, std = np.ravel(mass.value)[0], np.ravel(mass.std)[0]
-    return not moments_instead(float(value), float(std))
 
 
 def _known(value: Value, limit: float | None) -> Value:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -295,7 +296,7 @@ def test_what_is_claimed_with_95_per_cent_power_exceeds_what_a_claim_needs(quiet
     # the two best are a fifth of it, and a normal number is above -1.645 in 95 of 100 cases.
     term = quiet.term(effect, joint)
     assert _claimable(quiet.search, term, np.ones(10), 10.0) == pytest.approx(
-        np.sqrt(max(needed + 2.0, min(16.0, needed / 0.8))) + 1.645
+        np.sqrt(max(needed + 2.0, min(16.0, needed / 0.8))) + NormalDist().inv_cdf(0.95)
     )
 
 

@@ -13,7 +13,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.shown import _noise
-from identification.diagnosis.judge.findings.shown_numbers import moments_instead, only_shown, reach_of
+from identification.diagnosis.judge.findings.shown_numbers import only_shown, reach_of
 from identification.diagnosis.judge.findings.sound_sizes import all_sound, size_notes
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise, loud_search, noise_may_make
@@ -22,6 +22,7 @@ from identification.notes import Code
 from identification.pipeline import diagnose
 from identification.words.verdict_words import headline
 from phantom_dyn import load_robot
+from phantom_dyn.model.inertia import has_known_centre
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +56,8 @@ def test_of_a_mass_beside_moments_a_wide_interval_is_not_shown(session):
     moments = {"moment_x": Value(0.2, 0.01, "kg m")}
     assert not only_shown({"mass": Value(1.0, 0.2, "kg"), **moments}, session, None)["mass"].shown
     assert only_shown({"mass": Value(1.0, 0.1, "kg"), **moments}, session, None)["mass"].shown
-    assert moments_instead(1.0, 0.2)
-    assert not moments_instead(1.0, 0.1)
+    assert not has_known_centre(1.0, 0.2)
+    assert has_known_centre(1.0, 0.1)
 
 
 def finding(effect: str, joint: str) -> Any:
