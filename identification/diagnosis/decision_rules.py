@@ -76,15 +76,15 @@ PLAIN_STRUCTURE = 0.5
 
 # The verdict. Its table is the contract's; `tests/identification/diagnosis/judge/test_verdict.py` states every row.
 
-# share: of the explainable gap, below which remaining structure does not change the verdict.
+# share: of the explainable gap, below which remaining structure does not change the verdict, at rest as in motion.
 LITTLE_STRUCTURE = 0.1
 
 # share: of the measured torque, as an ordinary effect makes it.
 ORDINARY_SHARE = 0.1
 
-# share: of the measured torque, half of what an ordinary effect makes. A joint with more above its noise floor is not
-# called free of a gap, however wide the interval of its noise is.
-OPEN_SHARE = 0.05
+# share: of the measured torque. A joint with more above its noise floor is not called free of a gap, however wide the
+# interval of its noise is.
+OPEN_SHARE = 0.5 * ORDINARY_SHARE
 
 # share: of its limit above which a move counts as at the limit; solvers stop a rounding error short of it.
 AT_LIMIT = 0.999
@@ -167,9 +167,6 @@ LEAST_BLOCKS = 4
 
 # probability: of a shift as large between rests by chance.
 REST_CHANCE = 1e-3
-
-# share: of the explainable gap, above which the residual has a cause of its own.
-REST_STRUCTURE = 0.1
 
 # times the end of the 99 % band: above which simulated motion that leaves its noise band is a gap, though no torque
 # shows it. The band is estimated from as few windows as it is applied to, and these magnify noise unequally: the

@@ -17,7 +17,7 @@ Player = TypeVar("Player", bound=Hashable)
 _EXACT = 7  # players: beyond, orders and sets are sampled, as each more doubles the sets
 _ORDERS = 4  # pairs of an order and its reverse
 _KNOWN = 0.005  # of the worth of all: standard error of a value at which drawing sets ends
-_KNOWN_BY_ORDERS = 0.0025  # the same: error of a mean over orders below which it is kept where others are not
+_KNOWN_BY_ORDERS = 0.5 * _KNOWN  # error of a mean over orders below which it is kept where others are not
 _MOST = 100  # pairs of sets a player
 
 

@@ -14,6 +14,7 @@ from identification.engine.numerics.bounded import bounded_solve
 from identification.engine.products.block_products import BlockProducts, Free, Products, block_products
 from identification.engine.resampling import CHOSEN_AGAIN, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, squares, stepwise
+from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
@@ -21,7 +22,6 @@ MOST_TERMS = 4
 _AT_ONCE = 24  # columns at the full rate that are filtered at once
 _HOLDS = 4  # largest number of rounds in which moves are held at their bounds or released
 _PERMUTATIONS = 100
-_CHANCE = 0.99  # quantile of the largest gain by chance that every term has to exceed
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
 NEARLY = 0.85  # share of the squares predicted by the best size that a shorter formula has to predict
 _WORTH = 0.02  # part of the explained squares that one more term has to add
@@ -241,7 +241,7 @@ def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> flo
         mixed = in_another_order(pieces, rng)
         products = free.taken_out(Products(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
-    return float(np.quantile(out, _CHANCE))
+    return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 
 
 def _repeated(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> tuple[dict[str, float], float, dict[str, float]]:

@@ -19,13 +19,12 @@ from identification.data.signals import differentiate
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.noise.reading_noise import ReadingNoise
-from identification.diagnosis.noise.sensor_noise import Density
+from identification.diagnosis.noise.sensor_noise import ABOVE_MOTION, Density
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_START = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
 _TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
 _RATIO = 2.0  # ratio of the ends of a part of the band: a filter of an octave rings for a period
 _AROUND = 1.0  # distance to a stop or a reversal, in periods of a part's lower end, beyond which friction adds nothing
@@ -111,7 +110,7 @@ def balance_parts(
     """
     out: tuple[list[Part], ...] = tuple([] for _ in range(robot.nv))
     rate = log.band.rate_hz
-    low, high = _START * judged_hz, _TOP * rate
+    low, high = ABOVE_MOTION * judged_hz, _TOP * rate
     count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
     if count < 1:
         return out

@@ -16,9 +16,9 @@ from identification.diagnosis.columns.session import Series, Session
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 
-# Share of the torque that both parts together reach at most: an ordinary effect makes a tenth of it; and the share that
-# the error of the model reaches at most that another recording has shown.
-MOST, MOST_SHOWN = 0.02, 0.1
+# Share of the torque that both parts together reach at most, a fifth of what an ordinary effect makes. The error of the
+# model that another recording has shown may be as large as such an effect.
+MOST = 0.02
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def discrepancy(
         for series in (session.in_judged_band(friction), shown)
     )
     of_drive = np.minimum(np.hypot(drive.of_torque * torque, drive.of_friction * of_friction), MOST * torque)
-    return np.hypot(of_drive, np.minimum(of_model, MOST_SHOWN * torque))
+    return np.hypot(of_drive, np.minimum(of_model, rules.ORDINARY_SHARE * torque))
 
 
 def shown_error(session: Session, log: int) -> Float[Array, "N nv"]:

@@ -16,7 +16,7 @@ _BANDS = 4  # number of parts of the band above the motion
 _TAIL = 2  # index of the first part of the upper half, in which the noise has to be white
 _LEAST_BINS = 4  # smallest number of bins of a spectrum in each part
 _SEGMENTS = 16  # smallest number of segments of a recording: with fewer the spectrum is too rough
-_MARGIN = 1.5  # lowest frequency used, as a multiple of the filter's edge: no motion is above it
+ABOVE_MOTION = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
 _TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a held torque attenuates too much
 
 
@@ -59,7 +59,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
 def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
     """Mean power density and centre [Hz] of each part of the band above the motion, and the length of the recording."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
-    low, high = _MARGIN * log.band.cutoff_hz, _TOP * rate
+    low, high = ABOVE_MOTION * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
     if high < 2.0 * low:
         return None

@@ -210,7 +210,7 @@ def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) 
     share = {row: left[row] / gap[row] for row in found}
     worst = max(share, key=lambda row: share[row])
     mean = float(np.mean(list(share.values())))
-    structured = mean > rules.REST_STRUCTURE
+    structured = mean > rules.LITTLE_STRUCTURE
     return Unexplained(mean, structured, robot.joint_names[worst] if structured else None, None)
 
 

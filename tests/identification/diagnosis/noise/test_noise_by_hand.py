@@ -11,7 +11,8 @@ import pytest
 
 from identification.diagnosis.columns.motion.standstill import reversal_doubt
 from identification.diagnosis.columns.session import session_of
-from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, MOST_SHOWN, discrepancy, slow_samples
+from identification.diagnosis.decision_rules import ORDINARY_SHARE
+from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, discrepancy, slow_samples
 from identification.diagnosis.noise.noise_floor import _plain_first, noise_without, smaller_noise, weights_of
 from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
 from identification.engine.autocorrelation import autocorrelation_time
@@ -200,7 +201,7 @@ def test_the_error_that_another_recording_has_shown_adds_by_its_share_of_time(se
 def test_the_error_that_another_recording_has_shown_is_at_most_a_tenth_of_the_torque(session):
     torque = np.array([2.0, 2.0])
     error = found(session, torque, model_error=np.full((2, 2), 5.0))
-    assert np.all(error <= np.hypot(found(session, torque), MOST_SHOWN * torque) + 1e-12)
+    assert np.all(error <= np.hypot(found(session, torque), ORDINARY_SHARE * torque) + 1e-12)
 
 
 def test_doubt_is_the_rate_of_modelled_coulomb_friction_times_five_milliseconds(lab, pendulum):
