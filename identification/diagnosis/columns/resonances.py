@@ -25,7 +25,7 @@ from phantom_dyn.model.robot import Robot
 _HIGHEST = 0.2
 # Least number of segments of a recording, and their largest length [s].
 _SEGMENTS = 12
-_LONGEST = 8.0
+_LONGEST = 8.0  # lines of the spectrum are then an eighth of a hertz apart
 
 
 def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:

@@ -19,7 +19,7 @@ from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
 
-_SLOW = 3
+_SLOW = 3  # half waves within the recording that a drift may have: faster, it is no drift
 # Share of a rhythm that position and velocity of the joint can make, above which it is no rhythm of its own.
 _OF_THE_MOTION = 0.9
 

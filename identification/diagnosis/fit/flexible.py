@@ -18,8 +18,8 @@ from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-_FEATURES = 120
-_RIDGES = (1e-4, 1e-2, 1.0)
+_FEATURES = 120  # waves of the flexible model: each depends on two or three of the inputs
+_RIDGES = (1e-4, 1e-2, 1.0)  # per cent of a sample: strengths, from hardly any to one that leaves large features alone
 
 
 def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:

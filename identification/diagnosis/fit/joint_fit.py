@@ -39,7 +39,7 @@ from phantom_dyn.random_streams import random_stream
 
 # Information on a parameter, in its own units, below which it counts as unobservable.
 _NO_TRACE = 1e-200
-
+# Most steps of a fit, and steps from one law of a term to another.
 _STEPS = 4
 # Columns that depend on the model are computed again if a move within the tolerances changes by more sigmas than this.
 _SAME_MODEL = 0.3

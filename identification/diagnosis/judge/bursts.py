@@ -35,8 +35,8 @@ _FILLED = 0.6
 _LEAST_SAMPLES = 50
 # Degrees of freedom of Student's law, with which variances are fitted: events have little weight in it.
 _FREEDOM = 4.0
-_STEPS = 60
-_FEWEST_SAMPLES = 20
+_STEPS = 60  # multiplicative steps of the variances
+_FEWEST_SAMPLES = 20  # samples of other folds, or of calm moments, without which all samples are taken
 
 
 def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst, ...]:

@@ -67,7 +67,7 @@ _LIKE: tuple[tuple[str, str], ...] = (
     ("friction that grows with load", "friction that grows with load"),
 )
 _HEATED = "friction that changes with temperature"
-_MOST = 6
+_MOST = 6  # terms of a model that predicts and need not be read: more than of a formula
 _MODEL_FORESEES = 0.3  # share of the residual's squares that a model has to predict to be worth using
 _SLOW = 0.01  # speed, as a share of the fast end of the speeds, below which a change of direction is smoothed
 _NUMBER = r"[-+0-9.eE]+"

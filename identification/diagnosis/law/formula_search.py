@@ -18,10 +18,10 @@ from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-MOST_TERMS = 4
+MOST_TERMS = 4  # of a formula that a reader can check term by term
 _AT_ONCE = 24  # columns at the full rate that are filtered at once
 _HOLDS = 4  # largest number of rounds in which moves are held at their bounds or released
-_PERMUTATIONS = 100
+_PERMUTATIONS = 100  # of the blocks: the least with which a level of 99 % can be read off
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
 NEARLY = 0.85  # share of the squares predicted by the best size that a shorter formula has to predict
 _WORTH = 0.02  # part of the explained squares that one more term has to add

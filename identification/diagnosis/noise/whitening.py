@@ -16,7 +16,7 @@ from identification.diagnosis.columns.session import Series
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float
 
-_ORDER = 8
+_ORDER = 8  # coefficients of a filter: with four a load of a real servo gets another answer
 _LOST = 0.5  # largest share of the usable samples that the start of a filter may cost
 _ROWS = 64  # samples that are filtered at once
 

@@ -30,7 +30,7 @@ _MANY_JOINTS = 10
 _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
 # Most rivals whose in-sample gain is computed by a fit: the best ranked, and those with this share of the best gain.
 _MOST_FITTED = 30
-_WORTH_FITTING = 0.2
+_WORTH_FITTING = 0.2  # share of the best gain below which a rival is no such rival
 # Score of an impossible set, more than any recording's loss.
 IMPOSSIBLE = 1e15
 

@@ -26,7 +26,7 @@ Array = np.ndarray
 
 # Largest number of columns and bounds in which a set may differ from the solved one that it is computed from.
 _FAR = 60
-# Solved sets, and coefficients of earlier fits, that are kept.
+# Solved sets, and coefficients of earlier fits, that are kept: the nearest of each is the start of the next.
 _KEPT = 4
 _ENDS = 100
 # Share of the loss that the change of a coefficient can make at most, below which it is rounding.

@@ -9,7 +9,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Bool, Int
 
-FOLDS = 8
+FOLDS = 8  # each fit sees seven eighths of the blocks; more folds cost as many fits more
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from phantom_dyn.array_types import Array, Bool, Float
 State = TypeVar("State")
 Chosen = tuple[int, ...]
 
-_BEAM = 8
-_MOST = 20
+_BEAM = 8  # sets that are extended at once
+_MOST = 20  # columns of a set
 _PATIENCE = 2  # most columns that are added without a better set before the search ends
 _TIE = 1e-8  # of all squares: twins differ by less, through rounding
 _APART = 1e-9  # least eigenvalue of the products of normalised columns: below, they are linearly dependent

@@ -23,7 +23,7 @@ from phantom_dyn.motion import BaseMotion, Motion
 
 # Range of the softness that each part of a recording has to show, as a share of what the law gives.
 _LEAST, _MOST = 0.5, 1.5
-_PARTS = 5
+_PARTS = 5  # equal parts of a recording that have to show it
 # The law changes little with the torque that it is computed for: two estimates agree to a percent after one step.
 _ESTIMATES = 3
 

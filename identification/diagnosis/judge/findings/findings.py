@@ -48,7 +48,7 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_DRAWS = 200
+_DRAWS = 200  # of the parameters: ends of a 95 % interval are the fifth from either side
 # Ratio of interval widths, bodies that can exist over all bodies, above which no note calls the interval one-sided.
 _NARROWER = 0.8
 
