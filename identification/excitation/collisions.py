@@ -12,9 +12,9 @@ import pinocchio as pin
 
 from identification.excitation.closable import configurations_in, ordinary_postures, solved_numerically
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
+from phantom_dyn.number_checks import require_not_negative
 from phantom_dyn.random_streams import random_stream
 from phantom_dyn.shapes.robot_shapes import shapes_of_mjcf
 
@@ -41,8 +41,7 @@ class Collisions:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self):
-        if not (np.isfinite(self.clearance) and self.clearance >= 0):
-            raise ParameterError(f"A clearance of {self.clearance:g} m was given: give 0 or more.")
+        require_not_negative(clearance=self.clearance)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_not_negative, require_positive
 
 _NOTHING = 1e-200  # least squared norm of a column, whose inverse does not overflow
 _ZERO = 1e-15
@@ -39,7 +39,7 @@ class DOptimality:
     regularisation: float = 1e-6
 
     def __post_init__(self):
-        _require_positive(self.regularisation, "regularisation")
+        require_positive(regularisation=self.regularisation)
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Cost and its slope."""
@@ -61,9 +61,8 @@ class ConditionNumber:
     information: float = 0.01
 
     def __post_init__(self):
-        _require_positive(self.sharpness, "sharpness")
-        if not (np.isfinite(self.information) and self.information >= 0):
-            raise ParameterError(f"A weight of information of {self.information:g} was given: give 0 or more.")
+        require_positive(sharpness=self.sharpness)
+        require_not_negative(weight_of_information=self.information)
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Cost and its slope."""
@@ -93,8 +92,3 @@ def condition_number(G: Float[Array, "r r"]) -> float:
         return float("inf")
     eigenvalues = np.linalg.eigvalsh(G / np.outer(size, size))
     return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > _ZERO else float("inf")
-
-
-def _require_positive(value: float, name: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise ParameterError(f"A {name} of {value:g} was given: give more than 0.")

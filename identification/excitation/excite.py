@@ -30,6 +30,7 @@ from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.number_checks import require_positive
 from phantom_dyn.random_streams import random_stream
 
 _DENSE = 10
@@ -228,8 +229,7 @@ def _require_motion(
 
 def _count(shapes: Shapes, rate_hz: float) -> int:
     """Number of samples of a recording, both ends included."""
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise ParameterError(f"A rate of {rate_hz:g} Hz was given: give more than 0.")
+    require_positive(sample_rate=rate_hz)
     if shapes.duration * rate_hz > _ROWS:
         raise ParameterError(
             f"{shapes.duration:g} s at {rate_hz:g} Hz are more than {_ROWS} rows: give a lower rate or less time."

@@ -18,6 +18,7 @@ from scipy.interpolate import BSpline
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
+from phantom_dyn.number_checks import require_positive
 
 SAMPLES_PER_PERIOD = 30
 """Samples per period of the fastest part of a motion: a sine exceeds two neighbours by at most half a per cent."""
@@ -41,7 +42,7 @@ class Sine:
     phase: float = 0.0
 
     def __post_init__(self):
-        _require_positive(self.frequency, "frequency", "Hz")
+        require_positive("a wave", frequency=self.frequency)
 
     def motion(self, t: Float[Array, " N"]) -> Float[Array, "3 N"]:
         """Position, velocity and acceleration, shape ``(3, N)``."""
@@ -64,7 +65,7 @@ class Triangle:
     turn: float = 0.1
 
     def __post_init__(self):
-        _require_positive(self.frequency, "frequency", "Hz")
+        require_positive("a wave", frequency=self.frequency)
         if not 0 < self.turn <= 0.5:
             raise ParameterError(
                 f"A triangle was to turn within {self.turn:g} of its period: give more than 0 and at most 0.5."
@@ -112,11 +113,6 @@ def wave_motion(
     return Motion(t, q if center is None else q + center, v, a)
 
 
-def _require_positive(value: float, name: str, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise ParameterError(f"A wave with a {name} of {value:g} {unit} was asked for: give more than 0.")
-
-
 @runtime_checkable
 class Shapes(Protocol):
     """A family of motions of one joint over ``duration`` [s], at rest (no velocity, no acceleration) at both ends."""
@@ -144,7 +140,7 @@ class FourierSeries:
     harmonics: int = 5
 
     def __post_init__(self):
-        _require_duration(self.duration)
+        require_positive("a motion", duration=self.duration)
         # Each harmonic has two weights, of which rest takes two in all.
         _require_count(self.harmonics, "harmonics", 2)
 
@@ -167,7 +163,7 @@ class BSplines:
     pieces: int = 10
 
     def __post_init__(self):
-        _require_duration(self.duration)
+        require_positive("a motion", duration=self.duration)
         _require_count(self.pieces, "pieces", 1)
 
     @property
@@ -203,7 +199,7 @@ class TrianglesAndSines:
     turn: float = 0.15
 
     def __post_init__(self):
-        _require_duration(self.duration)
+        require_positive("a motion", duration=self.duration)
         _require_count(self.triangles, "triangles", 1)
         _require_count(self.harmonics, "harmonics", 1)
         self._triangle(1)
@@ -250,11 +246,6 @@ def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> 
     constant = np.zeros((3, parts.shape[1], 1))
     constant[0] = 1.0
     return np.concatenate([constant, parts @ rows[rank:].T], axis=2)
-
-
-def _require_duration(duration: float) -> None:
-    if not (np.isfinite(duration) and duration > 0):
-        raise ParameterError(f"A motion of {duration:g} s was asked for: give more than 0.")
 
 
 def _require_count(count: int, name: str, least: int) -> None:

@@ -22,6 +22,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, minimum_jerk
+from phantom_dyn.number_checks import require_positive
 
 # Largest share of its recorded range by which a joint may go beyond either end of it.
 _BEYOND = 0.5
@@ -109,8 +110,7 @@ class SmallReversals:
     reversals: int = 4
 
     def __post_init__(self):
-        if not (np.isfinite(self.duration) and self.duration > 0):
-            raise ParameterError(f"A motion of {self.duration:g} s was asked for: give more than 0.")
+        require_positive("the motion", duration=self.duration)
         if self.stops < 1 or self.reversals < 2:
             raise ParameterError(
                 f"{self.stops} postures with {self.reversals} reversals were asked for: give at least 1 with 2."

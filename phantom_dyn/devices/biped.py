@@ -34,7 +34,7 @@ from typing import Literal
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_positive
 
 Side = Literal["left", "right"]
 Angles = Float[Array, "N 6"]
@@ -67,10 +67,7 @@ class BipedLengths:
     pelvis: float = 0.08
 
     def __post_init__(self):
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ParameterError(f"The link length {name} is {value:g} m: give a positive length.")
+        require_positive(**{f"link length {name}": length for name, length in vars(self).items()})
 
     @property
     def sagittal(self) -> Float[Array, " 6"]:

@@ -17,13 +17,13 @@ References:
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_positive
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ class CableFriction:
     ratio: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.ratio) and self.ratio > 0):
-            raise ParameterError(f"The friction per pretension is {self.ratio}: give a number above 0.")
+        require_positive(friction_per_pretension=self.ratio)
 
     def coulomb(self, pretension: Float[Array, " n"]) -> Float[Array, " n"]:
         """Coulomb torque at the pretensions [N m], shape ``(n,)``.
@@ -73,7 +72,5 @@ def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> flo
     Raises:
         ParameterError: If torque or a pretension is not above 0.
     """
-    for name, value in (("pretension", pretension), ("new pretension", new_pretension), ("Coulomb torque", coulomb)):
-        if not (math.isfinite(value) and value > 0):
-            raise ParameterError(f"The {name} is {value}: give a number above 0.")
+    require_positive(pretension=pretension, new_pretension=new_pretension, Coulomb_torque=coulomb)
     return coulomb * new_pretension / pretension

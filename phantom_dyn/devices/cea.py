@@ -30,6 +30,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_positive
 
 JOINTS = ("q1", "q2", "q5")
 """Active joints; q3, q4, q6 follow them, and q7 is the joint at which the loop is cut."""
@@ -53,10 +54,7 @@ class LinkLengths:
     d6: float = 0.080
 
     def __post_init__(self):
-        for name in ("d3", "d4", "d6"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ParameterError(f"The link length {name} is {value:g} m: give a positive length.")
+        require_positive(**{f"link length {name}": length for name, length in vars(self).items()})
 
 
 LENGTHS = LinkLengths()

@@ -39,6 +39,7 @@ from phantom_dyn.devices.cea import GRAVITY, LENGTHS
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import builtin_robots
+from phantom_dyn.number_checks import require_positive
 
 Vector = tuple[float, float, float]
 
@@ -78,10 +79,7 @@ class Platform:
     handle_radius: float = 0.015
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ParameterError(f"The {name} of the platform is {value}: give a number above 0.")
+        require_positive("the platform", **vars(self))
 
 
 PLATFORM = Platform()
@@ -188,10 +186,7 @@ class Rods:
     piece_mass: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("rod_mass", "piece_mass"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ParameterError(f"The {name} of the rods is {value} kg: give a number above 0.")
+        require_positive("the rods", rod_mass=self.rod_mass, piece_mass=self.piece_mass)
         for offset in (self.arm_offset, self.forearm_offset):
             if offset is not None and not (len(offset) == 3 and np.isfinite(offset).all()):
                 raise ParameterError(f"The foot of a rod is at {offset}: give three lengths in metres, or None.")

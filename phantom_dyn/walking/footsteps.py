@@ -9,6 +9,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_positive
 
 Side = Literal["left", "right"]
 
@@ -84,10 +85,7 @@ class Gait:
     largest_turn: float = 0.2
 
     def __post_init__(self):
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ParameterError(f"The gait's {name} is {value:g}: give a positive number.")
+        require_positive("the gait", **vars(self))
 
     @property
     def step_time(self) -> float:

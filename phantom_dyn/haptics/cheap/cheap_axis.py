@@ -21,6 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.number_checks import require_not_negative, require_positive
 
 CUTOFF_HZ = 70.0
 """Cut-off of the filter of the probe's velocity, as published [Hz]."""
@@ -41,10 +42,10 @@ class VirtualMass:
     damping: float | None = None
 
     def __post_init__(self):
-        _require(self, "inertia", "stiffness", above_zero=True)
+        require_positive("a VirtualMass", inertia=self.inertia, stiffness=self.stiffness)
         if self.damping is None:
             object.__setattr__(self, "damping", 2.0 * float(np.sqrt(self.inertia * self.stiffness)))
-        _require(self, "damping")
+        require_not_negative("a VirtualMass", damping=self.damping or 0.0)
 
     @property
     def period(self) -> float:
@@ -69,8 +70,8 @@ class StickingFriction:
     static_ratio: float = 1.05
 
     def __post_init__(self):
-        _require(self, "torque", "stick_velocity")
-        _require(self, "displacement", above_zero=True)
+        require_not_negative("a StickingFriction", torque=self.torque, stick_velocity=self.stick_velocity)
+        require_positive("a StickingFriction", displacement=self.displacement)
         if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1):
             raise ParameterError(
                 f"The static_ratio of a StickingFriction is {self.static_ratio:g}: give 1 or more, as breaking loose "
@@ -126,7 +127,7 @@ class CheapAxis:
     cutoff_hz: float = CUTOFF_HZ
 
     def __post_init__(self):
-        _require(self, "gap")
+        require_not_negative("a CheapAxis", gap=self.gap)
         if not self.limit >= 0:
             raise ParameterError(f"The limit of a cheap axis is {self.limit:g}: give 0 or more.")
         if not self.cutoff_hz > 0:
@@ -171,16 +172,6 @@ def cheap_rotation(*, slip: float, order: float, limit: float) -> CheapAxis:
         cogging=CoggingTorque((order,), (0.04,), (0.0,)),
         limit=limit,
     )
-
-
-def _require(part: object, *names: str, above_zero: bool = False) -> None:
-    """Refuse a number that is not finite, negative, or zero where it must not be."""
-    for name in names:
-        value = getattr(part, name)
-        if np.isfinite(value) and (value > 0 if above_zero else value >= 0):
-            continue
-        wanted = "more than 0" if above_zero else "0 or more"
-        raise ParameterError(f"The {name} of a {type(part).__name__} is {value:g}: give {wanted}.")
 
 
 @dataclass(frozen=True)

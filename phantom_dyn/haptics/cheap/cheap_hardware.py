@@ -43,7 +43,7 @@ from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.effects.support.position_waves import sum_of_waves
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
-from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
+from phantom_dyn.number_checks import require_columns, require_not_negative, require_numbers
 
 WINDOW = 25
 """Number of samples over which the force is averaged, as published."""

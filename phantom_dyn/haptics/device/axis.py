@@ -21,7 +21,7 @@ import numpy as np
 from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
-from phantom_dyn.haptics.number_checks import require_positive
+from phantom_dyn.number_checks import require_not_negative, require_positive
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class RigidAxis:
     stiffness: float = 0.0
 
     def __post_init__(self):
-        _check(self, ("mass",), ("damping", "stiffness"))
+        require_positive("the axis", mass=self.mass)
+        require_not_negative("the axis", damping=self.damping, stiffness=self.stiffness)
 
     @property
     def transfer_function(self) -> TransferFunction:
@@ -99,8 +100,10 @@ class TwoMassAxis:
     ground_stiffness: float = 0.0
 
     def __post_init__(self):
-        dampings = ("motor_damping", "body_damping", "cable_damping", "ground_stiffness")
-        _check(self, ("motor_mass", "body_mass", "cable_stiffness"), dampings)
+        positive = ("motor_mass", "body_mass", "cable_stiffness")
+        require_positive("the axis", **{name: getattr(self, name) for name in positive})
+        others = ("motor_damping", "body_damping", "cable_damping", "ground_stiffness")
+        require_not_negative("the axis", **{name: getattr(self, name) for name in others})
 
     @property
     def transfer_function(self) -> TransferFunction:
@@ -197,9 +200,7 @@ class Operator:
     stiffness: float
 
     def __post_init__(self) -> None:
-        for name, value in (("mass", self.mass), ("damping", self.damping), ("stiffness", self.stiffness)):
-            if not (math.isfinite(value) and value >= 0):
-                raise ParameterError(f"The operator's {name} is {value}: give a number of 0 or more.")
+        require_not_negative("the operator", mass=self.mass, damping=self.damping, stiffness=self.stiffness)
 
     def polynomial(self) -> Float[Array, "3"]:
         """Coefficients of the impedance in falling powers of s, ``[m_h, b_h, k_h]``."""
@@ -231,14 +232,6 @@ def masses_from_resonance(total: float, stiffness: float, resonance: float) -> t
     half = 0.5 * total
     apart = math.sqrt(half**2 - reduced * total)
     return reduced * total / (half + apart), half + apart
-
-
-def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
-    for name in positive + others:
-        value = getattr(axis, name)
-        if not (math.isfinite(value) and (value > 0 if name in positive else value >= 0)):
-            wanted = "a positive number" if name in positive else "a number of 0 or more"
-            raise ParameterError(f"The {name} of the axis is {value:g}: give {wanted}.")
 
 
 YOKOKOHJI_YOSHIKAWA = Operator(2.0, 2.0, 10.0)

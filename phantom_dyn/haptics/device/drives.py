@@ -31,7 +31,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, require_positive, require_whole
+from phantom_dyn.number_checks import require_not_negative, require_numbers, require_positive, require_whole
 
 PUBLISHED_RISE_PULSES, PUBLISHED_RISE_LINEAR = 34.5, 14.5
 """Rise of the casing's temperature [K] after 10 min at 2 N: stock amplifier and linear one (section 5)."""
@@ -50,10 +50,8 @@ class Winding:
     inductance: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.resistance) and self.resistance > 0):
-            raise ParameterError(f"The winding's resistance is {self.resistance}: give ohms above 0.")
-        if not (math.isfinite(self.inductance) and self.inductance >= 0):
-            raise ParameterError(f"The winding's inductance is {self.inductance}: give henry of 0 or more.")
+        require_positive("the winding", resistance=self.resistance)
+        require_not_negative("the winding", inductance=self.inductance)
 
 
 @dataclass(frozen=True)
@@ -122,9 +120,7 @@ def switched_current(winding: Winding, *, voltage: float, duty: float, frequency
         ParameterError: If the duty cycle is not in (0, 1], or voltage or frequency are not above 0.
     """
     _checked_duty(duty)
-    for name, value in (("voltage", voltage), ("frequency", frequency)):
-        if not (math.isfinite(value) and value > 0):
-            raise ParameterError(f"The {name} of the pulses is {value}: give a number above 0.")
+    require_positive("the pulses", voltage=voltage, frequency=frequency)
     period, highest = 1 / frequency, voltage / winding.resistance
     t = np.linspace(0.0, period, 1001)
     on = t < duty * period

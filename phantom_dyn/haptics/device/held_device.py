@@ -24,7 +24,7 @@ from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
-from phantom_dyn.haptics.number_checks import require_positive
+from phantom_dyn.number_checks import require_positive
 
 Device = RigidAxis | TwoMassAxis
 

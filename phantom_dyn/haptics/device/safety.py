@@ -21,7 +21,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_numbers, require_positive
+from phantom_dyn.number_checks import require_numbers, require_positive
 
 _ROUNDING = 1e-9
 """Relative tolerance of the time waited: a clock whose steps add up to the limit has not passed it."""

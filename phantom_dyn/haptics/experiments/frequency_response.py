@@ -25,7 +25,7 @@ from phantom_dyn.array_types import Array, Complex, Float, ReadOnlyArrays
 from phantom_dyn.errors import EstimationError, ParameterError
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
-from phantom_dyn.haptics.number_checks import require_columns, require_positive
+from phantom_dyn.number_checks import require_columns, require_positive
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _OVERLAP = 1.0 + 2.0 / 36.0

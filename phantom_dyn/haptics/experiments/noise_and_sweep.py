@@ -34,7 +34,7 @@ from phantom_dyn.haptics.experiments.frequency_response import (
     estimate_frequency_response,
 )
 from phantom_dyn.haptics.experiments.relay import held_forces
-from phantom_dyn.haptics.number_checks import (
+from phantom_dyn.number_checks import (
     require_columns,
     require_not_negative,
     require_positive,

@@ -22,7 +22,7 @@ from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
-from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
+from phantom_dyn.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _SETTLING = 0.4

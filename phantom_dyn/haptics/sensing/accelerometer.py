@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers, require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
 from phantom_dyn.haptics.sensing.velocity_estimators import stationary_gains
+from phantom_dyn.number_checks import require_columns, require_not_negative, require_numbers, require_positive
 
 
 @dataclass(frozen=True)

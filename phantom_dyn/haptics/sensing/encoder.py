@@ -30,7 +30,7 @@ import numpy as np
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_positive, require_whole
+from phantom_dyn.number_checks import require_positive, require_whole
 
 PHANTOM_STEP = 0.03e-3
 """Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
@@ -54,8 +54,7 @@ class Encoder:
     spacing: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.step) and self.step > 0):
-            raise ParameterError(f"The encoder step is {self.step}: give a motion per count above 0.")
+        require_positive("the encoder", step=self.step)
         if len(self.spacing) != 4 or not all(abs(part) < 0.25 for part in self.spacing):
             raise ParameterError(
                 f"The spacing errors of the encoder are {self.spacing}: give four shares of a step in (-0.25, 0.25)."

@@ -18,7 +18,6 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.transfer_function import Axis, StateSpace
-from phantom_dyn.haptics.number_checks import require_columns, require_numbers
 from phantom_dyn.haptics.sensing.encoder import Encoder, count_through
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     EDGES_KEPT,
@@ -29,6 +28,7 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
     kernel_form,
     next_velocity,
 )
+from phantom_dyn.number_checks import require_columns, require_numbers, require_positive
 
 _SUBSTEPS = 20
 """Steps per sample: the motion is straight within a step, so that an edge is placed to some tens of nanoseconds."""
@@ -62,8 +62,7 @@ class LoopSettings:
     estimator: Estimator = field(default_factory=AveragedDifference)
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.period) and self.period > 0):
-            raise ParameterError(f"The period of the loop is {self.period}: give seconds above 0.")
+        require_positive("the loop", period=self.period)
         late = self.delay / self.period * _SUBSTEPS
         if not (0 <= late <= _LATEST * _SUBSTEPS and abs(late - round(late)) < 1e-6):
             raise ParameterError(

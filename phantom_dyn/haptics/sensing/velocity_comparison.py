@@ -9,10 +9,10 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer, observe_velocity
 from phantom_dyn.haptics.sensing.encoder import Encoder, SinusoidalEncoder, record_motion, record_sinusoidal
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
+from phantom_dyn.number_checks import sample_count
 
 _POINTS = 20
 """Points of the true motion per sampling period: an edge is then placed to some nanoseconds."""

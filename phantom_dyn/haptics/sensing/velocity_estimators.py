@@ -17,8 +17,8 @@ from scipy.linalg import solve_discrete_are
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.number_checks import require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
+from phantom_dyn.number_checks import require_positive
 
 AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
 """Kinds of estimators, by which compiled steps choose."""
@@ -64,8 +64,7 @@ class AdaptiveWindow:
 
     def __post_init__(self) -> None:
         _check_window("samples", self.samples)
-        if not (math.isfinite(self.bound) and self.bound > 0):
-            raise ParameterError(f"The bound of the adaptive window is {self.bound}: give counts above 0.")
+        require_positive("the adaptive window", bound=self.bound)
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,7 @@ class KalmanVelocity:
     acceleration: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.acceleration) and self.acceleration > 0):
-            raise ParameterError(f"The acceleration of the Kalman filter is {self.acceleration}: give one above 0.")
+        require_positive("the Kalman filter", acceleration=self.acceleration)
 
 
 @dataclass(frozen=True)

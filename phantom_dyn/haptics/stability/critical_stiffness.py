@@ -33,7 +33,7 @@ from phantom_dyn.haptics.device.frequency_kernels import (
     map_lowest_gain,
 )
 from phantom_dyn.haptics.device.transfer_function import Axis
-from phantom_dyn.haptics.number_checks import require_numbers
+from phantom_dyn.number_checks import require_numbers
 
 Values = Sequence[float] | Float[Array, " _"]
 _BELOW = 0.03

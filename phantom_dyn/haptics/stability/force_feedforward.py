@@ -39,7 +39,6 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.device.held_device import Device, HeldDevice, felt_impedance
-from phantom_dyn.haptics.number_checks import require_positive, require_whole
 from phantom_dyn.haptics.stability.sampled_loop import (
     UNFILTERED,
     CriticalGain,
@@ -47,6 +46,7 @@ from phantom_dyn.haptics.stability.sampled_loop import (
     SampledLoop,
     critical_gain,
 )
+from phantom_dyn.number_checks import require_not_negative, require_positive, require_whole
 
 SENSOR_CUTOFF = 2 * math.pi * 200.0
 """First-order low pass of the force sensor [rad/s], (31)."""
@@ -72,11 +72,8 @@ class Feedforward:
     filter: DigitalFilter = UNFILTERED
 
     def __post_init__(self) -> None:
-        for name, value in (("period", self.period), ("cutoff", self.cutoff)):
-            if not (math.isfinite(value) and value > 0):
-                raise ParameterError(f"The {name} of the feedforward is {value}: give a number above 0.")
-        if not (math.isfinite(self.delay) and self.delay >= 0):
-            raise ParameterError(f"The delay of the feedforward is {self.delay}: give seconds of 0 or more.")
+        require_positive("the feedforward", period=self.period, cutoff=self.cutoff)
+        require_not_negative("the feedforward", delay=self.delay)
 
     def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """Motor force over the hand's force per unit of gain, without aliases of the sampling, shape ``(k,)``."""

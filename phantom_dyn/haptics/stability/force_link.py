@@ -28,8 +28,8 @@ from phantom_dyn.haptics.device.axis import Operator
 from phantom_dyn.haptics.device.discretisation import Controller, SampledAxis, discretise
 from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.held_device import Device, HeldDevice
-from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.stability.force_feedforward import Feedforward, critical_feedforward
+from phantom_dyn.number_checks import require_columns, require_not_negative, require_numbers
 
 _MOST_STATES = 60
 """Largest number of states of a loop: it has 1830 second moments, which take a second to solve for."""

@@ -32,9 +32,9 @@ from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.dynamics.tree_motion import project, tree_friction, tree_motion
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis
-from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_positive, require_whole
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.number_checks import require_columns, require_not_negative, require_positive, require_whole
 
 _SUBSTEPS = 50
 """Steps per sample: the spring of the friction swings at some 50 Hz, and a sample is a millisecond."""

@@ -33,7 +33,6 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.device.transfer_function import Axis
-from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     AdaptiveWindow,
@@ -51,6 +50,7 @@ from phantom_dyn.haptics.stability.sampled_loop import (
     SampledLoop,
     critical_gain,
 )
+from phantom_dyn.number_checks import sample_count
 
 
 def velocity_filter(estimator: Estimator, *, step: float, period: float) -> DigitalFilter:

@@ -58,8 +58,8 @@ def test_the_limits_and_the_box_that_were_given_are_kept(arm, reference):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--duration", "nan"), "A motion of nan s was asked for: give more than 0"),
-        (("--duration", "-3"), "A motion of -3 s was asked for"),
+        (("--duration", "nan"), "The duration of a motion is nan: give a number above 0"),
+        (("--duration", "-3"), "The duration of a motion is -3.0"),
         (("--rate", "1e9"), "more than 5000000 rows: give a lower rate"),
         (("--rate", "3"), "A rate of 3 Hz is too low to show this motion: give at least"),
         (("--harmonics", "0"), "A motion of 0 harmonics was asked for"),

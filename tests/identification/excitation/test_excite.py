@@ -172,7 +172,7 @@ def test_a_box_out_of_reach_is_refused_with_the_distance(planar):
 
 @pytest.mark.parametrize("rate", [0.0, np.nan, -5.0])
 def test_a_rate_that_is_none_is_refused(planar, rate):
-    with pytest.raises(ParameterError, match=r"A rate of \S+ Hz was given: give more than 0"):
+    with pytest.raises(ParameterError, match=r"The sample rate is \S+: give a number above 0"):
         excite(planar, SHAPES, planned=PlannedRecording(rate))
 
 

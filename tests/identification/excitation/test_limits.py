@@ -221,7 +221,7 @@ def test_shapes_whose_mesh_is_missing_have_a_note(tmp_path, chain_of_balls):
 
 @pytest.mark.parametrize("clearance", [-0.1, np.nan])
 def test_a_clearance_that_is_none_is_refused(chain_of_balls, clearance):
-    with pytest.raises(ParameterError, match=r"A clearance of \S+ m was given: give 0 or more"):
+    with pytest.raises(ParameterError, match=r"The clearance is \S+: give a number of 0 or more"):
         Collisions(collisions_of(chain_of_balls).shapes, clearance)
 
 

@@ -80,7 +80,7 @@ def test_between_its_turns_a_triangle_adds_no_acceleration_to_the_sines():
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
 def test_a_duration_that_is_none_is_refused(duration):
-    with pytest.raises(ParameterError, match=r"A motion of \S+ s was asked for: give more than 0\."):
+    with pytest.raises(ParameterError, match=r"The duration of a motion is \S+: give a number above 0\."):
         FourierSeries(duration)
 
 
@@ -157,7 +157,7 @@ def test_a_turn_that_does_not_fit_the_period_is_refused(turn):
 
 @pytest.mark.parametrize("wave", [Sine, Triangle])
 def test_a_frequency_of_zero_is_refused(wave):
-    with pytest.raises(ParameterError, match="a frequency of 0 Hz was asked for: give more than 0"):
+    with pytest.raises(ParameterError, match=r"The frequency of a wave is 0\.0: give a number above 0"):
         wave(0.3, 0.0)
 
 

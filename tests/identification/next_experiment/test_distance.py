@@ -374,7 +374,7 @@ def test_the_slower_triangle_turns_half_as_often():
 
 @pytest.mark.parametrize("duration", [0.0, np.nan, -1.0])
 def test_a_motion_without_a_length_is_refused(duration):
-    with pytest.raises(ParameterError, match="was asked for: give more than 0"):
+    with pytest.raises(ParameterError, match=r"The duration of the motion is .*: give a number above 0"):
         SmallReversals(duration)
 
 

@@ -110,7 +110,7 @@ def test_passive_angles_are_those_of_the_loops_of_the_robot_file(robot, rng):
 
 @pytest.mark.parametrize("length", [0.0, -0.1, np.nan])
 def test_a_length_that_is_not_positive_is_refused(length):
-    with pytest.raises(ParameterError, match=r"The link length d4 is .* m: give a positive length"):
+    with pytest.raises(ParameterError, match=r"The link length d4 is .*: give a number above 0"):
         LinkLengths(d4=length)
 
 

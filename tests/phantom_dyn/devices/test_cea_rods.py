@@ -87,7 +87,7 @@ def test_rods_stay_parallel_and_the_piece_keeps_the_direction_of_the_shoulder(tm
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        pytest.param(lambda: Rods(rod_mass=0.0), "rod_mass of the rods is 0", id="rods without mass"),
+        pytest.param(lambda: Rods(rod_mass=0.0), "rod mass of the rods is 0", id="rods without mass"),
         pytest.param(
             lambda: Rods(arm_offset=(float("nan"), 0.0, 0.0)), "give three lengths", id="a foot that is nowhere"
         ),

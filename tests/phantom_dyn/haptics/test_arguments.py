@@ -14,7 +14,6 @@ from phantom_dyn.haptics.device.transfer_function import TransferFunction
 from phantom_dyn.haptics.experiments.frequency_response import estimate_frequency_response
 from phantom_dyn.haptics.experiments.noise_and_sweep import simulate_white_noise
 from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.number_checks import require_columns, require_whole, sample_count
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, simulate_loop
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
@@ -38,6 +37,7 @@ from phantom_dyn.haptics.stability.virtual_wall import (
     simulate_teleoperation,
     simulate_wall,
 )
+from phantom_dyn.number_checks import require_columns, require_whole, sample_count
 
 # As a user has it: without the checker of shapes.
 pytestmark = pytest.mark.whole

@@ -63,7 +63,7 @@ def test_the_last_step_puts_the_foot_beside_the_other():
         ),
         pytest.param(
             lambda: Gait(foot_distance=0.2, double_support=0.0),
-            "gait's double_support is 0: give a positive number",
+            "double support of the gait is 0.0: give a number above 0",
             id="a gait with no time on both feet",
         ),
         pytest.param(

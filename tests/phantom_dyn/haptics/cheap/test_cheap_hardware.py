@@ -292,8 +292,11 @@ def test_a_gap_without_a_mass_is_refused():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: VirtualMass(0.0, 1.0), "The inertia of a VirtualMass is 0: give more than 0"),
-        (lambda: StickingFriction(-1.0, 1e-4, 5e-3), "The torque of a StickingFriction is -1: give 0 or more"),
+        (lambda: VirtualMass(0.0, 1.0), "The inertia of a VirtualMass is 0.0: give a number above 0"),
+        (
+            lambda: StickingFriction(-1.0, 1e-4, 5e-3),
+            "torque of a StickingFriction is -1.0: give a number of 0 or more",
+        ),
         (lambda: CheapAxis(limit=-1.0), "The limit of a cheap axis is -1"),
         (lambda: CoggingTorque((1.0, 2.0), (0.1,), (0.0,)), "2 orders, 1 amplitudes and 1 phases"),
     ],

@@ -91,7 +91,7 @@ def test_two_masses_follow_from_sum_spring_and_resonance():
         ),
         pytest.param(
             lambda: replace(AXIS, cable_stiffness=math.nan),
-            "cable_stiffness of the axis is nan: give a positive number",
+            "cable stiffness of the axis is nan: give a number above 0",
             id="a cable without stiffness",
         ),
         pytest.param(
@@ -111,7 +111,7 @@ def test_two_masses_follow_from_sum_spring_and_resonance():
         ),
         pytest.param(
             lambda: Operator(-1.0, 0.0, 0.0),
-            r"operator.s mass is -1\.0: give a number of 0 or more",
+            r"mass of the operator is -1\.0: give a number of 0 or more",
             id="negative mass",
         ),
     ],
@@ -141,7 +141,7 @@ def test_a_device_at_rest_stays_there():
     np.testing.assert_array_equal(RigidAxis(1.0, 2.0).state_space.A @ RigidAxis(1.0, 2.0).rest(0.01), np.zeros(2))
 
 
-@pytest.mark.parametrize(("mass", "damping", "say"), [(0.0, 1.0, "a positive number"), (1.0, -1.0, "0 or more")])
+@pytest.mark.parametrize(("mass", "damping", "say"), [(0.0, 1.0, "a number above 0"), (1.0, -1.0, "0 or more")])
 def test_impossible_values_are_refused(mass, damping, say):
     with pytest.raises(ParameterError, match=say):
         RigidAxis(mass, damping)

@@ -82,8 +82,16 @@ def test_warming_ends_at_heat_times_resistance():
     ("call", "message"),
     [
         pytest.param(lambda: duty_of_heat_ratio(0.9), "belongs to no duty cycle", id="less heat than a linear drive"),
-        pytest.param(lambda: Winding(0.0), "give ohms above 0", id="a winding without resistance"),
-        pytest.param(lambda: Winding(1.0, -1.0), "give henry of 0 or more", id="a negative inductance"),
+        pytest.param(
+            lambda: Winding(0.0),
+            "resistance of the winding is 0.0",
+            id="a winding without resistance",
+        ),
+        pytest.param(
+            lambda: Winding(1.0, -1.0),
+            "inductance of the winding is -1.0",
+            id="a negative inductance",
+        ),
         pytest.param(
             lambda: switched_current(Winding(1.0), voltage=0.0, duty=0.5, frequency=1e4),
             "voltage of the pulses is 0",

@@ -59,7 +59,7 @@ def test_misplaced_edges_repeat_after_four():
 
 @pytest.mark.parametrize("step", [0.0, -1e-3, float("nan")])
 def test_a_step_that_is_not_positive_is_refused(step):
-    with pytest.raises(ParameterError, match="give a motion per count above 0"):
+    with pytest.raises(ParameterError, match=r"The step of the encoder is .*: give a number above 0"):
         Encoder(step)
 
 

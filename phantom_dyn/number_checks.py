@@ -24,26 +24,34 @@ def require_numbers(**values: float) -> None:
             raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a finite number.")
 
 
-def require_positive(**values: float) -> None:
+def require_positive(owner: str = "", /, **values: float) -> None:
     """Refuse numbers that are not finite and above 0.
+
+    Args:
+        owner: Whose numbers they are, as in ``the loop``, for the message.
+        values: Numbers by their names.
 
     Raises:
         ParameterError: If a value is 0 or less, or not finite.
     """
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0):
-            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a number above 0.")
+            raise ParameterError(f"The {_named(name, owner)} is {value}: give a number above 0.")
 
 
-def require_not_negative(**values: float) -> None:
-    """Refuse numbers that are not finite or below 0.
+def require_not_negative(owner: str = "", /, **values: float) -> None:
+    """Refuse numbers that are not finite or below 0; arguments as in `require_positive`.
 
     Raises:
         ParameterError: If a value is negative or not finite.
     """
     for name, value in values.items():
         if not (math.isfinite(value) and value >= 0):
-            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a number of 0 or more.")
+            raise ParameterError(f"The {_named(name, owner)} is {value}: give a number of 0 or more.")
+
+
+def _named(name: str, owner: str) -> str:
+    return name.replace("_", " ") + (f" of {owner}" if owner else "")
 
 
 def require_whole(least: int, **values: float) -> None:
