@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from identification.data.checks.readings import Reading, with_order, with_positions_times
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
@@ -23,15 +24,6 @@ _ROWS = 300  # samples in a regression: enough for four coefficients, and quick 
 _DEGREE = np.pi / 180  # [rad]
 _FAR = 4 * np.pi  # [rad]: a joint without limits may well travel two turns
 _MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A few hundred samples of smooth motion and torque, and the sign of the velocity smoothed in the same way."""
-
-    motion: Motion
-    tau: Float[Array, "N nv"]
-    sign: Float[Array, "N nv"]
 
 
 @dataclass(frozen=True)
@@ -52,12 +44,13 @@ class TorqueRegression:
     model_share: float
 
 
-def spread_samples(smooth: Smooth) -> Sample | None:
+def spread_samples(smooth: Smooth) -> Reading | None:
     """Samples for regressions, spread evenly over the record; None without torque or with too few samples."""
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < 50:
         return None
-    return Sample(smooth.motion(rows), smooth.tau[rows], smooth.sign[rows])
+    tau = smooth.tau[rows]
+    return Reading(smooth.motion(rows), smooth.sign[rows], tau, np.zeros_like(tau))
 
 
 def model_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
@@ -98,7 +91,7 @@ def regress_torque(
     return TorqueRegression(slopes, friction, squares / total, (friction_left - left) / total)
 
 
-def regress_joints(data: Sample, model: Float[Array, "N nv"]) -> tuple[TorqueRegression | None, ...]:
+def regress_joints(data: Reading, model: Float[Array, "N nv"]) -> tuple[TorqueRegression | None, ...]:
     """Regression of every joint's torque on the model torque of that joint."""
     return tuple(
         regress_torque(model[:, j], data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
@@ -106,12 +99,12 @@ def regress_joints(data: Sample, model: Float[Array, "N nv"]) -> tuple[TorqueReg
     )
 
 
-def unexplained_shares(data: Sample, model: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+def unexplained_shares(data: Reading, model: Float[Array, "N nv"]) -> Float[Array, " nv"]:
     """Share of the variance of each joint's torque that model and friction do not explain; NaN without variance."""
     return np.array([np.nan if one is None else one.unexplained for one in regress_joints(data, model)])
 
 
-def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+def check_flipped(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Sentences on torques with the opposite sign of the modelled torque or of friction."""
     out, both_ways = [], np.ptp(np.sign(data.motion.v), axis=0) == 2
     for j, (joint, found) in enumerate(zip(recording.joint_names, regress_joints(data, model), strict=True)):
@@ -131,7 +124,7 @@ def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"
     return tuple(out)
 
 
-def check_unsigned(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Sentences on torques that are never negative although the model needs both signs."""
     if recording.tau is None:
         return ()
@@ -153,15 +146,6 @@ def check_unsigned(recording: Recording, data: Sample, model: Float[Array, "N nv
     return tuple(out)
 
 
-def _permuted(data: Sample, i: int, j: int, motion: bool, torque: bool) -> Sample:
-    """The data with joints ``i`` and ``j`` exchanged in the motion, the torque or both."""
-    order = np.arange(data.tau.shape[1])
-    order[[i, j]] = j, i
-    m = data.motion
-    moved = Motion(m.t, m.q[:, order], m.v[:, order], m.a[:, order]) if motion else m
-    return Sample(moved, data.tau[:, order] if torque else data.tau, data.sign[:, order] if motion else data.sign)
-
-
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
     """Whether changed data fit each of ``joints`` far better, and no other joint much worse.
 
@@ -181,7 +165,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
 
 
 def check_swapped(
-    recording: Recording, robot: Robot, data: Sample, model: Float[Array, "N nv"]
+    recording: Recording, robot: Robot, data: Reading, model: Float[Array, "N nv"]
 ) -> tuple[tuple[str, ...], bool]:
     """Sentences on pairs of joints that fit far better when exchanged, and whether there are any."""
     before = unexplained_shares(data, model)
@@ -193,8 +177,10 @@ def check_swapped(
         if not np.nansum(before[[i, j]]) > 0.02:
             continue
         readings = []
+        order = list(range(robot.nv))
+        order[i], order[j] = j, i
         for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
-            changed = _permuted(data, i, j, motion, torque)
+            changed = with_order(data, order, positions=motion, torques=torque)
             new_model = model_torque(robot, changed.motion) if motion else model
             after = unexplained_shares(changed, new_model)
             if _clearly_better(before, after, [i, j]):
@@ -208,14 +194,8 @@ def check_swapped(
     return tuple(out), bool(out)
 
 
-def _in_degrees(data: Sample, revolute: Array) -> Sample:
-    scale = np.where(revolute, _DEGREE, 1.0)
-    m = data.motion
-    return Sample(Motion(m.t, m.q * scale, m.v * scale, m.a * scale), data.tau, data.sign)
-
-
 def check_degrees(
-    recording: Recording, robot: Robot | None, data: Sample | None, model: Float[Array, "N nv"] | None
+    recording: Recording, robot: Robot | None, data: Reading | None, model: Float[Array, "N nv"] | None
 ) -> tuple[str, ...]:
     """Sentences on positions that look like degrees: far outside the limits, or with a far better fit in degrees."""
     q = recording.q
@@ -230,7 +210,7 @@ def check_degrees(
     suspects = revolute & (outside | (far if robot is None else False))
     if robot is not None and data is not None and model is not None and not suspects.any() and revolute.any():
         before = unexplained_shares(data, model)
-        changed = _in_degrees(data, revolute)
+        changed = with_positions_times(data, np.where(revolute, _DEGREE, 1.0))
         after = unexplained_shares(changed, model_torque(robot, changed.motion))
         known = np.isfinite(before).any() and np.isfinite(after).any()
         if known and np.nanmean(before) > 0.3 and np.nanmean(after) < 0.3 * np.nanmean(before):

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from identification.data.checks.smoothed_copy import included
 from identification.data.drives.joint_torque import external_torque
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Bool, Float, Int
@@ -76,7 +77,7 @@ def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int)
     steps = np.array([_quantum(robot, recordings, k) for k in range(robot.nv)])
     for recording in recordings:
         q_ref = _references(recording, row)
-        still = _still(recording, steps) & _responded(recording.q[:, row], q_ref, steps[row]) & ~_left_out(recording)
+        still = _still(recording, steps) & _responded(recording.q[:, row], q_ref, steps[row]) & included(recording)
         load = (gravity_torque(robot, recording.q) - external_torque(robot, recording.q, recording.forces))[:, row]
         parts.append((recording.t - recording.t[0] + start, recording.q, recording.q[:, row] - q_ref, load, still))
         start = float(parts[-1][0][-1]) + 1.0
@@ -131,11 +132,4 @@ def _responded(q: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) ->
         moved = np.flatnonzero(np.abs(q[begin:end] - q[begin]) > 1.01 * step)
         if len(moved):
             out[begin + moved[0] : end] = True
-    return out
-
-
-def _left_out(recording: Recording) -> Bool[Array, " N"]:
-    out = np.zeros(len(recording.t), dtype=bool)
-    for begin, end in recording.excluded:
-        out |= (recording.t >= begin) & (recording.t <= end)
     return out

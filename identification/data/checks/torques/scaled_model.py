@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from identification.data.checks.against_model import Sample, regress_joints
-from identification.data.checks.readings import Reading, varies
+from identification.data.checks.against_model import regress_joints
+from identification.data.checks.readings import Reading, varies, with_torques_plus
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
@@ -33,7 +33,7 @@ def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 def common_ratio(robot: Robot, reading: Reading) -> float | None:
     """Measured over modelled torque, where at least two joints agree on it to a factor of two; else None."""
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
+    found = regress_joints(with_torques_plus(reading, reading.external), model)
     slopes = [
         float(np.mean(one.slope)) for one in found if one is not None and one.model_share > 0.1 and min(one.slope) > 0
     ]

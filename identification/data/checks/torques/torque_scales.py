@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.checks.against_model import Sample, regress_joints
-from identification.data.checks.readings import Reading, with_torques_times
+from identification.data.checks.against_model import regress_joints
+from identification.data.checks.readings import Reading, with_torques_plus, with_torques_times
 from identification.data.checks.suspects import Suspect, names
 from identification.data.readers.map_entries import gear_entries
 from phantom_dyn.array_types import Array, Float
@@ -35,7 +35,7 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
         reading: The recorded data.
     """
     model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
-    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
+    found = regress_joints(with_torques_plus(reading, reading.external), model)
     out = np.full(robot.nv, np.nan)
     for j, one in enumerate(found):
         if one is None or one.model_share < _SHARE or min(one.slope) <= 0:

@@ -7,10 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.data.checks.against_model import Sample, check_flipped
+from identification.data.checks.against_model import check_flipped
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.one_line import is_one_sine, lines_of, separated
 from identification.data.checks.positions import jumps, quantum
+from identification.data.checks.readings import Reading
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping
 from identification.data.checks.torques.torque_lag import lags_and_low_passes
@@ -298,7 +299,7 @@ def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_to
     zeros = np.zeros((300, 3))
     v = np.tile([0.3 * direction, 0.1 * direction, -0.3 * direction], (300, 1))
     tau = np.array([-0.5, 0.5, -0.5]) + 0.01 * rng.standard_normal((300, 3))
-    data = Sample(Motion(t, t[:, None] * v, v, zeros), tau, np.sign(v))
+    data = Reading(Motion(t, t[:, None] * v, v, zeros), np.sign(v), tau, zeros)
     assert check_flipped(clean(), data, zeros) == ()
 
 
