@@ -18,6 +18,7 @@ from itertools import product
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.operation import Operation
@@ -26,6 +27,7 @@ from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import EffectError
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 # A neighbour of a value that a search has tried: less and more by so much.
 _LESS, _MORE = 0.85, 1.18
@@ -101,9 +103,10 @@ class LawEffect(Effect):
 
 def at_moment(robot: Robot, moment: Moment) -> Operation:
     """One instant of a simulation as an operation of one sample, without acceleration."""
-    tau = moment.transmitted[None]
     still = np.zeros((1, robot.nv))
-    return Operation(np.array([moment.t]), moment.q[None], moment.v[None], still, robot, tau, tau, tau)
+    motion = Motion(np.array([moment.t]), moment.q[None], moment.v[None], still)
+    tau = moment.transmitted[None] + modelled_friction(robot, motion)
+    return Operation(motion.t, motion.q, motion.v, still, robot, tau, tau, tau)
 
 
 def rows_of(robot: Robot, joint: str | None) -> tuple[int, ...]:

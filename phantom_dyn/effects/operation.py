@@ -86,6 +86,8 @@ class Operation(Motion):
         recording: Index of its recording, for effects that act in some recordings only.
         band_hz: Edge [Hz] of the band in which torques are judged.
         found_load: Part of `load` from the findings so far, shape ``(N, nv)``; None for nothing.
+        known_in_drive: Part of ``tau`` that is friction or drive faults that are known, which no link receives,
+            ``(N, nv)``; None for nothing.
         temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None for no joint.
         per_load: Drive torque per torque on the link, ``(N, nv)``: one plus known friction under load; None for one.
         references: References and commands, if the torque was computed from references; else None.
@@ -100,6 +102,7 @@ class Operation(Motion):
     band_hz: float = np.inf
     temperature: Float[Array, "N nv"] | None = None
     found_load: Float[Array, "N nv"] | None = None
+    known_in_drive: Float[Array, "N nv"] | None = None
     references: References | None = None
     per_load: Float[Array, "N nv"] | None = None
 
@@ -174,8 +177,9 @@ class Operation(Motion):
 
     @cached_property
     def transmitted(self) -> Float[Array, "N nv"]:
-        """Torque that the transmissions pass to the links: drive torque less the rotors' share."""
-        return self.tau - rotor_torque(self.robot, self)
+        """Torque that the transmissions pass to the links: drive torque less what rotors, friction and drives take."""
+        passed = self.tau - rotor_torque(self.robot, self) - self.own_friction
+        return passed if self.known_in_drive is None else passed - self.known_in_drive
 
     @property
     def load(self) -> Float[Array, "N nv"]:

@@ -183,9 +183,10 @@ def stepped(
 
     mobility = np.linalg.inv(inertia + np.diag(0.5 * h * viscous))
     speed = state.v + mobility @ (h * (force - viscous * state.v))
-    apply_dry_friction(mobility, speed, machine.friction_places, np.zeros(nv), robot.coulomb_friction, h)
+    dry = np.zeros(nv)
+    apply_dry_friction(mobility, speed, machine.friction_places, dry, robot.coulomb_friction, h)
     a = (speed - state.v) / h
-    transmitted = given - machine.rotor * a[:nv]
+    transmitted = given + added - machine.rotor * a[:nv] - robot.viscous_friction * speed[drives] + dry
     transmitted[list(machine.loose)] = spring
     return State(x + 0.5 * h * speed, speed, a, transmitted, tree)
 

@@ -91,7 +91,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     there, motion = robot, operation.at(slice(None))
     for effect, one in effects:
         there, motion = effect.true_motion(there, motion, one.joint, np.array(one.theta))
-    tau, found_load = operation.tau, np.zeros_like(operation.tau)
+    tau, found_load, in_drive = operation.tau, np.zeros_like(operation.tau), np.zeros_like(operation.tau)
     displacing = [pair for pair in effects if pair[0].displaces]
     if len(displacing) > 1:
         # Together their torque is not the sum of their single torques.
@@ -108,9 +108,12 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                 else:
                     torque = effect.torque(robot, here, one.joint, np.array(one.theta))
                 tau = tau - torque
-                found_load = found_load - torque if effect.on_link else found_load
+                if effect.on_link:
+                    found_load = found_load - torque
+                else:
+                    in_drive = in_drive - torque
     per_load = _per_load(robot, replace(operation, found_load=found_load), effects)
-    return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load)
+    return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load, known_in_drive=in_drive)
 
 
 def _per_load(

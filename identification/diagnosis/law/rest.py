@@ -216,7 +216,7 @@ def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list
         f"v.{own}": motion.v[:, row],
         f"a.{own}": motion.a[:, row],
         f"dx.{own}": displacement_since_reversal(motion.q[:, row], motion.v[:, row]),
-        f"tl.{own}": operation.transmitted[:, row] - operation.own_friction[:, row],
+        f"tl.{own}": operation.transmitted[:, row],
         f"tau.{own}": operation.tau[:, row],
     }
     if log.temperature is not None and np.isfinite(log.temperature[:, row]).all():

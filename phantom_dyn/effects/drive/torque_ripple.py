@@ -134,13 +134,11 @@ class TorqueRipple(Effect):
 
 
 def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
-    """Load; the part of the links up to the edge of the judged band only, as above it accelerations are noisy."""
+    """Load up to the edge of the judged band, as above it accelerations are noisy."""
     load = operation.transmitted[:, row]
     if not 0.0 < operation.band_hz * operation.dt < 0.5:
         return load
-    # Friction has steps at reversals and does not depend on accelerations, so it is not filtered.
-    friction = operation.own_friction[:, row]
-    return friction + low_passed(load - friction, operation.band_hz, 1.0 / operation.dt, order=_POLES)
+    return low_passed(load, operation.band_hz, 1.0 / operation.dt, order=_POLES)
 
 
 @torque_law

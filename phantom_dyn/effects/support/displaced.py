@@ -64,15 +64,10 @@ def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -
     return motion.with_joints(q, v, a)
 
 
-def link_load(operation: Operation, row: int) -> Samples:
-    """Torque that the transmission passes to the link: the drive torque less what rotor and modelled friction take."""
-    return operation.transmitted[:, row] - operation.own_friction[:, row]
-
-
 def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
-    """`link_load`, and the inertia of the link alone, without its rotor, [kg m^2 or kg]."""
+    """Torque that the transmission passes to the link, and the link's inertia, without its rotor, [kg m^2 or kg]."""
     inertia = operation.inertia[:, row] - operation.robot.rotor_inertia[row]
-    return link_load(operation, row), np.maximum(inertia, 1e-12)
+    return operation.transmitted[:, row], np.maximum(inertia, 1e-12)
 
 
 def behind_encoder(robot: Robot, row: int) -> str | None:

@@ -32,7 +32,7 @@ from phantom_dyn.effects.author import (
     Transmission,
     row_of,
 )
-from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
+from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, load_and_inertia
 from phantom_dyn.effects.support.rows import branch_rows
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 
@@ -116,7 +116,7 @@ class Backlash(Effect):
         """Why it cannot be tested: the link never comes loose, or the encoder is on the link; None if it can."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
-        load = link_load(operation, row)
+        load = operation.transmitted[:, row]
         if hidden is None and not (load.min() < 0 < load.max()):
             return "the transmitted torque never changes sign"
         return hidden

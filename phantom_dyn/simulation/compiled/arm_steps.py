@@ -100,6 +100,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
                 torque = effect_torque(t_codes, t_numbers, t_state, i, y[at], rate, transmitted[j])
                 push[at] += torque
                 push[other] += share * torque
+            effects_passed(drives, push, transmitted)
             for j in range(nv):
                 push[j] -= bias[j]
                 push[drives[j]] += given[j] - arm.viscous[j] * v[drives[j]]
@@ -108,9 +109,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
             accelerate(mobility, push, v, h, speed)
             apply_dry_friction(mobility, speed, places, friction, arm.coulomb, h)
             slow = advance(x, v, a, y, speed, h, plan.far)
-            for j in range(nv):
-                if drives[j] == j:
-                    transmitted[j] = given[j] - arm.rotor[j] * a[j]
+            drives_passed(arm, given, v, a, friction, transmitted)
             if not slow:
                 return k
             if step == 0:
@@ -200,6 +199,22 @@ def spring_torque(apart: float, rate: float, stiffness: float, damping: float, g
     if apart < -0.5 * gap:
         return min(stiffness * (apart + 0.5 * gap) + damping * rate, 0.0)
     return 0.0
+
+
+@within
+def effects_passed(drives: Array, push: Array, transmitted: Array) -> None:
+    """Begin the torque that rigid transmissions pass with that of effects on their joints."""
+    for j in range(len(drives)):
+        if drives[j] == j:
+            transmitted[j] = push[j]
+
+
+@within
+def drives_passed(arm: Arm, given: Array, v: Array, a: Array, friction: Array, transmitted: Array) -> None:
+    """Add what drives give beyond what rotors and modelled friction take, where transmissions are rigid."""
+    for j in range(len(given)):
+        if arm.drives[j] == j:
+            transmitted[j] += given[j] - arm.rotor[j] * a[j] - arm.viscous[j] * v[j] + friction[j]
 
 
 @within

@@ -23,8 +23,8 @@ def test_the_time_step_is_the_mean_one(planar, moving):
     assert one.dt == 0.0
 
 
-def test_transmissions_pass_what_links_and_friction_take(planar, moving):
-    np.testing.assert_allclose(moving.transmitted, link_torque(planar, moving) + moving.own_friction, atol=1e-12)
+def test_transmissions_pass_what_the_links_take(planar, moving):
+    np.testing.assert_allclose(moving.transmitted, link_torque(planar, moving), atol=1e-12)
     v = moving.v
     friction = planar.viscous_friction * v + planar.coulomb_friction * np.sign(v)
     np.testing.assert_allclose(moving.own_friction, friction, atol=1e-12)

@@ -21,9 +21,10 @@ def geared(arm):
 
 
 def test_the_torque_follows_the_contract(arm, geared, smooth):
-    # Contract: -ratio |tl| s. Pinocchio: tl is the torque of the same robot without rotors.
+    # Contract: -ratio |tl| s. Pinocchio: tl is the torque of the same robot without rotors and friction.
     operation = Operation.of(geared, smooth)
-    load = inverse_dynamics(arm, smooth)[:, 1]
+    still = np.zeros(3)
+    load = inverse_dynamics(replace(arm, viscous_friction=still, coulomb_friction=still), smooth)[:, 1]
     torque = EFFECT.torque(geared, operation, "tilt", THETA)[:, 1]
     np.testing.assert_allclose(torque, -0.15 * np.abs(load) * np.sign(smooth.v[:, 1]), atol=1e-12)
 

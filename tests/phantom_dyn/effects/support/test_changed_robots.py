@@ -17,7 +17,6 @@ from phantom_dyn.effects.support.displaced import (
     displaced,
     exact_change_by_link,
     exact_change_by_reading,
-    link_load,
 )
 from phantom_dyn.effects.support.rows import branch_rows, moving_average, never_reverses, secant, turning_points
 from phantom_dyn.errors import RobotError
@@ -142,7 +141,7 @@ def test_the_exact_change_is_that_of_first_order_for_small_shifts(planar, moving
 
 
 def test_the_load_of_a_link_is_the_torque_without_rotor_and_friction(planar, moving):
-    np.testing.assert_allclose(link_load(moving, 1), link_torque(planar, moving)[:, 1], atol=1e-10)
+    np.testing.assert_allclose(moving.transmitted[:, 1], link_torque(planar, moving)[:, 1], atol=1e-10)
 
 
 @pytest.mark.parametrize(

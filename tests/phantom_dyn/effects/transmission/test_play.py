@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.displaced import exact_change_by_link, link_load, load_and_inertia
+from phantom_dyn.effects.support.displaced import exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.transmission.backlash import Backlash, Play, play, with_unfiltered_load
 from phantom_dyn.effects.transmission.transmission_compliance import (
     TransmissionCompliance,
@@ -182,9 +182,9 @@ def test_a_link_swings_on_spring_and_gravity_under_its_load(short):
     to_q, to_v = short.partials[0][:, 1, 1], short.partials[1][:, 1, 1]
     damping = 0.2 * np.sqrt(stiffness * inertia) + to_v
     assert damping.min() > 0
-    left = inertia * gain + damping * speed + (stiffness + to_q) * delta + link_load(short, 1)
+    left = inertia * gain + damping * speed + (stiffness + to_q) * delta + short.transmitted[:, 1]
     np.testing.assert_allclose(left[1:], 0.0, atol=1e-9)
-    assert delta[0] == pytest.approx(-link_load(short, 1)[0] / (stiffness + to_q[0]))
+    assert delta[0] == pytest.approx(-short.transmitted[0, 1] / (stiffness + to_q[0]))
 
 
 def test_what_gravity_takes_off_a_spring_leaves_a_tenth_of_it(short):
@@ -193,7 +193,7 @@ def test_what_gravity_takes_off_a_spring_leaves_a_tenth_of_it(short):
     first = int(np.argmin(to_q))
     assert to_q[first] < -0.01
     rest = Operation.of(short.robot, Motion(*(x[first:] for x in (short.t, short.q, short.v, short.a))))
-    assert swing(rest, 1, 0.01)[0][0] == pytest.approx(-link_load(rest, 1)[0] / 0.001)
+    assert swing(rest, 1, 0.01)[0][0] == pytest.approx(-rest.transmitted[0, 1] / 0.001)
 
 
 def test_compliances_that_are_tried_swing_between_70_and_9_hertz(arm, smooth):
