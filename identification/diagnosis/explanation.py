@@ -10,8 +10,9 @@ from operator import length_hint
 import numpy as np
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.columns_again import where_read
 from identification.diagnosis.columns.fewer_columns import columns_for
-from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns, where_read
+from identification.diagnosis.columns.residual_columns import Columns, FitPoint, build_columns
 from identification.diagnosis.columns.resonances import resonances
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term

@@ -128,23 +128,6 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     return _assembled(session, given, tuple(names), terms, local, values, about.found)
 
 
-def where_read(session: Session, columns: Columns) -> Columns:
-    """Columns with moves and rigid bodies at the positions as read, in the gravity of the given model.
-
-    Fits without effects that displace the links need these.
-
-    Args:
-        session: Robot and logs of the columns.
-        columns: At the true positions of links that effects displace.
-    """
-    moves = moves_of(session.robot)
-    values = []
-    for k, own in enumerate(columns.values):
-        plain = (np.column_stack(row) for row in _plain(session, k, columns.operations[k], moves))
-        values.append(tuple(np.hstack([new, old[:, new.shape[1] :]]) for new, old in zip(plain, own, strict=True)))
-    return replace(columns, values=tuple(values), displaced=())
-
-
 def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
     """Columns of other logs of the same robot, with the effects and shapes of ``like``.
 
@@ -166,7 +149,7 @@ def columns_by_log(
     expected = replace(given, operations=operations)
 
     def made(log: int) -> tuple[Array, ...]:
-        plain = _plain(session, log, given.operations[log], given.moves, displacing)
+        plain = plain_columns(session, log, given.operations[log], given.moves, displacing)
         return _values(session, log, operations[log], plain, like.local, {})
 
     return _assembled(session, expected, like.names, like.terms, like.local, (), found), made
@@ -282,7 +265,7 @@ def _with_plain(session: Session, given: _GivenPart, found: tuple[FoundEffect, .
     are exact.
     """
     there = _displacing(session.robot, found)
-    plain = tuple(_plain(session, k, o, given.moves, there) for k, o in enumerate(given.operations))
+    plain = tuple(plain_columns(session, k, o, given.moves, there) for k, o in enumerate(given.operations))
     return replace(given, plain=plain)
 
 
@@ -294,16 +277,27 @@ def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[
     )
 
 
-def _plain(
+def plain_columns(
     session: Session,
     log: int,
     operation: Operation,
     moves: tuple[Move, ...],
     displacing: tuple[FoundEffect, ...] = (),
+    *,
+    beyond: float = 1.0,
 ) -> list[list[Float[Array, " n"]]]:
-    """Columns of the moves and of the rigid-body regressor in the band, row by row."""
+    """Columns of the moves and of the rigid-body regressor in the band, row by row.
+
+    Args:
+        session: Robot and logs.
+        log: Index of the log.
+        operation: Its motion.
+        moves: Of the model.
+        displacing: Effects that displace the links.
+        beyond: Where columns made of accelerations end, in edges of the judged band.
+    """
     robot, band = session.robot, session.logs[log].band
-    narrow = partial(session.log_in_judged_band, log=log)
+    narrow = partial(session.log_below, log=log, edge_hz=beyond * session.cutoff_hz)
     there = where_links_are(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
@@ -344,6 +338,22 @@ def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
     ]
 
 
+def effect_columns(
+    session: Session, log: int, operation: Operation, block: Local, edge_hz: float
+) -> tuple[Float[Array, "n c"], ...]:
+    """In-band columns of one effect in one log, an array for each row; parts made of accelerations end at an edge."""
+    band = session.logs[log].band
+    signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)
+    out = []
+    for k in range(len(signature.rows)):
+        column = band(signature.columns[:, k, :])
+        if block.effect.uses_acceleration:
+            steps = 0.0 if signature.steps is None else band(signature.steps[:, k, :])
+            column = session.log_below(column - steps, log, edge_hz) + steps
+        out.append(column)
+    return tuple(out)
+
+
 def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:
     """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
     out: dict[Place, tuple[Array, ...]] = {}
@@ -368,22 +378,11 @@ def _values(
     kept: dict[Place, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row; cached ones are reused."""
-    band = session.logs[log].band
     operation = operation.for_a_while()
 
     def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))
-        if known is not None:
-            return known
-        signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)
-        out = []
-        for k in range(len(signature.rows)):
-            column = band(signature.columns[:, k, :])
-            if block.effect.uses_acceleration:
-                steps = 0.0 if signature.steps is None else band(signature.steps[:, k, :])
-                column = session.log_in_judged_band(column - steps, log) + steps
-            out.append(column)
-        return tuple(out)
+        return effect_columns(session, log, operation, block, session.cutoff_hz) if known is None else known
 
     rows = [list(columns) for columns in plain]
     for block, parts in zip(local, in_two_threads(computed, local), strict=True):

@@ -248,8 +248,7 @@ def _at_shape(layout: ModelLayout, place: Place, shape: Shape, log: int) -> Floa
 def in_band(layout: ModelLayout, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
     """Filter a series into the judged band as the recorded torque is filtered.
 
-    The columns of the problem that are made of accelerations are filtered there twice, which takes from them what the
-    torque keeps near the edge of the band: a stiffness that shows there would come out a tenth too low.
+    Columns of the problem that are made of accelerations went through another low pass before that.
     """
     session = layout.problem.session
     return session.log_in_judged_band(session.logs[log].band(x), log)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.residual_columns import Columns, where_read
+from identification.diagnosis.columns.columns_again import reaching_beyond, where_read
+from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import weights_of
@@ -46,8 +47,9 @@ def narrow_search(search: Search, noise: Series) -> Search:
     Whitened fits separate effects best. Once the effects are chosen, the plain fit closes most of the gap, and its
     parameters are less biased where a real effect differs from its law.
     """
-    columns = search.problem.columns
-    return search_below(search, columns, noise, np.full(len(columns.rows), search.problem.session.cutoff_hz))
+    session = search.problem.session
+    columns = reaching_beyond(session, search.problem.columns)
+    return search_below(search, columns, noise, np.full(len(columns.rows), session.cutoff_hz))
 
 
 def search_below(search: Search, columns: Columns, noise: Series, edges: Float[Array, " nv"]) -> Search:

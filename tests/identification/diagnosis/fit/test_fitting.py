@@ -355,6 +355,20 @@ def test_the_judged_band_leaves_what_lies_above_out(quiet):
     np.testing.assert_allclose(narrow[inside, 1], slow[inside], atol=0.02)
 
 
+def test_what_ends_above_the_judged_band_is_there_what_it_was(quiet):
+    # Closed form: beside a filter of gain 1 / (1 + (f/c)^8) one that ends half as high again changes it by 2.5 %.
+    log = quiet.logs[0]
+    edge = 0.2 * log.band.cutoff_hz
+    session = replace(quiet.session, cutoff_hz=edge)
+    t = np.arange(len(log.samples)) / log.band.output_rate_hz
+    for share in (0.5, 0.8, 0.9, 1.0, 1.1):
+        series = np.sin(2.0 * np.pi * share * edge * t)[:, None]
+        once = session.log_in_judged_band(series, 0)
+        with_more = session.log_in_judged_band(session.log_below(series, 0, 1.5 * edge), 0)
+        inside = slice(len(t) // 4, -len(t) // 4)
+        assert np.abs(with_more - once)[inside].max() < 0.026
+
+
 def test_a_band_that_is_judged_as_it_stands_is_not_filtered_again(quiet):
     series = (quiet.columns.residual[0],)
     same = replace(quiet.session, cutoff_hz=quiet.logs[0].band.cutoff_hz).in_judged_band(series)
