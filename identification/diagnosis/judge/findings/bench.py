@@ -68,6 +68,7 @@ class State:
         nothing: Effects whose size does not differ from zero.
         searched_again: Whether effects were searched for in the place of these.
         outdone: Effects and joints that a rival replaced; they do not come back while it is there.
+        compared: Effects and joints that did not close the gap for sure, so that a rival was looked for.
         exchanged: Pairs of replaced effects and the rivals that replaced them.
         looked_at: Sets whose rivals were compared.
         done: Whether the last of these is the result.
@@ -79,6 +80,7 @@ class State:
     nothing: frozenset[Term] = frozenset()
     searched_again: bool = False
     outdone: frozenset[Place] = frozenset()
+    compared: frozenset[Place] = frozenset()
     exchanged: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
     looked_at: tuple[Shown, ...] = ()
     done: bool = False

@@ -134,11 +134,40 @@ def _motion(bench: Bench, state: State) -> State:
 
 
 def _sure(bench: Bench, state: State) -> State:
+    """The state without the effect that closes the gap least surely, or with a rival of it that does."""
     if not state.shown:
         return state
     left = bench.left(state.found | state.shown)
     least = least_closed(left, state.shown, bench.residuals.judge_of(state.shown).sound)
-    return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, _hide)
+
+    def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
+        # An effect that closes some of the gap, but not everywhere, may be the wrong law of the right joint.
+        closes = least[term] > -1.0 and term.named and term in state.found
+        if not closes or term.place in state.compared:
+            return _hide(state, term)
+        state = replace(state, compared=state.compared | {term.place})
+        instead = _rival_that_closes(bench, state, term)
+        if instead is None:
+            return _hide(state, term)
+        rivals = instead - state.found
+        shown, outdone = (state.shown & instead) | rivals, state.outdone | {term.place}
+        return replace(state, found=instead, shown=shown, outdone=outdone), rivals
+
+    return _take_away(bench, state, {term: closes_for_sure(share) for term, share in least.items()}, without)
+
+
+def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
+    """The set with the most probable rival of an effect that closes the gap for sure; None if there is none."""
+    standing = stand(bench.search, state.found, term, state.barred, bench.again)
+    for found, _ in sorted(standing.elsewhere, key=lambda one: -one[1]):
+        rivals = found - state.found
+        if not state.outdone.isdisjoint(one.place for one in rivals):
+            continue
+        sound = bench.residuals.judge_of(found).sound
+        least = least_closed(bench.left(found), found, sound)
+        if all(closes_for_sure(least.get(one, 0.0)).passed for one in rivals):
+            return found
+    return None
 
 
 def _noise(bench: Bench, state: State) -> State:

@@ -111,6 +111,30 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing,
     assert bench.record.instead(terms[7].place) == (terms[2].place,)
 
 
+@pytest.mark.parametrize(("of_rival", "in_its_place"), [(0.5, True), (-0.5, False)])
+def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_does_not(
+    rubbing, monkeypatch, of_rival, in_its_place
+):
+    # By hand: viscous friction opens the gap in some draws; Coulomb friction, its rival, does so or does not.
+    viscous, coulomb = (rubbing.term(name, "elbow") for name in ("viscous_friction", "coulomb_friction"))
+    least = {viscous: -0.5, coulomb: of_rival}
+    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: {one: least[one] for one in chosen})
+    elsewhere = ((frozenset([coulomb]), 0.4),)
+    monkeypatch.setattr(shown_module, "stand", lambda *_: Standing(0.6, (), elsewhere=elsewhere))
+    bench = bench_of(rubbing)
+    after = shown_module._sure(bench, State.of(frozenset([viscous])))
+    assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
+    assert bench.record.instead(viscous.place) == ((coulomb.place,) if in_its_place else ())
+
+
+def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbing, monkeypatch):
+    # By hand: what closes nothing of the gap may as well be noise.
+    viscous = rubbing.term("viscous_friction", "elbow")
+    monkeypatch.setattr(shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
+    monkeypatch.setattr(shown_module, "stand", lambda *_: pytest.fail("a rival was looked for"))
+    assert not shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous]))).shown
+
+
 def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
     # Known truth: Coulomb friction alone; what was found in its place changes its name.
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
