@@ -60,10 +60,13 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
     shown, left = _shown_above_noise(explanation, narrow_search(search, noise), noise)
-    rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
-    within = left_by(judge, shown.plain, frozenset())
+    within = left_by(left.judge, shown.plain, frozenset())
+    as_given = not shown.chosen and _closer(left.judge, sums(problem, given), within)
+    if as_given:
+        left, within = _of_given_model(problem, left, given), sums(problem, given)
+    rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
     claims = [
         *findings_without(shown, judge, within),
         # A coarse reading adds spurious torque and does not change the model.
@@ -93,7 +96,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         verdict=said if all_sound(findings, notes) else not_explained(said),
         joints=joints,
         findings=findings,
-        adjusted=with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
+        adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
@@ -101,7 +104,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
         minor=minor,
-        numbers=model_numbers(shown),
+        numbers=() if as_given else model_numbers(shown),
         bursts=bursts,
         # Last of all, so that its fits cannot change the last digits of the other results.
         ledger=(*ledger_of(search, shown, judge, places), *coarse_claims(search, rounding)),
@@ -174,6 +177,18 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         state = State.of(explain(plain, lambda _: None))
     shown = shown_effects(bench, state)
     return shown, left_by_all(shown.chosen)
+
+
+def _closer(judge: Judge, given: Sums, within: Sums) -> bool:
+    """True if the given model leaves less than its best moves do, on blocks to which these were not fitted."""
+    once = np.ones((1, len(given.counts)))
+    return bool(given.loss(judge.floor, once)[0] < within.loss(judge.floor, once)[0])
+
+
+def _of_given_model(problem: Problem, left: _Left, given: Series) -> _Left:
+    """What the given model leaves, without moves within its tolerances."""
+    torque = problem.columns.model_torque
+    return replace(left, torque=torque, residual=given, whole=given)
 
 
 def _torque_over_noise(left: _Left) -> float:
@@ -342,8 +357,7 @@ def evidence_of(
         start = float(times[-1][-1]) + 1.0
     model = np.concatenate(judge.narrow(columns.model_torque))
     transmitted = tuple(
-        log.band(operation.transmitted - operation.own_friction)
-        for log, operation in zip(logs, columns.operations, strict=True)
+        log.band(operation.transmitted) for log, operation in zip(logs, columns.operations, strict=True)
     )
     splits = [regime_split(problem, given, row) for row in range(len(columns.rows))]
     touched = [~log.untouched_in_band for log in logs if log.touched is not None]

@@ -152,7 +152,7 @@ def test_evidence_holds_the_torques_as_they_were_measured_modelled_and_corrected
     np.testing.assert_allclose(found.tau_measured, np.concatenate(measured))
     np.testing.assert_array_equal(found.tau_after, np.concatenate(series[1]))
     np.testing.assert_array_equal(found.tau_without[0], np.concatenate(series[2]))
-    passed = [o.transmitted - o.own_friction for o in columns.operations]
+    passed = [o.transmitted for o in columns.operations]
     banded = [log.band(torque) for log, torque in zip(problem.session.logs, passed, strict=True)]
     np.testing.assert_allclose(found.tau_transmitted, np.concatenate(banded))
 
@@ -388,3 +388,10 @@ def test_on_a_robot_without_a_gap_all_are_too_little_by_chance(lab, planar2):
     for claim in found.ledger:
         assert claim.outcome == "not_claimed"
         assert claim.failed is not None
+
+
+def test_moves_that_leave_more_than_the_given_model_are_not_made(lab, planar2):
+    # Known truth: the given model is right, so that moves within its tolerances fit noise.
+    found = diagnose(planar2, (lab.recording(planar2, lab.motion(2, 4)),))
+    assert found.adjusted == ()
+    assert [joint.rms_within_tolerance for joint in found.joints] == [joint.rms_before for joint in found.joints]
