@@ -32,6 +32,8 @@ _FEWEST = 40.0  # independent values in a part: with fewer its power is uncertai
 _OF_ENCODERS = 0.5  # largest share of a part's power from the encoders: beyond, the difference is too uncertain
 _EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
 _HIDDEN = 0.3  # share of a part's power below which the torque's noise may be an error of the encoders' part
+# Share of the largest possible power that is taken where encoders hide the torque's: a quarter of its size.
+_BETWEEN = 1.0 / 16.0
 _LOWEST = 2  # most parts with the least power that are averaged: remains of motion and effects raise the others
 
 
@@ -64,8 +66,8 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
     else the least power: more in the other one is no white noise, as at a resonance. Neither is it larger than the
     whole power of a part in which encoder noise dominates. The interval reaches from the least power to that of the
     part next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
-    uncertainty of a median. Where encoder noise dominates every part, the interval reaches up to the uncertainty of the
-    encoders' part.
+    uncertainty of a median. Where encoder noise dominates every part, the interval reaches from nothing to the
+    uncertainty of the encoders' part, and the value is a quarter of the size of that.
 
     Args:
         parts: Power of the balance in bands above the motion, from `balance_parts`.
@@ -76,10 +78,11 @@ def balance_noise(parts: list[Part], deviations: float) -> Density | None:
     if not parts:
         return None
     if not clear:
-        # A small difference may be an error of the encoders' part.
+        # A small difference may be an error of the encoders' part. No noise at all is the least likely of all sizes.
         least = min(hidden, key=lambda one: one.whole)
-        value = least.torque if least.torque > _HIDDEN * least.whole else 0.0
-        return Density(value, 0.0, max(least.torque, 0.0) + _HIDDEN * least.whole)
+        most = max(least.torque, 0.0) + _HIDDEN * least.whole
+        value = least.torque if least.torque > _HIDDEN * least.whole else _BETWEEN * most
+        return Density(value, 0.0, most)
     lowest = clear[:_LOWEST]
     if lowest[-1].torque > lowest[0].torque * _reach(lowest, deviations) ** 2:
         lowest = clear[:1]
