@@ -13,8 +13,9 @@ from typing import Literal, cast
 
 import numpy as np
 
+from identification.data.readers.held_rows import rows_once_read
 from identification.data.recording import RawTable, Table
-from phantom_dyn.array_types import Array, read_only
+from phantom_dyn.array_types import Array, Bool, Float, read_only
 from phantom_dyn.errors import LogError, listed, shortened
 
 Quantity = Literal[
@@ -272,6 +273,23 @@ def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
         )
 
 
+def _read_once(
+    raw: RawTable, columns: Mapping[str, Float[Array, " N"]], kept: Bool[Array, " N"]
+) -> tuple[Bool[Array, " N"], tuple[str, ...]]:
+    """Rows to keep where a recorder wrote each reading of the robot several times, and the warning that says so."""
+    once, each = rows_once_read({name: values[kept] for name, values in columns.items()})
+    if once.all() or once.sum() < FEWEST_ROWS:
+        return kept, ()
+    t = columns["t"][kept]
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    out = kept.copy()
+    out[kept] = once
+    return out, (
+        f"{raw.file}: each reading of the robot is written {each:.2g} times, exactly: it was read at "
+        f"{rate / each:.3g} Hz and logged at {rate:.3g} Hz; the repeated rows were dropped.",
+    )
+
+
 def contract_table(raw: RawTable) -> Table:
     """The standard columns of a file, checked.
 
@@ -301,8 +319,10 @@ def contract_table(raw: RawTable) -> Table:
     if dropped:
         noun = "row that repeats the one before was" if dropped == 1 else "rows that repeat the one before were"
         warnings += (f"{raw.file}: {dropped} {noun} dropped.",)
+    kept, again = _read_once(raw, columns, kept)
+    warnings += again
     if others:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)
-    kept_columns = {name: read_only(values[kept] if dropped else values) for name, values in columns.items()}
+    kept_columns = {name: read_only(values if kept.all() else values[kept]) for name, values in columns.items()}
     return Table(raw.file, kept_columns, warnings, raw.compensated, raw.low_pass, raw.named, raw.references_held)
