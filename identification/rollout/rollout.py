@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.columns.motion.one_sine import moving
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.fitting import Fitted
@@ -211,6 +212,9 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     try:
         over = strays(shots, model, torque, noise, folds, horizon)
     except (PhantomDynError, np.linalg.LinAlgError):
+        return {}
+    # A brake may hold a joint that never moves: where the simulation lets it go, it says nothing about the others.
+    if np.any(over[~moving(session.logs).any(axis=0)] > 1.0):
         return {}
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, over, strict=True) if x > 1.0}
 

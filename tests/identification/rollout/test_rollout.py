@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.log import Band, Log
+from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Judgement, Unexplained
@@ -209,6 +210,27 @@ def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, rec
     # The readings have noise of 0.01 mrad, and a little of it is left in what is smoothed.
     assert rollout["reading_noise"]["pin"] == pytest.approx(1e-5, rel=0.2)
     assert rollout["rms_after"]["pin"] < 0.2 * rollout["rms_before"]["pin"]
+
+
+@pytest.mark.whole
+def test_a_joint_that_a_brake_holds_does_not_stray(planar, rng):
+    # Known truth: nothing is wrong. The elbow is held at 0.6 rad by a brake, and its drive gives no torque.
+    t = np.arange(3000) / 250.0
+    q, v, a = np.zeros((3, len(t), 2))
+    q[:, 1] = 0.6
+    for hz, phase in ((0.3, 0.0), (0.8, 1.0)):
+        w = 2.0 * np.pi * hz
+        q[:, 0] += 0.3 * np.sin(w * t + phase)
+        v[:, 0] += 0.3 * w * np.cos(w * t + phase)
+        a[:, 0] -= 0.3 * w**2 * np.sin(w * t + phase)
+    tau = inverse_dynamics(planar, Motion(t, q, v, a))
+    tau[:, 0] += 0.01 * rng.standard_normal(len(t))
+    tau[:, 1] = 0.0
+    readings = q + 1e-5 * rng.standard_normal(q.shape)
+    found = diagnose(planar, (Recording("braked.csv", planar.joint_names, t, readings, tau),))
+    assert found.verdict == "no_gap"
+    assert found.rollout is not None
+    assert "strays" not in found.rollout
 
 
 def test_a_load_is_simulated_with_the_inertia_that_its_fit_has_seen(pendulum):
