@@ -163,7 +163,8 @@ def _sizes(values: Mapping[str, Value]) -> str:
 def _certainty(size: tuple[str, Value]) -> float:
     """Number of standard deviations by which a size differs from zero; for a list, that of its largest entry."""
     value = size[1]
-    deviations = np.abs(np.atleast_1d(value.value)) / np.maximum(np.atleast_1d(value.std), np.finfo(float).tiny)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        deviations = np.nan_to_num(np.abs(np.atleast_1d(value.value)) / np.atleast_1d(value.std), posinf=np.inf)
     return float(np.max(deviations, initial=0.0))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.judge.verdict import is_open
+from identification.diagnosis.judge.verdict import is_open, ordinary_effects_hide
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -75,7 +75,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and tolerances."
-    if diagnosis.verdict == "not_testable" and _open_joints(diagnosis):
+    if diagnosis.verdict == "not_testable" and (_open_joints(diagnosis) or _of_unknown_noise(diagnosis)):
         return "This recording does not show whether there is a gap."
     if diagnosis.verdict == "not_testable":
         return f"This recording cannot show {'an ordinary' if diagnosis.bounds else 'a'} gap: nothing was found."
@@ -106,6 +106,15 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
             f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
             f"{percent(_of_torque(one))} of the torque is left. Noise may make it, or friction where the joint stands, "
             "creeps or turns about, but a gap may as well. Record motion that stands less and turns about faster."
+        )
+    unknown = _of_unknown_noise(diagnosis)
+    if diagnosis.verdict == "not_testable" and unknown:
+        least_known = max(unknown, key=_hidden_by_noise)
+        return (
+            "This recording does not show whether there is a gap: the noise of "
+            f"{joints_words([gap.joint for gap in unknown])} is not known, as there are too few samples, or they were "
+            f"filtered. Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
+            "Record for longer, at a higher rate, and readings as the sensors give them."
         )
     known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
     if diagnosis.verdict == "not_testable" and known:
@@ -215,6 +224,18 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
 def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints of which much is left that may be noise, friction or a gap."""
     return [gap for gap in diagnosis.joints if is_open(gap) and gap.noise_is_known]
+
+
+def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
+    """Joints whose noise is not known, where that alone keeps the verdict from being that there is no gap."""
+    if noise_is_all(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
+        return []
+    return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
+
+
+def _hidden_by_noise(gap: JointGap) -> float:
+    """The largest residual of a joint that may be noise, as a share of its torque."""
+    return gap.allowed / gap.rms_torque if gap.rms_torque else 0.0
 
 
 def _of_torque(gap: JointGap) -> float:

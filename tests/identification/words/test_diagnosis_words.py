@@ -300,6 +300,11 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, Hidden("change", 0.1))
             "ordinary",
         ),
         (
+            {"verdict": "not_testable", "findings": (), "bounds": (), "joints": (FLOORS,)},
+            "the noise of joint j1 is not known, as there are too few samples, or they were filtered. Up to 2 % of",
+            "ordinary",
+        ),
+        (
             {"verdict": "no_gap", "joints": (dataclasses.replace(FLOORS, rms_after=0.03, rms_torque=0.2),)},
             "On joint j1 15 % of the torque counts as noise, because nothing predicts it",
             "times its noise floor",
