@@ -99,13 +99,6 @@ def test_both_joints_are_along_a_line(in_line):
     assert along_lines(in_line.session) == {0, 1}
 
 
-def test_a_load_that_hardly_changes_makes_friction_under_load_of_coulomb_friction(in_line):
-    rubs = term(in_line, "coulomb_friction", "elbow")
-    found = imitated_by(in_line.search, frozenset([rubs]), rubs)
-    assert found is not None
-    assert "load_dependent_friction" in {one.effect.name for one in found}
-
-
 def test_friction_is_not_imitated_where_joints_move_freely(lab, planar2):
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
     torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
