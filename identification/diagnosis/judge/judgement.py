@@ -63,7 +63,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
     within = left_by(left.judge, shown.plain, frozenset())
-    as_given = not shown.chosen and _closer(left.judge, sums(problem, given), within)
+    as_given = not shown.chosen and _fits_as_given(left, sums(problem, given), within)
     if as_given:
         left, within = _of_given_model(problem, left, given), sums(problem, given)
     rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
@@ -179,10 +179,11 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     return shown, left_by_all(shown.chosen)
 
 
-def _closer(judge: Judge, given: Sums, within: Sums) -> bool:
-    """True if the given model leaves less than its best moves do, on blocks to which these were not fitted."""
-    once = np.ones((1, len(given.counts)))
-    return bool(given.loss(judge.floor, once)[0] < within.loss(judge.floor, once)[0])
+def _fits_as_given(left: _Left, given: Sums, within: Sums) -> bool:
+    """True if the given model leaves noise, and less than its best moves on blocks to which these were not fitted."""
+    once, floor = np.ones((1, len(given.counts))), left.floor
+    less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
+    return bool(less and np.all(given.rms() <= floor.allowed))
 
 
 def _of_given_model(problem: Problem, left: _Left, given: Series) -> _Left:

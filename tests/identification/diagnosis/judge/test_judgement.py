@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identification.diagnosis.columns.columns_again import reaching_beyond
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.gap import RowGaps, Sums
 from identification.diagnosis.fit.problem import Problem
@@ -311,7 +312,7 @@ def test_a_plain_search_keeps_thresholds_and_spurious_gains(rubbing):
 
 @pytest.mark.parametrize(("share", "smoothed"), [(0.5, True), (0.98, True), (0.995, False)])
 def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rubbing, share, smoothed):
-    # The columns as computed, less what lies above the judged band where that is narrower by a hundredth.
+    # Columns that reach beyond the judged band, less what lies above it where it is narrower by a hundredth.
     session = rubbing.session
     session = replace(session, cutoff_hz=share * session.logs[0].band.cutoff_hz)
     search = replace(rubbing.search, problem=replace(rubbing.problem, session=session))
@@ -320,7 +321,7 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rubbing, sh
     assert (plain.white.residual[0] is not columns.residual[0]) is smoothed
     for name in ("residual", "model_torque"):
         np.testing.assert_allclose(getattr(plain.white, name)[0], session.in_judged_band(getattr(columns, name))[0])
-    for narrow, wide in zip(plain.white.values[0], columns.values[0], strict=True):
+    for narrow, wide in zip(plain.white.values[0], reaching_beyond(session, columns).values[0], strict=True):
         np.testing.assert_allclose(narrow, session.log_in_judged_band(wide, 0))
     weights = weights_of(plain.white, session.in_judged_band(rubbing.noise))
     np.testing.assert_array_equal(plain.weights.per_sample, weights.per_sample)
