@@ -48,7 +48,7 @@ def test_a_check_loads_what_it_needs(axis):
 def test_a_diagnosis_of_one_joint_loads_what_it_needs(axis):
     diagnose = command("diagnose", axis / "axis.urdf", axis / "log.csv", "--out", axis / "out")
     of_poses = {f"identification.{name}" for name in ("geometry.diagnose_poses", "geometry.result")}
-    of_a_rest = {f"identification.diagnosis.{name}" for name in ("law", "rest_law")}
+    of_a_rest = {"identification.diagnosis.law"}
     haptics = {f"phantom_dyn.haptics.experiments.{name}" for name in ("frequency_identification", "relay")}
     assert loaded_by(diagnose, of_poses | of_a_rest | haptics | DRAWING) == set()
     assert (axis / "out" / "report.html").exists()
