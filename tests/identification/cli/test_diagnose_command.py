@@ -160,7 +160,7 @@ def test_several_recordings_are_judged_together(tmp_path, pendulum, log, made_co
     assert both["joints"][0]["hold_out_samples"] > 1.5 * plain["joints"][0]["hold_out_samples"]
 
 
-def test_what_makes_a_held_out_recording_worse_is_not_claimed(tmp_path, pendulum, log, made_columns, diagnosed, written):
+def test_what_makes_the_hold_out_worse_is_not_claimed(tmp_path, pendulum, log, made_columns, diagnosed, written):
     # In the held-out recording the robot has lost its friction, which the first one shows.
     columns = made_columns(pendulum, seed=1, friction=0.0)
     other = written(tmp_path / "other.csv", columns)
