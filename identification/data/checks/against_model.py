@@ -124,28 +124,6 @@ def check_flipped(recording: Recording, data: Reading, model: Float[Array, "N nv
     return tuple(out)
 
 
-def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Sentences on torques that are never negative although the model needs both signs."""
-    if recording.tau is None:
-        return ()
-    out = []
-    for j, joint in enumerate(recording.joint_names):
-        tau = recording.tau[:, j]
-        needed = model[:, j]
-        strong = 0.3 * np.sqrt(np.mean(needed**2))
-        both = min(np.mean(needed > strong), np.mean(needed < -strong)) > 0.1
-        if not (np.min(tau) >= 0 and np.max(tau) > 0 and np.ptp(np.sign(data.motion.v[:, j])) == 2 and both):
-            continue
-        signed = regress_torque(needed, data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
-        unsigned = regress_torque(np.abs(needed), data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
-        if signed is not None and unsigned is not None and unsigned.unexplained < 0.8 * signed.unexplained:
-            out.append(
-                f"{recording.file}: the torque of {joint} is never negative although its motion needs both signs: it "
-                "looks like a magnitude; record it with its sign."
-            )
-    return tuple(out)
-
-
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
     """Whether changed data fit each of ``joints`` far better, and no other joint much worse.
 

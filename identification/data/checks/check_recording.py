@@ -8,7 +8,6 @@ from identification.data.checks.against_model import (
     check_degrees,
     check_flipped,
     check_swapped,
-    check_unsigned,
     model_torque,
     spread_samples,
 )
@@ -33,6 +32,7 @@ from identification.data.checks.times_and_torques import check_clipping, check_f
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.torques.taken_friction import check_friction_taken
 from identification.data.checks.torques.torque_lag import check_lag
+from identification.data.checks.torques.unsigned_torques import check_unsigned
 from identification.data.checks.torques.weight_and_friction import check_weights
 from identification.data.drives.joint_torque import external_torque
 from identification.data.floating.sensor_checks import check_base

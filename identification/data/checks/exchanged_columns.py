@@ -1,6 +1,6 @@
 """Exchanged columns of positions and torques, found by how well a plausible robot explains either order.
 
-As with the other readings of `identification.data.checks.certain_faults`, no plausible robot may explain the data as
+As with the other readings of `identification.data.checks.better_readings`, no plausible robot may explain the data as
 recorded, and one has to explain them after the exchange. The thresholds are stricter: this reading has another motion,
 and a torque must not be taken for a position because it happens to fit as one.
 """
@@ -49,8 +49,8 @@ def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> F
     if np.isnan(after).all() or np.nanmax(after) > _EXCHANGED:
         return None
     return Fault(
-        "positions and torques stand in each other's columns",
-        f"as it stands no plausible robot explains {100 * min(1.0, float(np.nanmin(before))):.0f} % of any torque; "
+        "positions and torques are in each other's columns",
+        f"as recorded {100 * min(1.0, float(np.nanmin(before))):.0f} % of every torque is left unexplained; "
         f"the other way round {max(100 * float(np.nanmax(after)), 0.1):.2g} % are left",
         entries_words(recording, {"q": '"tau.{joint}"', "tau": '"q.{joint}"'}),
     )

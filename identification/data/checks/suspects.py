@@ -1,6 +1,6 @@
 """Possible mistakes in a recording: other readings of its columns, each with a sentence and the entry that corrects it.
 
-Nothing is decided here: `identification.data.checks.certain_faults` compares how well the readings fit.
+Nothing is decided here: `identification.data.checks.better_readings` compares how well the readings fit.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Logarithm of the factor that wrong inertias and torque constants may add to that of a unit.
 _SAME_UNIT = float(np.log(4.0))
 _OR_GRAMS = ", or the masses of the model in g and not in kg"
-_TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+TORQUE_UNITS = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
 Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity", "pair"]
 
@@ -71,6 +71,7 @@ class Suspect:
         read: Function that makes the reading.
         expected: True where the reading is by far the more usual one, so that it need only fit.
         moves: True where it changes positions, and with them the torque of every joint.
+        turned: True where it changes the positions of joints only that turn more than once as recorded.
         says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
             what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
     """
@@ -83,6 +84,7 @@ class Suspect:
     says: Literal["wrong", "offer", "rival"] = "wrong"
     expected: bool = False
     moves: bool = False
+    turned: bool = False
 
     def after(self, first: Suspect) -> Suspect:
         """Both readings as one, for the joints of either."""
@@ -126,14 +128,14 @@ def usual_clock(recording: Recording) -> float:
 
 
 def slow_clock(recording: Recording) -> Fault | None:
-    """The fault of a recording whose samples are minutes apart as it stands, and usual in another unit of time."""
+    """The fault of a recording whose samples are minutes apart as recorded, and usual in another unit of time."""
     step = float(np.median(np.diff(recording.t)))
     units = [unit for unit, factor in _TIMES.items() if _FASTEST <= step * factor <= _SLOWEST]
     if step < _NEVER or not units:
         return None
     return Fault(
         f"the time is in {' or '.join(units)} and not in s",
-        f"as it stands a sample comes every {step:.3g} s",
+        f"as recorded a sample comes every {step:.3g} s",
         entries_words(recording, {"t": f"{{from: t, unit: {units[0]}}}"}),
     )
 
@@ -162,6 +164,7 @@ def degree_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
             entries(robot, "q", joints, "unit: deg"),
             lambda reading, factor=factor: with_positions_times(reading, factor),
             moves=True,
+            turned=set(joints) <= set(beyond),
         )
         for joints, factor in ((joints, _times(robot, joints, _DEGREE)) for joints in dict.fromkeys(sets) if joints)
     ]
@@ -340,7 +343,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
     """
     every = tuple(range(robot.nv))
     factors: list[tuple[str, dict[str, str], Float[Array, " nv"]]] = []
-    for unit, factor in _TORQUES.items():
+    for unit, factor in TORQUE_UNITS.items():
         # Where the joints have a ratio in common, other units are no candidates: a payload could make good for them.
         if ratio is not None and unit != _nearest_unit(ratio):
             continue
@@ -374,7 +377,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
 
 def _nearest_unit(ratio: float) -> str | None:
     """The unit that a ratio of torques is nearest to; None where wrong inertias and constants leave it too far away."""
-    distance = {unit: abs(np.log(ratio * factor)) for unit, factor in _TORQUES.items()}
+    distance = {unit: abs(np.log(ratio * factor)) for unit, factor in TORQUE_UNITS.items()}
     unit = min(distance, key=lambda name: distance[name])
     return unit if distance[unit] <= _NEAR_UNIT else None
 

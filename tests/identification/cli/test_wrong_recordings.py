@@ -109,7 +109,7 @@ def test_positions_and_torques_in_each_others_columns_are_refused_with_the_entry
     columns |= {"q.pin": columns["tau.pin"], "tau.pin": columns["q.pin"]}
     log = written(tmp_path / "log.csv", columns)
     assert main(["diagnose", str(ROBOTS / "pendulum.urdf"), str(log)]) == 2
-    assert "log.csv: positions and torques stand in each other's columns" in capsys.readouterr().err
+    assert "log.csv: positions and torques are in each other's columns" in capsys.readouterr().err
     mend = tmp_path / "columns.yaml"
     mend.write_text('{q: "tau.{joint}", tau: "q.{joint}"}\n')
     assert main(["check", str(ROBOTS / "pendulum.urdf"), str(log), "--columns", str(mend)]) == 0

@@ -1,4 +1,4 @@
-"""Torques that are logged in another unit on each joint (motor currents), found by weight and inertia of the links.
+"""Torques in another unit on some joints or on each (motor currents), found by weight and inertia of the links.
 
 Drives of different sizes have different torques per ampere, so each joint has its own factor. It is the torque of the
 modelled links over the logged one, fitted beside friction of any size, and is as accurate as that model.
@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.data.checks.against_model import regress_joints
 from identification.data.checks.readings import Reading, with_torques_plus, with_torques_times
-from identification.data.checks.suspects import Suspect, names
+from identification.data.checks.suspects import TORQUE_UNITS, Suspect, names
 from identification.data.readers.map_entries import gear_entries
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
@@ -23,6 +23,13 @@ _OTHER_UNIT = float(np.log(4.0))
 _OWN = float(np.log(1.5))
 # Joints whose factors differ by less than a factor of two share one.
 _AGREE = float(np.log(2.0))
+# Logarithm of the largest distance of a factor from that of a unit or gear: masses and torque constants may be wrong.
+_NEAR = float(np.log(1.5))
+# The same where only the size of a torque is compared, as friction may be most of it.
+_SIZE = float(np.log(3.0))
+# Largest difference of the logarithms of factors that are one, as of currents of equal drives, and the smallest size of
+# such a factor: torque constants may be wrong by two.
+_ONE_FACTOR, _BEYOND_CONSTANT = float(np.log(1.15)), float(np.log(2.5))
 # Largest difference of the logarithms from both halves of a recording; least share of the torque that is explained.
 _ALIKE, _SHARE = float(np.log(1.3)), 0.5
 
@@ -60,27 +67,97 @@ def common_scale(scales: Float[Array, " nv"]) -> float | None:
 
 
 def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
-    """Possible causes of one factor on all torques, and the entries of a column map if the torques are currents.
+    """Possible causes of torques in all of which the same factor is too much, or in some a large one, as in currents.
 
     Args:
         robot: The given model.
         scales: Scale of each joint, see `torque_scales`.
 
     Returns:
-        The first part of a sentence, and the entries; None if the joints do not share a factor.
+        The first part of a sentence, and the entries of a column map if the torques are currents; None where the
+        factors are those of usual torques.
     """
+    size = np.nan_to_num(np.abs(np.log(scales)))
+    known = scales[~np.isnan(scales)]
     scale = common_scale(scales)
-    if scale is None:
+    if (
+        scale is None
+        and len(known) > 1
+        and np.ptp(np.log(known)) < _ONE_FACTOR
+        and size[size > 0].min() > _BEYOND_CONSTANT
+    ):
+        scale = float(np.exp(np.mean(np.log(known))))
+    if scale is None and size.max(initial=0.0) <= _OTHER_UNIT:
         return None
-    joints = tuple(np.flatnonzero(~np.isnan(scales)).tolist())
-    units = sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints})
-    load = "carries a load or is heavier" if scale < 1 else "is lighter"
+    far = ~np.isnan(scales) if scale is not None else size > _OWN
+    joints = tuple(np.flatnonzero(far).tolist())
+    units = listed(sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints}))
     which, are, alike = ("torque", "is", "") if len(joints) == 1 else ("torques", "are", ", all alike")
+    entries = gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints})
+    if scale is None:
+        times, factors = listed([f"{1 / scales[j]:.2g}" for j in joints]), listed([f"{scales[j]:.2g}" for j in joints])
+        return (
+            f"the {which} of {names(robot, joints)} {are} {times} times what weight and inertia of the model need: if "
+            f"the model lacks so much of the robot, nothing is to be done; if this is a motor current, with a factor "
+            f"of about {factors} {units}"
+        ), entries
+    load = "carries a load or is heavier" if scale < 1 else "is lighter"
     return (
         f"the {which} of {names(robot, joints)} {are} {1 / scale:.2g} times what weight "
         f"and inertia of the model need{alike}: if the robot {load} than its model, nothing is to be done, as the "
-        f"diagnosis says so; if this is a motor current, with a factor of about {scale:.2g} {listed(units)}"
-    ), gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints})
+        f"diagnosis says so; if this is a motor current, with a factor of about {scale:.2g} {units}"
+    ), entries
+
+
+def unit_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """Torques of some joints, and not of all, in another unit or on the motor's side of a stated gear.
+
+    Args:
+        robot: The given model.
+        reading: The recorded data.
+    """
+    scales, sizes = torque_scales(robot, reading), _sizes(robot, reading)
+    gears = np.array([abs(actuator.gear_ratio) for actuator in robot.actuators])
+    # A joint without a drive has a small torque, as if it were in kN m.
+    units = [(unit, factor) for unit, factor in TORQUE_UNITS.items() if factor < 1]
+    readings = [(f"in {unit} and not in N m", f"unit: {unit}", np.full(robot.nv, factor)) for unit, factor in units]
+    if np.any(gears > np.exp(_OTHER_UNIT)):
+        readings.append(("on the motor's side of the gear", "", gears))
+    out = []
+    for what, option, factors in readings:
+        joints = _joints_with(scales, sizes, np.where(np.abs(np.log(factors)) > _OTHER_UNIT, factors, np.nan))
+        if not joints or len(joints) == robot.nv:
+            continue
+        factor = np.where(np.isin(np.arange(robot.nv), joints), factors, 1.0)
+        given = gear_entries(robot, {j: option or f"gear: {gears[j]:.6g}" for j in joints})
+        be = "torques of {} are" if len(joints) > 1 else "torque of {} is"
+        out.append(
+            Suspect(
+                "torque",
+                joints,
+                f"the {be.format(names(robot, joints))} {what}",
+                given,
+                lambda reading, factor=factor: with_torques_times(reading, factor),
+            )
+        )
+    return out
+
+
+def _sizes(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
+    """Size of the modelled torque, with friction, over that of the measured one; NaN where either is constant."""
+    needed = inverse_dynamics(robot, reading.motion).std(axis=0)
+    size = (reading.tau + reading.external).std(axis=0)
+    known = (needed > 0) & (size > 0)
+    return np.where(known, needed / np.where(known, size, 1.0), np.nan)
+
+
+def _joints_with(
+    scales: Float[Array, " nv"], sizes: Float[Array, " nv"], factors: Float[Array, " nv"]
+) -> tuple[int, ...]:
+    """Joints whose torque has a factor by their weight and inertia, and, if there are some, also by its size alone."""
+    by_scale = np.nan_to_num(np.abs(np.log(scales / factors)), nan=np.inf) < _NEAR
+    by_size = np.isnan(scales) & (np.nan_to_num(np.abs(np.log(sizes / factors)), nan=np.inf) < _SIZE)
+    return tuple(np.flatnonzero(by_scale | by_size).tolist()) if by_scale.any() else ()
 
 
 def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
@@ -91,23 +168,27 @@ def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
         reading: The recorded data.
     """
     scales = torque_scales(robot, reading)
-    size = np.abs(np.log(scales))
-    far = np.nan_to_num(size) > _OTHER_UNIT
+    far = np.nan_to_num(np.abs(np.log(scales))) > _OTHER_UNIT
     # A load gives one factor on all joints too, see `load_or_current`.
     if not far.any() or common_scale(scales) is not None:
         return []
+    # Where the motion does not show the factor of a joint, that of others holds for it if the sizes agree.
+    middle = np.full(robot.nv, np.exp(np.median(np.log(scales[far]))))
+    alike = _joints_with(scales, _sizes(robot, reading), middle)
+    scales[list(alike)] = np.where(np.isnan(scales), middle, scales)[list(alike)]
+    size = np.abs(np.log(scales))
     joints = tuple(np.flatnonzero(np.nan_to_num(size) > _OWN).tolist())
     factor = np.where(np.isin(np.arange(robot.nv), joints), scales, 1.0)
     units = ["N/A" if robot.prismatic[j] else "N m/A" for j in joints]
     per = [f"{scales[j]:.2g} {unit} on {robot.joint_names[j]}" for j, unit in zip(joints, units, strict=True)]
     open_ = tuple(np.flatnonzero(np.isnan(scales)).tolist())
-    rest = f" (the motion does not tell that of {names(robot, open_)})" if open_ else ""
+    rest = f" (the motion does not show that of {names(robot, open_)})" if open_ else ""
     return [
         Suspect(
             "torque",
             joints,
-            f"the torque of {names(robot, joints)} looks like motor current and not like torque at the joint, with a "
-            f"factor of about {listed(per)}{rest}",
+            f"the torque of {names(robot, joints)} looks like motor current, or like torque before the gear, and not "
+            f"like torque at the joint, with a factor of about {listed(per)}{rest}",
             gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints}),
             lambda reading: with_torques_times(reading, factor),
             says="offer",

@@ -119,7 +119,7 @@ def test_positions_and_torques_in_each_others_columns(clean, arm, planar2, chang
     for robot in (arm, planar2):
         recording = clean(robot=robot)
         fault = only(checked(changed(recording, q=recording.tau, tau=recording.q), robot).wrong)
-        assert fault.what == "positions and torques stand in each other's columns"
+        assert fault.what == "positions and torques are in each other's columns"
         assert 'write {q: "tau.{joint}", tau: "q.{joint}"} into a column map' in fault.mend
 
 
@@ -127,6 +127,42 @@ def test_torques_in_another_unit(clean, planar2, changed):
     recording = clean(robot=planar2)
     fault = only(checked(changed(recording, tau=1e3 * recording.tau), planar2).wrong)
     assert fault.what == "the torques are in Nmm and not in N m"
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("Nmm", 1e3), ("Ncm", 1e2)])
+def test_the_torque_of_one_joint_in_another_unit(clean, planar2, changed, unit, factor):
+    recording = clean(robot=planar2)
+    fault = only(checked(changed(recording, tau=recording.tau * [1.0, factor]), planar2).wrong)
+    assert fault.what == f"the torque of elbow is in {unit} and not in N m"
+    assert f"tau.elbow: {{from: tau.elbow, unit: {unit}}}" in fault.mend
+
+
+def test_the_torque_of_one_joint_on_the_side_of_its_motor_with_stated_gears(clean, planar2, changed):
+    recording = clean(robot=planar2)
+    robot = replace(planar2, actuators=tuple(replace(a, gear_ratio=60.0) for a in planar2.actuators))
+    fault = only(checked(changed(recording, tau=recording.tau / [60.0, 1.0]), robot).wrong)
+    assert fault.what == "the torque of shoulder is on the motor's side of the gear"
+    assert "tau.shoulder: {from: tau.shoulder, gear: 60}" in fault.mend
+
+
+@pytest.mark.parametrize("ratio", [101.0, -50.0, 12.0])
+def test_the_position_of_a_motor_behind_an_unknown_gear(clean, planar2, changed, ratio):
+    # Known truth: the elbow's motor turns so many times as far as the elbow, or the other way round.
+    recording = clean(robot=planar2)
+    fault = only(checked(replace(changed(recording, q=recording.q * [1.0, ratio]), v=None), planar2).wrong)
+    assert fault.what.startswith("the position of elbow is on the motor's side of a gear of about ")
+    assert float(re.search(r"gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(abs(ratio), rel=0.02)
+    assert ("sign: -1" in fault.mend) == (ratio < 0)
+
+
+def test_degrees_of_some_joints_of_which_one_has_another_mistake(clean, arm, changed):
+    recording = clean()
+    q, tau = recording.q * [np.rad2deg(1), np.rad2deg(1), 1], recording.tau * [1, -1, 1]
+    wrong = checked(replace(changed(recording, q=q, tau=tau), v=None), arm).wrong
+    assert [fault.what for fault in wrong] == [
+        "the positions of turn, tilt are in degrees and not in rad",
+        "the torque of tilt has the wrong sign",
+    ]
 
 
 def test_torques_on_the_side_of_the_motor_with_stated_gears(clean, planar2, changed):
@@ -176,6 +212,16 @@ def test_the_current_of_one_joint_among_torques_is_offered_its_factor(clean, pla
     (offer,) = (words for words in found.warnings if "motor current" in words)
     assert "the torque of elbow looks like motor current" in offer
     assert float(re.search(r"about ([\d.]+) N m/A on elbow", offer)[1]) == pytest.approx(0.05, rel=0.1)
+
+
+def test_currents_that_a_heavier_robot_may_explain_are_said_with_their_factor(clean, planar2, changed):
+    # Known truth: 0.3 N m/A on both joints; links of 3.3 times the mass would need the same torques.
+    recording = clean(robot=planar2)
+    found = checked(changed(recording, tau=recording.tau / 0.3), planar2)
+    assert found.wrong == ()
+    (said,) = (words for words in found.warnings if "motor current" in words)
+    assert "are 3.3 times what weight and inertia of the model need, all alike" in said
+    assert float(re.search(r"factor of about ([\d.]+) N m/A", said)[1]) == pytest.approx(0.3, rel=0.1)
 
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (0.6, 1.7), (2.0, 2.0)])
@@ -295,9 +341,17 @@ def test_a_joint_that_a_brake_holds_says_nothing_about_the_weight(clean, planar2
     assert [suspect.joints for suspect in compensated_suspects(planar2, reading)] == [(1,)]
 
 
-def test_a_torque_without_sign_is_not_taken_for_one_with_the_wrong_sign(clean, arm):
+def test_torques_without_sign_are_refused_as_that(clean, arm):
     recording = clean()
-    assert checked(replace(recording, tau=np.abs(recording.tau)), arm).wrong == ()
+    fault = only(checked(replace(recording, tau=np.abs(recording.tau)), arm).wrong)
+    assert fault.what == "the torques of turn, tilt, slide have no sign"
+    assert "record the torque with its sign" in fault.mend
+
+
+def test_a_torque_that_only_weight_keeps_positive_has_its_sign(clean, planar2):
+    # Known truth: the joint hangs to one side, and the model needs no other sign.
+    recording = clean(robot=planar2)
+    assert checked(replace(recording, tau=recording.tau + 2 * np.abs(recording.tau).max(axis=0)), planar2).wrong == ()
 
 
 @pytest.mark.parametrize("run", ["0kg", "1kg", "2kg"])

@@ -156,7 +156,7 @@ def test_a_lone_axis_in_millimetres_is_too_fast_for_any_machine():
     # On one axis alone, inertia and friction could be anything: 0.4 m of travel at 628 m/s could not.
     (fault,) = checked(*axis(1e3)).wrong
     assert fault.what == "the positions of axis are in mm and not in m"
-    speed = float(re.fullmatch(r"as it stands a joint moves at up to (\d+) m/s", fault.why)[1])
+    speed = float(re.fullmatch(r"as recorded a joint moves at up to (\d+) m/s", fault.why)[1])
     assert speed == pytest.approx(628, rel=0.02)
 
 

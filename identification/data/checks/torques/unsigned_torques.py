@@ -1,0 +1,88 @@
+"""Torques that are recorded without their sign, as some drives report the size of a current or a load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.checks.against_model import regress_torque
+from identification.data.checks.readings import Reading, varies
+from identification.data.recording import Fault, Recording
+from phantom_dyn.array_types import Array, Bool, Float
+from phantom_dyn.errors import listed
+
+# The model needs both signs if each of them is strong for a tenth of the time: above so much of the usual torque.
+_STRONG, _OFTEN = 0.3, 0.1
+# Largest share of the variance that a magnitude leaves, and its largest ratio to what a signed torque leaves, with
+# which it is certain; and the largest ratio of shares with which it is only likely.
+_RIGHT, _CERTAIN, _LIKELY = 0.15, 0.25, 0.8
+# Rounds in which signs and coefficients are fitted in turn.
+_ROUNDS = 10
+
+
+def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
+    """The fault of torques that are never negative, and are the size of what a model with friction needs.
+
+    Args:
+        recording: Raw samples.
+        reading: Some of them, smoothed.
+        needed: Torque of the model without friction at the same samples [N m or N].
+    """
+    if recording.tau is None:
+        return None
+    found = []
+    for j in np.flatnonzero(_one_sign(recording, reading, needed) & varies(reading.tau)):
+        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
+        tau = np.abs(reading.tau[:, j])
+        signed = _left(columns, tau)
+        x = np.linalg.lstsq(columns, tau * np.sign(needed[:, j]), rcond=1e-9)[0]
+        for _ in range(_ROUNDS):
+            x = np.linalg.lstsq(columns, tau * np.sign(columns @ x), rcond=1e-9)[0]
+        left = float(np.mean((tau - np.abs(columns @ x)) ** 2))
+        if x[0] > 0 and left < _RIGHT * tau.var() and left < _CERTAIN * signed:
+            found.append((recording.joint_names[j], signed / tau.var(), left / tau.var()))
+    if not found:
+        return None
+    names, (_, signed, left) = listed([name for name, _, _ in found]), max(found, key=lambda one: one[1])
+    many = len(found) > 1
+    return Fault(
+        f"the torque{'s' * many} of {names} {'have' if many else 'has'} no sign",
+        f"the motion needs torques of both signs, {'these are' if many else 'this is'} never negative; as a signed "
+        f"torque {100 * signed:.0f} % of it is left unexplained, as a magnitude {max(100 * left, 0.1):.2g} %",
+        "record the torque with its sign: it cannot be put back with certainty where the torque passes zero",
+    )
+
+
+def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+    """Sentences on torques that are never negative although the model needs both signs.
+
+    Args:
+        recording: Raw samples.
+        data: Some of them, smoothed.
+        model: Torque of the model without friction at the same samples [N m or N].
+    """
+    out = []
+    for j in np.flatnonzero(_one_sign(recording, data, model)):
+        v, sign, tau = data.motion.v[:, j], data.sign[:, j], np.abs(data.tau[:, j])
+        signed, unsigned = regress_torque(model[:, j], v, sign, tau), regress_torque(np.abs(model[:, j]), v, sign, tau)
+        if signed is not None and unsigned is not None and unsigned.unexplained < _LIKELY * signed.unexplained:
+            out.append(
+                f"{recording.file}: the torque of {recording.joint_names[j]} is never negative although its motion "
+                "needs both signs: it looks like a magnitude; record it with its sign."
+            )
+    return tuple(out)
+
+
+def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
+    """True for joints that turn about, and whose torque has one sign where the model needs both."""
+    if recording.tau is None:
+        return np.zeros(model.shape[1], dtype=bool)
+    strong = _STRONG * np.sqrt(np.mean(model**2, axis=0))
+    both = np.minimum(np.mean(model > strong, axis=0), np.mean(model < -strong, axis=0)) > _OFTEN
+    turns = np.ptp(np.sign(data.motion.v), axis=0) == 2
+    positive = (recording.tau.min(axis=0) >= 0) & (recording.tau.max(axis=0) > 0)
+    return both & turns & positive
+
+
+def _left(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:
+    """Mean squared residual of a least-squares fit."""
+    return float(np.mean((target - columns @ np.linalg.lstsq(columns, target, rcond=1e-9)[0]) ** 2))
