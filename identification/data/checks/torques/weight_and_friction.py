@@ -26,6 +26,8 @@ _ONE_WAY = 0.7
 # Share of a joint's usual speed from which on it moves, and of its torque from which on its weight matters.
 _MOVES, _MATTERS = 0.1, 0.3
 _ROWS, _FEWEST = 2000, 100
+# Travel [rad or m] below which a joint is held: its drive bears what the other joints' motion needs.
+_HELD = 1e-3
 
 
 def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
@@ -49,7 +51,8 @@ def computed_from_weight(robot: Robot, motion: Motion, tau: Float[Array, "N nv"]
         left = both - columns @ (np.linalg.lstsq(columns / size, both, rcond=1e-9)[0] / size[:, None])
         rest, motion_alone = np.linalg.norm(left, axis=0)
         spread = np.linalg.norm(both[:, 0] - both[:, 0].mean())
-        out[j] = rest < _OF_TORQUE * spread and rest < _OF_MOTION * motion_alone
+        moves = np.ptp(motion.q[:, j]) > _HELD
+        out[j] = moves and rest < _OF_TORQUE * spread and rest < _OF_MOTION * motion_alone
     return out
 
 

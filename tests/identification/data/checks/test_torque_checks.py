@@ -352,6 +352,13 @@ def test_a_sine_about_the_hanging_posture_is_none(weighed_arm):
     assert not computed_from_weight(weighed_arm, motion, inverse_dynamics(weighed_arm, motion))[0]
 
 
+def test_the_weight_that_the_drive_of_a_held_joint_bears_is_none(weighed_arm):
+    m = wander(2)
+    q, v, a = (np.column_stack([column, np.zeros_like(T)]) for column in (m.q[:, 0], m.v[:, 0], m.a[:, 0]))
+    tau = inverse_dynamics(weighed_arm, still(Motion(T, q, v, a)))
+    assert not computed_from_weight(weighed_arm, Motion(T, q, v, a), tau)[1]
+
+
 def test_up_alone_lifts_and_up_and_down_does_not(weighed_arm):
     up = np.column_stack([0.5 * np.pi * T / T[-1], np.zeros_like(T)])
     speed = np.column_stack([np.full_like(T, 0.5 * np.pi / T[-1]), np.zeros_like(T)])
