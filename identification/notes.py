@@ -17,6 +17,7 @@ class Code(Enum):
     # Recordings without torque, and their controllers.
     TORQUE_ASKED = auto()
     MOTION_ONLY = auto()
+    HELD_SEEN = auto()
     GAINS_ESTIMATED = auto()
     GAIN_BY_FRICTION = auto()
     GAIN_OR_CONSTANT = auto()

@@ -9,6 +9,7 @@ from identification.data.drives.joint_torque import NoTorqueError
 from identification.data.recording import Recording
 from identification.notes import Code, Note
 from identification.scenarios.gains import with_estimated_gains
+from identification.scenarios.held_references import with_held_references
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
@@ -59,7 +60,8 @@ def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tup
     """
     if all(one.q_ref is not None for one in recordings):
         robot, recordings = with_estimated_gains(robot, recordings)
-    return robot, _with_one_note(tuple(with_commanded_torque(one, robot) for one in recordings))
+    driven = tuple(with_held_references(robot, with_commanded_torque(one, robot)) for one in recordings)
+    return robot, _with_one_note(driven)
 
 
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:

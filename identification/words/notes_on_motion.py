@@ -24,6 +24,16 @@ def _motion_only(note: Note) -> str:
     )
 
 
+def _held_seen(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{n['file']}: each reference is taken as held until the next row, {1e3 * n['row']:.3g} ms later: read so, "
+        f"far less is left than with references that act at once. They then act {5e2 * n['row']:.3g} ms late on "
+        "average, which is no gap. If the drive follows references as they come, state reference_hold: instant in "
+        "robot.yaml, and that delay is found."
+    )
+
+
 def _gains_stated(gains: Mapping[str, tuple[float, float]]) -> str:
     """Gains that the robot's file states, by joint, or once if all are equal."""
     if not gains:
@@ -195,6 +205,7 @@ def _not_simulated(note: Note) -> str:
 MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.TORQUE_ASKED: filled("{file}: without torque columns, the torque is what its controllers asked for."),
     Code.MOTION_ONLY: _motion_only,
+    Code.HELD_SEEN: _held_seen,
     Code.GAINS_ESTIMATED: _gains_estimated,
     Code.GAIN_BY_FRICTION: _gain_by_friction,
     Code.GAIN_OR_CONSTANT: filled(

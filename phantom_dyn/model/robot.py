@@ -106,7 +106,8 @@ class Robot:
         coulomb_friction: Modelled Coulomb torques [N m or N], shape ``(nv,)``.
         prismatic: True where the joint is linear, shape ``(nv,)``.
         torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
-        reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None: as the log's format.
+        reference_hold: ``zoh`` if ``q_ref[k]`` acts from ``t[k]`` to ``t[k+1]``; None: as
+            the log's format says or the log shows.
         torque_source: What the torque columns of recordings are.
         tolerance: How far the model is trusted.
         payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
