@@ -115,7 +115,7 @@ def together(session: Session, operation: Operation) -> tuple[str, ...]:
     if robot.nv < 2:
         return ()
     measured = np.concatenate([log.tau for log in session.logs])
-    groups = [*by_drives(robot), *by_scales(scales(measured, operation.tau, operation.v))]
+    groups = [*by_drives(robot), *by_place(robot.nv), *by_scales(scales(measured, operation.tau, operation.v))]
     unique = dict.fromkeys(tuple(sorted(group)) for group in groups if len(group) > 1)
     return tuple("+".join(robot.joint_names[row] for row in group) for group in list(unique)[:_MOST])
 
@@ -137,6 +137,12 @@ def by_drives(robot: Robot) -> list[tuple[int, ...]]:
                 alike[value].append(row)
         out += [tuple(rows) for rows in alike.values()]
     return out
+
+
+def by_place(count: int) -> list[tuple[int, ...]]:
+    """Joints from the base up to one, and from one up to the last: arms have large drives first and small ones last."""
+    sizes = range(2, count)
+    return [*(tuple(range(size)) for size in sizes), *(tuple(range(count - size, count)) for size in sizes)]
 
 
 def scales(

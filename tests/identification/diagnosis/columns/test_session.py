@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.columns.layout import by_drives, by_scales, scales, together
+from identification.diagnosis.columns.layout import by_drives, by_place, by_scales, scales, together
 from identification.diagnosis.columns.nuisances import moves_of, touching
 from identification.diagnosis.columns.prepared import prepared
 from identification.diagnosis.columns.session import session_of
@@ -121,6 +121,11 @@ def test_drives_of_one_kind_are_tried_together():
     assert (0, 1, 2, 3, 4, 5) in groups
     # The UR5's three wrists have one torque limit and one stem of a name.
     assert (3, 4, 5) in groups
+
+
+def test_joints_of_the_arm_and_of_the_wrist_are_tried_together():
+    assert by_place(4) == [(0, 1), (0, 1, 2), (2, 3), (1, 2, 3)]
+    assert by_place(2) == []
 
 
 @pytest.fixture(scope="module")
