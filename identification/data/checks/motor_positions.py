@@ -7,7 +7,7 @@ model explains the torques of all joints best; the weight of the links fixes it,
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import fminbound
 
 from identification.data.checks.readings import Reading, with_positions_times
 from identification.data.checks.suspects import Suspect
@@ -55,8 +55,8 @@ def _best_ratio(robot: Robot, reading: Reading, j: int) -> float:
     _, sign, about = min((misfit(sign * ratio), sign, ratio) for ratio in _RATIOS for sign in (1, -1))
     step = _RATIOS[1] / _RATIOS[0]
     bounds = (float(np.log(about / step)), float(np.log(about * step)))
-    best = minimize_scalar(lambda log: misfit(sign * np.exp(log)), bounds=bounds, method="bounded")
-    return sign * float(np.exp(best.x))
+    best = fminbound(lambda log: misfit(sign * np.exp(log)), *bounds)
+    return sign * float(np.exp(best))
 
 
 def _divided(robot: Robot, j: int, ratio: float) -> Float[Array, " nv"]:
