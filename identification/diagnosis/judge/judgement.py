@@ -15,13 +15,13 @@ from identification.diagnosis.columns.motion.standstill import open_friction
 from identification.diagnosis.columns.operations import friction_with
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, merged
-from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
+from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.file_numbers import model_numbers
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, remarks
@@ -31,7 +31,7 @@ from identification.diagnosis.judge.floors import SENSORS, Floor, Sensed, floor_
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise, most_foreseen
-from identification.diagnosis.judge.regimes import regime_shares, regime_split
+from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import (
     adjusted,
@@ -333,51 +333,6 @@ def joint_gaps(
             )
         )
     return tuple(out)
-
-
-def evidence_of(
-    judge: Judge,
-    given: tuple[Float[Array, "n nv"], ...],
-    after: tuple[Float[Array, "n nv"], ...],
-    without: tuple[tuple[Float[Array, "n nv"], ...], ...],
-) -> Evidence:
-    """Samples of all recordings, one after the other with a second between them.
-
-    Args:
-        judge: Recordings and their band.
-        given: Residual of the given model for each log, in the judged band.
-        after: Torque of the corrected model for each log.
-        without: The same for each finding, of the model that lacks it.
-    """
-    problem = judge.problem
-    columns, logs = problem.columns, problem.session.logs
-    start, times = 0.0, []
-    for log in logs:
-        t = log.motion.t[log.samples]
-        times.append(t - t[0] + start)
-        start = float(times[-1][-1]) + 1.0
-    model = np.concatenate(judge.narrow(columns.model_torque))
-    transmitted = tuple(
-        log.band(operation.transmitted) for log, operation in zip(logs, columns.operations, strict=True)
-    )
-    splits = [regime_split(problem, given, row) for row in range(len(columns.rows))]
-    touched = [~log.untouched_in_band for log in logs if log.touched is not None]
-    return Evidence(
-        t=np.concatenate(times),
-        q=np.concatenate([log.motion.q[log.samples] for log in logs]),
-        v=np.concatenate([log.motion.v[log.samples] for log in logs]),
-        a=np.concatenate([log.motion.a[log.samples] for log in logs]),
-        tau_measured=model + np.concatenate(judge.narrow(columns.residual)),
-        tau_before=model,
-        tau_after=np.concatenate(judge.narrow(after)),
-        regime_shares=tuple(split.shares for split in splits),
-        regime_times=tuple(split.times for split in splits),
-        tau_transmitted=np.concatenate(judge.narrow(transmitted)),
-        tau_without=tuple(np.concatenate(judge.narrow(torque)) for torque in without),
-        sample_period=1.0 / float(np.median([log.band.rate_hz for log in logs])),
-        valid=np.concatenate([log.valid_in_band for log in logs]),
-        touched=np.concatenate(touched) if len(touched) == len(logs) else None,
-    )
 
 
 def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
