@@ -18,9 +18,10 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.gap import RowGaps, Sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
+from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.floors import Floor
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.judgement import _less, _located, _timed, evidence_of, joint_gaps
+from identification.diagnosis.judge.judgement import _less, _located, _timed, joint_gaps
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together
 from identification.diagnosis.judge.verdict import adjusted, hidden_by
