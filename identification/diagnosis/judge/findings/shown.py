@@ -137,8 +137,13 @@ def _sure(bench: Bench, state: State) -> State:
     """The state without the effect that closes the gap least surely, or with a rival of it that does."""
     if not state.shown:
         return state
-    left = bench.left(state.found | state.shown)
-    least = least_closed(left, state.shown, bench.residuals.judge_of(state.shown).sound)
+    left, sound = bench.left(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
+    least = least_closed(left, state.shown, sound)
+    named = frozenset(term for term in state.shown if term.named)
+    if named != state.shown:
+        # The corrected model has no structure without a name: what closes the gap only beside one would enlarge it.
+        alone = least_closed(left, named, sound)
+        least = {term: min(share, alone.get(term, share)) for term, share in least.items()}
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         # An effect that closes some of the gap, but not everywhere, may be the wrong law of the right joint.

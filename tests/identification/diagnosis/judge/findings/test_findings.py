@@ -135,6 +135,18 @@ def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(rubbin
     assert not shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous]))).shown
 
 
+def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(rubbing, monkeypatch):
+    # By hand: friction closes the gap beside the structure, and enlarges it alone, as in the corrected model.
+    viscous = rubbing.term("viscous_friction", "elbow")
+    structure = next(term for term in rubbing.search.terms if not term.named)
+    by_set = {frozenset([viscous, structure]): 0.5, frozenset([viscous]): -1.0}
+    monkeypatch.setattr(
+        shown_module, "least_closed", lambda left, chosen, floor: dict.fromkeys(chosen, by_set.get(chosen, 0.5))
+    )
+    after = shown_module._sure(bench_of(rubbing), State.of(frozenset([viscous, structure])))
+    assert after.shown == {structure}
+
+
 def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
     # Known truth: Coulomb friction alone; what was found in its place changes its name.
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
