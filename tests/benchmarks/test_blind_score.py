@@ -188,6 +188,11 @@ def test_a_cause_outside_the_catalogue_may_be_named_as_what_it_is(joint, right):
     assert (x.outside_right, x.wrong_but_fits) == (right, not right)
 
 
+def test_friction_that_a_cable_makes_may_be_called_friction_that_depends_on_the_position():
+    cable = {**OUTSIDE, "outside": {"name": "cable_drag", "joint": "j1"}}
+    assert judged(cable, entry(finding("position_dependent_friction"), verdict="explained")).outside_right
+
+
 def test_explained_outside_the_catalogue_is_wrong_however_little_is_closed():
     assert judged(OUTSIDE, entry(finding("viscous_friction"), verdict="explained", after=4.9)).wrong_but_fits
 
