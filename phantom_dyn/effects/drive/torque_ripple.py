@@ -20,7 +20,6 @@ from phantom_dyn.effects.author import (
     Array,
     Effect,
     EffectWords,
-    Float,
     Law,
     Moment,
     Operation,
@@ -43,12 +42,10 @@ from phantom_dyn.effects.support.position_waves import (
     wave_parameters,
     waves_at,
 )
-from phantom_dyn.signals.recursive import low_passed
+from phantom_dyn.effects.support.smooth_load import up_to_band
 
 # Largest ripple as a share of the load.
 _LARGEST = 0.5
-# Number of poles of the filter that is applied to the load forwards and backwards.
-_POLES = 4
 
 
 class TorqueRipple(Effect):
@@ -101,7 +98,7 @@ class TorqueRipple(Effect):
         """Minus sine and cosine of every order times the load: the drive cancels them."""
         row = row_of(robot, joint)
         waves, names = sines_and_cosines(operation.q[:, row], shape)
-        columns = -(_smooth_load(operation, row)[:, None] * waves)[:, None, :]
+        columns = -(up_to_band(operation, operation.transmitted[:, row])[:, None] * waves)[:, None, :]
         return Signature((row,), columns, names, ("1",) * len(names), columns)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
@@ -131,14 +128,6 @@ class TorqueRipple(Effect):
             return state, out
 
         return Simulated(torque=torque, laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
-
-
-def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
-    """Load up to the edge of the judged band, as above it accelerations are noisy."""
-    load = operation.transmitted[:, row]
-    if not 0.0 < operation.band_hz * operation.dt < 0.5:
-        return load
-    return low_passed(load, operation.band_hz, 1.0 / operation.dt, order=_POLES)
 
 
 @torque_law

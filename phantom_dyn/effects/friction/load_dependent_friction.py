@@ -26,15 +26,17 @@ from phantom_dyn.effects.author import (
     Signature,
     Simulated,
     SpecialCase,
-    on_one_joint,
     row_of,
     torque_law,
     torque_on_joint,
 )
 from phantom_dyn.effects.support.rows import never_reverses
+from phantom_dyn.effects.support.smooth_load import up_to_band
 
 # Share of its load that a transmission cannot lose.
 _SELF_LOCKING = 1.0
+# Most that a sound gear loses, and a screw that moves a linear axis: many of these lock by themselves.
+_GEAR, _SCREW = 0.5, 0.9
 
 
 class LoadDependentFriction(Effect):
@@ -65,16 +67,17 @@ class LoadDependentFriction(Effect):
                 "1",
                 0.0,
                 _SELF_LOCKING,
-                plausible=(0.0, 0.5),
-                plausible_because="a gear that loses more than half of what it passes is a worm or worn out",
+                plausible=(0.0, _SCREW if robot.prismatic[row_of(robot, joint)] else _GEAR),
+                plausible_because="a gear that loses more than half of what it passes is a worm or worn out, and few "
+                "screws lose more than nine tenths",
             ),
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Load in the direction of motion."""
         row = row_of(robot, joint)
-        direction = np.sign(operation.v[:, row])
-        return on_one_joint(robot, joint, ratio=(np.abs(operation.load[:, row]) * direction, "1"))
+        column = (np.abs(up_to_band(operation, operation.load[:, row])) * np.sign(operation.v[:, row]))[:, None, None]
+        return Signature((row,), column, ("ratio",), ("1",), column)
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Friction holds back, and less than the load: a transmission that loses all of it passes none."""
@@ -98,7 +101,7 @@ class LoadDependentFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""
         row = row_of(robot, joint)
-        law = -theta.item() * np.abs(operation.load[:, row]) * np.sign(operation.v[:, row])
+        law = -theta.item() * np.abs(up_to_band(operation, operation.load[:, row])) * np.sign(operation.v[:, row])
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
