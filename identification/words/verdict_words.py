@@ -210,7 +210,8 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
-    loud = [gap for gap in diagnosis.joints if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
+    noisy = [gap for gap in diagnosis.joints if not gap.gives_way]
+    loud = [gap for gap in noisy if gap.rms_after > contract_levels.FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and loud:
         one = max(loud, key=_of_torque)
         out.append(
@@ -292,6 +293,7 @@ def left_over(diagnosis: Diagnosis) -> str:
         where = "" if left.structured else f" on {place('', left.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
+    above = [gap for gap in above if not gap.gives_way] or above
     strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
     if strays and not (parts or above or left.structured):
         joint = max(strays, key=lambda name: strays[name])

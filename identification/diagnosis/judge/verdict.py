@@ -39,7 +39,8 @@ def verdict(
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:
-        if not clean or any(joint.rms_after > joint.allowed for joint in joints):
+        # A joint that the given model explains has no gap, whatever moves that other joints ask for leave on it.
+        if not clean or any(_least_left(joint) > joint.allowed for joint in joints):
             return "unknown"
         known = all(joint.noise_is_known and not is_open(joint) for joint in joints if joint.hold_out_samples)
         return "no_gap" if known and not hides else "not_testable"
@@ -60,8 +61,14 @@ def is_open(joint: JointGap) -> bool:
 
     Mostly friction in doubt makes it wide: where a joint stands, creeps or turns about, friction may hold any torque.
     """
-    above = joint.rms_after > contract_levels.FLOORS_LEFT * joint.noise_floor
-    return bool(above and joint.rms_torque is not None and joint.rms_after > rules.OPEN_SHARE * joint.rms_torque)
+    left = _least_left(joint)
+    above = left > contract_levels.FLOORS_LEFT * joint.noise_floor
+    return bool(above and joint.rms_torque is not None and left > rules.OPEN_SHARE * joint.rms_torque)
+
+
+def _least_left(joint: JointGap) -> float:
+    """Residual of a joint after findings and moves, or of the given model where that is noise and this is not."""
+    return joint.rms_before if joint.gives_way else joint.rms_after
 
 
 def nearly_closed(joint: JointGap) -> bool:

@@ -40,6 +40,11 @@ def test_without_a_finding_every_joint_has_to_be_within_its_noise(after, left, h
     assert said([joint(1.0, 1.0), joint(after, after, "j2")], (), left, hides=hides) == expected
 
 
+@pytest.mark.parametrize(("given", "expected"), [(1.09, "no_gap"), (1.11, "unknown")])
+def test_a_joint_that_the_given_model_explains_has_no_gap_whatever_moves_for_others_leave(given, expected):
+    assert said([joint(1.0, 1.0), replace(joint(1.3, 1.3, "j2"), rms_before=given)]) == expected
+
+
 @pytest.mark.parametrize(
     ("source", "expected"), [("sensors", "no_gap"), ("repetitions", "no_gap"), ("none", "not_testable")]
 )
