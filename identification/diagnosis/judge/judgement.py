@@ -341,11 +341,12 @@ def with_hidden_payload(moves: tuple[Adjusted, ...], search: Search, chosen: fro
     Args:
         moves: Moves found so far, each with the mass that it alone may hide.
         search: Fits a payload beside the moves.
-        chosen: The findings; if there is a payload among them, none is hidden.
+        chosen: The findings; if one of them is a payload or sets the body that carries it free, none is hidden.
     """
     loads = [term for term in search.terms if term.effect.inertial == "point mass"]
     masses = [move for move in moves if move.at_limit and _mass(move) is not None]
-    if not loads or not masses or any(term in chosen for term in loads):
+    # Beside free inertial parameters of its body a payload has no columns of its own.
+    if not loads or not masses or not search.possible(chosen, loads[0]):
         return moves
     found = search.evaluate(chosen | {loads[0]})
     column = loads[0].columns[0]

@@ -21,12 +21,12 @@ from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.floors import Floor
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.judgement import _less, _located, _timed, joint_gaps
+from identification.diagnosis.judge.judgement import _less, _located, _timed, joint_gaps, with_hidden_payload
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together
 from identification.diagnosis.judge.verdict import adjusted, hidden_by
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
-from identification.diagnosis.result import Burst, Diagnosis, EffectAt, JointGap, Unexplained
+from identification.diagnosis.result import Adjusted, Burst, Diagnosis, EffectAt, Hidden, JointGap, Unexplained
 from identification.gates import ORDER
 from identification.pipeline import diagnose
 
@@ -262,6 +262,17 @@ def test_a_mass_at_its_limit_could_hide_a_payload_and_others_hide_nothing(quiet)
     assert moves[names[mass]].hides.kind == "payload"
     assert not moves[names[inside]].at_limit
     assert moves[names[inside]].hides is None
+
+
+def test_no_payload_hides_beside_free_inertial_parameters_of_the_body_that_would_carry_it(quiet):
+    # Both have the same columns, so that they cannot be fitted together.
+    search = quiet.search
+    load = next(term for term in search.terms if term.effect.inertial == "point mass")
+    bodies = [term for term in search.terms if term.effect.inertial == "free"]
+    free = next(term for term in bodies if set(load.columns) <= set(term.columns))
+    moves = (Adjusted("lower mass", -0.05, 0.05, at_limit=True, hides=Hidden("payload", 1e-3)),)
+    assert with_hidden_payload(moves, search, frozenset({free})) == moves
+    assert with_hidden_payload(moves, search, frozenset())[0].hides.size > 1e-3
 
 
 def test_what_hides_behind_a_mass_is_its_tolerance_of_it(quiet, planar2):
