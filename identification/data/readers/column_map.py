@@ -190,7 +190,21 @@ def read_column_map(path: str | Path) -> ColumnMap:
     rest = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
     low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in rest.items() if hertz is not None}
     sources = {key: source_of(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
+    _require_own_columns(path.name, sources)
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate)
+
+
+def _require_own_columns(file: str, sources: Mapping[str, Source]) -> None:
+    """Refuse a column that is taken twice, as a slip of the pen is; joints may share a position or a supply."""
+    first: dict[str, str] = {}
+    for key, source in sources.items():
+        quantity = key.partition(".")[0]
+        other = first.setdefault(source.name, key)
+        if other != key and (quantity in ("tau", "i") or other.partition(".")[0] != quantity):
+            raise LogError(
+                f"{file}: {shortened(other)} and {shortened(key)} are both from {shortened(source.name)!r}: give each "
+                "the column that it was recorded in, or leave one of them out."
+            )
 
 
 def _rate(file: str, given: Any, content: Mapping[Any, Any]) -> float | None:

@@ -85,6 +85,11 @@ def test_two_columns_can_be_exchanged(apply):
     np.testing.assert_array_equal(out["tau.a"], 5 * ONE)
 
 
+def test_two_fingers_may_have_one_position(apply):
+    out = apply("q.a: pos_a\nq.b: {from: pos_a, sign: -1}\n")
+    np.testing.assert_array_equal(out["q.b"], -out["q.a"])
+
+
 def test_ignored_columns_are_left_out(apply):
     assert "q.finger" not in apply("t: time\nignore: [q.finger]\n", **{"q.finger": ONE})
 
@@ -127,6 +132,8 @@ def write_csv(tmp_path):
         ("", r"map\.yaml is empty: a column map needs entries"),
         ("q.a: pos_a\nq.a: pos_b", "the key q.a is given twice"),
         ("q.a: [", "is not valid YAML at line"),
+        ("tau.a: load\ntau.b: load", r"tau\.a and tau\.b are both from 'load': give each the column"),
+        ("q.a: pos_a\ntau.a: pos_a", r"q\.a and tau\.a are both from 'pos_a'"),
     ],
 )
 def test_a_map_that_cannot_be_used_is_told(apply, text, sentence):
