@@ -70,18 +70,26 @@ def _number(cell: str) -> float | None:
         return None
 
 
+def _decoded(line: bytes) -> str:
+    """A line as text: UTF-8, or what Windows programs of western Europe write where that is none."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace")
+
+
 def _data_lines(data: bytes):
     """Number (from 1, as an editor shows it) and text of each line that is neither blank nor a comment."""
     for number, line in enumerate(data.split(b"\n"), start=1):
         stripped = line.strip()
         if stripped and not stripped.startswith(b"#"):
-            yield number, stripped.decode("utf-8", errors="replace")
+            yield number, _decoded(stripped)
 
 
 def _last_comment_before(data: bytes, line_number: int) -> str:
     """Last comment line before a line, without its mark: some programs write the column names there."""
     comments = [line.strip() for line in data.split(b"\n")[: line_number - 1] if line.strip().startswith(b"#")]
-    return comments[-1].lstrip(b"# ").decode("utf-8", errors="replace").strip() if comments else ""
+    return _decoded(comments[-1].lstrip(b"# ")).strip() if comments else ""
 
 
 def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:

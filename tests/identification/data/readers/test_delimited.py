@@ -200,3 +200,8 @@ def test_reading_does_not_import_pandas(tmp_path):
         f"read_delimited(Path({str(tmp_path / 'log.csv')!r})); print('pandas' in sys.modules)"
     )
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "False\n"
+
+
+def test_names_in_the_encoding_of_windows_are_read(write, lines):
+    named = [lines[0].replace("q.a", "q.épaule"), *lines[1:]]
+    assert "q.épaule" in read_table(write(named, encoding="cp1252")).columns
