@@ -69,7 +69,7 @@ def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"])
     matters = np.sqrt(np.mean(weight**2, axis=0)) > _MATTERS * np.sqrt(np.mean(tau**2, axis=0))
     both = np.sum(weight**2 * moves, axis=0)
     lifted = np.sum(weight**2 * np.sign(weight * motion.v) * moves, axis=0)
-    known = matters & (both > 0) & (moves.sum(axis=0) > _FEWEST)
+    known = matters & (both > 0) & (moves.sum(axis=0) > _FEWEST) & (np.ptp(motion.q, axis=0) > _HELD)
     return np.where(known, lifted / np.where(both > 0, both, 1.0), 0.0)
 
 

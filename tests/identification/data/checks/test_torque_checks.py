@@ -372,6 +372,14 @@ def test_up_alone_lifts_and_up_and_down_does_not(weighed_arm):
     )
 
 
+def test_a_joint_that_stands_neither_lifts_nor_lowers_its_weight(weighed_arm):
+    # Its smoothed position creeps in the last digits, in one direction.
+    creep = np.full((len(T), 2), 1e-9)
+    motion = Motion(T, creep * T[:, None], creep, np.zeros_like(creep))
+    weight = inverse_dynamics(weighed_arm, still(motion))
+    assert lifted_less_lowered(weighed_arm, motion, weight).tolist() == [0.0, 0.0]
+
+
 def written(tmp_path, weighed_arm, motion: Motion, tau: np.ndarray) -> str:
     names = ",".join(f"{kind}.{joint}" for kind in ("q", "tau") for joint in weighed_arm.joint_names)
     path = tmp_path / "log.csv"
