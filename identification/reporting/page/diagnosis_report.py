@@ -114,6 +114,7 @@ class SceneView:
         legend: Name, share of the gap and colour of each joint.
         from_meshes: False if the links are drawn as capsules.
         has_gap: False if no joint has a residual above its noise floor.
+        is_testable: False if the recording could not show a gap of ordinary size.
     """
 
     script: Markup
@@ -121,6 +122,7 @@ class SceneView:
     legend: list[Row]
     from_meshes: bool
     has_gap: bool
+    is_testable: bool
 
 
 @dataclass(frozen=True)
@@ -294,7 +296,8 @@ def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
         for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
     figure = _inside_script(scene.figure)
-    return SceneView(_script("robot_viewer.js"), figure, legend, scene.from_meshes, bool(shares.any()))
+    testable = diagnosis.verdict != "not_testable"
+    return SceneView(_script("robot_viewer.js"), figure, legend, scene.from_meshes, bool(shares.any()), testable)
 
 
 def _script(name: str) -> Markup:

@@ -282,3 +282,18 @@ def test_a_page_of_a_model_that_fits_paints_no_joint_and_gives_no_share(made_up,
     assert not re.search(r"Joint \w+, ", Page(text).text)
     colours = set(re.findall(r'<i style="background: (#[0-9a-f]{6})">', text))
     assert colours == {"#d3dae3"}
+
+
+def test_a_page_of_what_cannot_be_judged_does_not_say_that_the_model_fits(made_up, planar2):
+    made = made_up(("shoulder", "elbow"))
+    joints = tuple(
+        dataclasses.replace(
+            gap, rms_before=0.0, rms_within_tolerance=0.0, rms_after=0.0, hold_out_samples=0, closed=None
+        )
+        for gap in made.joints
+    )
+    made = dataclasses.replace(made, verdict="not_testable", findings=(), joints=joints)
+    text = Page(report_html(made, robot=planar2)).text
+    assert "The model fits" not in text
+    assert "This recording cannot show a gap of any joint." in text
+    assert "not judged" in text
