@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import fminbound
 
 from identification.data.checks.readings import Reading, with_positions_times
-from identification.data.checks.suspects import Suspect
+from identification.data.checks.suspects import Suspect, names
 from identification.data.checks.torques.scaled_model import plain_left
 from identification.data.readers.map_entries import entries
 from phantom_dyn.array_types import Array, Float
@@ -21,33 +21,34 @@ from phantom_dyn.model.robot import Robot
 _RATIOS = np.geomspace(1.25, 500.0, 150)
 # Share of a torque's variance that no fit of real friction goes below, so that a smaller one is no better.
 _ENOUGH = 0.005
-# A ratio so near to 57.3 is that of degrees. Where more joints turn so far, degrees are likelier than motors' sides.
+# A ratio so near to 57.3 is that of degrees. Where more joints turn so far, one ratio of all is tried alone.
 _DEGREES, _NEAR, _MOST_JOINTS = 180 / np.pi, 1.1, 3
 # Angle [rad] below which a joint may turn as it says.
 _FAR = 2 * np.pi
 
 
 def motor_side_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
-    """For each joint that turns more than once, the gear ratio by which its position is best divided.
+    """The gear ratios by which positions of joints that turn more than once are best divided: all at once, and each.
 
     Args:
         robot: The given model.
         reading: The recorded data.
     """
     far = np.flatnonzero(~robot.prismatic & (np.abs(reading.motion.q).max(axis=0) > _FAR)).tolist()
-    if len(far) > _MOST_JOINTS:
-        return []
-    ratios = [(j, _best_ratio(robot, reading, j)) for j in far]
-    return [_suspect(robot, j, ratio) for j, ratio in ratios if not 1 / _NEAR < ratio / _DEGREES < _NEAR]
+    sets = [tuple(far)] if far else []
+    if 1 < len(far) <= _MOST_JOINTS:
+        sets += [(j,) for j in far]
+    ratios = [(joints, _best_ratio(robot, reading, joints)) for joints in sets]
+    return [_suspect(robot, joints, ratio) for joints, ratio in ratios if not 1 / _NEAR < ratio / _DEGREES < _NEAR]
 
 
-def _best_ratio(robot: Robot, reading: Reading, j: int) -> float:
-    """The ratio, negative for a motor that turns the other way round, with which torques fit the model best."""
+def _best_ratio(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> float:
+    """The ratio, negative for motors that turn the other way round, with which torques fit the model best."""
 
     def misfit(ratio: float) -> float:
         """Sum of the logarithms of the unexplained shares of all joints' torques."""
         try:
-            left = plain_left(robot, with_positions_times(reading, _divided(robot, j, ratio)))
+            left = plain_left(robot, with_positions_times(reading, _divided(robot, joints, ratio)))
         except ChainError:
             return np.inf
         return float(np.nansum(np.log(left + _ENOUGH)))
@@ -59,23 +60,24 @@ def _best_ratio(robot: Robot, reading: Reading, j: int) -> float:
     return sign * float(np.exp(best))
 
 
-def _divided(robot: Robot, j: int, ratio: float) -> Float[Array, " nv"]:
-    """Factors of all positions that divide that of one joint by a gear ratio."""
+def _divided(robot: Robot, joints: tuple[int, ...], ratio: float) -> Float[Array, " nv"]:
+    """Factors of all positions that divide those of some joints by a gear ratio."""
     factor = np.ones(robot.nv)
-    factor[j] = 1.0 / ratio
+    factor[list(joints)] = 1.0 / ratio
     return factor
 
 
-def _suspect(robot: Robot, j: int, ratio: float) -> Suspect:
-    """The suspicion that the position of a joint is that of its motor."""
+def _suspect(robot: Robot, joints: tuple[int, ...], ratio: float) -> Suspect:
+    """The suspicion that positions of joints are those of their motors."""
     back = ", sign: -1" if ratio < 0 else ""
     way = ", which turns the other way round" if ratio < 0 else ""
-    factor = _divided(robot, j, ratio)
+    factor = _divided(robot, joints, ratio)
+    be = "position of {} is" if len(joints) == 1 else "positions of {} are"
     return Suspect(
         "degrees",
-        (j,),
-        f"the position of {robot.joint_names[j]} is on the motor's side of a gear of about {abs(ratio):.3g}{way}",
-        entries(robot, "q", (j,), f"gear: {abs(ratio):.3g}{back}"),
+        joints,
+        f"the {be.format(names(robot, joints))} on the motor's side of a gear of about {abs(ratio):.3g}{way}",
+        entries(robot, "q", joints, f"gear: {abs(ratio):.3g}{back}"),
         lambda reading: with_positions_times(reading, factor),
         moves=True,
         turned=True,

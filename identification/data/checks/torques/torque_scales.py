@@ -156,7 +156,7 @@ def _joints_with(
 ) -> tuple[int, ...]:
     """Joints whose torque has a factor by their weight and inertia, and, if there are some, also by its size alone."""
     by_scale = np.nan_to_num(np.abs(np.log(scales / factors)), nan=np.inf) < _NEAR
-    by_size = np.isnan(scales) & (np.nan_to_num(np.abs(np.log(sizes / factors)), nan=np.inf) < _SIZE)
+    by_size = np.nan_to_num(np.abs(np.log(sizes / factors)), nan=np.inf) < _SIZE
     return tuple(np.flatnonzero(by_scale | by_size).tolist()) if by_scale.any() else ()
 
 

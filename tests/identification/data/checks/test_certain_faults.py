@@ -129,6 +129,13 @@ def test_torques_in_another_unit(clean, planar2, changed):
     assert fault.what == "the torques are in Nmm and not in N m"
 
 
+def test_the_torques_of_two_joints_in_another_unit_of_which_a_load_makes_one_larger(clean, arm, changed):
+    # Known truth: N mm on two of three joints; the first one's size alone shows its unit.
+    recording = clean(robot=loaded(arm, 0.5))
+    fault = only(checked(changed(recording, tau=recording.tau * [1e3, 1e3, 1.0]), arm).wrong)
+    assert fault.what == "the torques of turn, tilt are in Nmm and not in N m"
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("Nmm", 1e3), ("Ncm", 1e2)])
 def test_the_torque_of_one_joint_in_another_unit(clean, planar2, changed, unit, factor):
     recording = clean(robot=planar2)
@@ -153,6 +160,13 @@ def test_the_position_of_a_motor_behind_an_unknown_gear(clean, planar2, changed,
     assert fault.what.startswith("the position of elbow is on the motor's side of a gear of about ")
     assert float(re.search(r"gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(abs(ratio), rel=0.02)
     assert ("sign: -1" in fault.mend) == (ratio < 0)
+
+
+def test_the_positions_of_all_motors_behind_gears_of_one_ratio(clean, arm, changed):
+    recording = clean()
+    fault = only(checked(replace(changed(recording, q=recording.q * [-100, -100, 1]), v=None), arm).wrong)
+    assert fault.what.startswith("the positions of turn, tilt are on the motor's side of a gear of about 1")
+    assert "sign: -1" in fault.mend
 
 
 def test_degrees_of_some_joints_of_which_one_has_another_mistake(clean, arm, changed):
