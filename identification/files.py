@@ -86,10 +86,12 @@ def require_writable(path: Path, option: str) -> None:
     """Refuse a file that cannot be written, before any work is done; nothing is made.
 
     Raises:
-        UsageError: If it is a folder, lies below a file, or there is no right to write.
+        UsageError: If it is a folder, device or pipe, lies below a file, or there is no right to write.
     """
     if path.is_dir():
         raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{option}: {path} is a device or pipe, wanted a file; name a file")
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if not folder.is_dir():
         raise UsageError(f"{option}: cannot write {path}: {folder} is no folder; name a file in another place")
@@ -148,7 +150,7 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
         with held_when_made(lambda: _empty_file_beside(target)) as temporary:
             try:
                 yield temporary
-                _check_not_folder(target)
+                _check_replaceable(target)
                 temporary.replace(target)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -176,7 +178,7 @@ def _empty_file_beside(target: Path) -> Path:
     """A new empty file in the folder of ``target``, with the rights that any new file gets."""
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{MARK}{target.suffix}")
     target.parent.mkdir(parents=True, exist_ok=True)
-    _check_not_folder(target)
+    _check_replaceable(target)
     for left in target.parent.glob(f".{escape(target.stem)}.*{MARK}{escape(target.suffix)}"):
         remove_unless_held(left)
     temporary.touch(exist_ok=False)
@@ -264,9 +266,12 @@ def _free(descriptor: int) -> bool:
     return True
 
 
-def _check_not_folder(target: Path) -> None:
+def _check_replaceable(target: Path) -> None:
     if target.is_dir():
         raise IsADirectoryError(None, "it is a folder")
+    # A rename would put a plain file in the place of a device, which root may do.
+    if target.exists() and not target.is_file():
+        raise FileExistsError(None, "it is a device or pipe")
 
 
 def refused_write(target: Path, error: OSError) -> str:

@@ -13,7 +13,7 @@ from identification.data.readers.column_map import read_column_map
 from identification.data.readers.read_table import read_raw
 from identification.data.recording import Recording
 from identification.export.corrected.corrected_yaml import read_corrected
-from identification.files import temporary_beside, write_atomically
+from identification.files import require_writable, temporary_beside, write_atomically
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.stages import Announcement, Stage
@@ -105,6 +105,16 @@ def test_a_folder_in_the_place_of_the_file_is_refused(tmp_path):
     (tmp_path / "a.txt").mkdir()
     with pytest.raises(UsageError, match=r"cannot write .*a\.txt: it is a folder; name a file"):
         write_atomically(tmp_path / "a.txt", "x")
+
+
+def test_a_pipe_or_device_is_not_replaced(tmp_path):
+    # A pipe stands for devices too: where a test may replace one of these, it must not try.
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UsageError, match=r"cannot write .*pipe: it is a device or pipe; name a file"):
+        write_atomically(tmp_path / "pipe", "x")
+    with pytest.raises(UsageError, match=r"--json: .*pipe is a device or pipe, wanted a file; name a file"):
+        require_writable(tmp_path / "pipe", "--json")
+    assert (tmp_path / "pipe").is_fifo()
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
