@@ -36,6 +36,8 @@ _POSTURES = 50
 _SEEN, _LOSS = 0.3, 0.2
 # Delays besides half a row, as shares of a row, which must explain the log less well than held references do.
 _OTHER_DELAYS = (0.25, 0.75)
+# Time between rows [s] below which half of it is no more than a drive's own lateness, and steps move no joint.
+_SHORT = 0.004
 # Largest number of joints: for more the comparison would take longer than a diagnosis.
 _MOST_JOINTS = 12
 
@@ -52,7 +54,7 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
         positions only where less is left unexplained without it, as it depends on the inertia of the model.
     """
     gain, q_ref = recording.follows, recording.q_ref
-    if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _is_even(recording):
+    if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _has_slow_even_rows(recording):
         return recording
     held = holds_references(recording, robot)
     if not held and (robot.reference_hold is not None or robot.torque_hold == "zoh"):
@@ -73,10 +75,10 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
     return replace(as_held, notes=(*recording.notes, note))
 
 
-def _is_even(recording: Recording) -> bool:
-    """True if rows come at even times."""
+def _has_slow_even_rows(recording: Recording) -> bool:
+    """True if rows come at even times, and seldom enough for steps to matter."""
     steps = np.diff(recording.t)
-    return bool(np.std(steps) < _EVEN * np.median(steps))
+    return bool(np.std(steps) < _EVEN * np.median(steps) and np.median(steps) >= _SHORT)
 
 
 def _better_without_answer(robot: Robot, recording: Recording) -> Recording:

@@ -9,6 +9,7 @@ from scipy.linalg import expm
 import phantom_dyn as dyn
 from identification.data.recording import Recording
 from identification.notes import Code
+from identification.scenarios import held_references
 from identification.scenarios.held_references import answer_to_steps, with_held_references
 from identification.scenarios.motion_only import with_commanded_torque
 from phantom_dyn.array_types import read_only
@@ -97,3 +98,10 @@ def test_what_the_robot_states_is_not_questioned(robot, angles):
     stated = replace(robot, reference_hold="instant")
     recording = recorded(stated, angles["held"])
     assert with_held_references(stated, recording) is recording
+
+
+def test_rows_that_come_fast_are_not_asked(robot, angles, monkeypatch):
+    recording = recorded(robot, angles["held"])
+    fast = replace(recording, t=read_only(T * 0.002 / ROW))
+    monkeypatch.setattr(held_references, "left_by", lambda *_: pytest.fail("readings were compared"))
+    assert with_held_references(robot, fast) is fast
