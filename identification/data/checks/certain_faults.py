@@ -29,14 +29,14 @@ _MOST_JOINTS = 12
 
 
 def massless_model(robot: Robot) -> tuple[Fault, ...]:
-    """A model that needs no torque for any motion: neither a link nor a rotor that moves has mass or inertia."""
-    if np.any(standard_parameters(robot)) or np.any(robot.model.armature):
+    """A model no link of which has mass or inertia; one joint alone may be a motor, whose rotor has some."""
+    if np.any(standard_parameters(robot)) or (robot.nv == 1 and np.any(robot.model.armature)):
         return ()
     name = Path(robot.source).name if robot.source else robot.name
     return (
         Fault(
             f"no moving link of {name} has mass",
-            "it needs no torque for any motion",
+            "its links need no torque for any motion",
             f"give every link of {name} its mass and inertia (<inertial> in a URDF), or take a file that has them",
         ),
     )

@@ -354,9 +354,8 @@ def test_a_sine_about_the_hanging_posture_is_none(weighed_arm):
 
 def test_the_weight_that_the_drive_of_a_held_joint_bears_is_none(weighed_arm):
     m = wander(2)
-    q, v, a = (np.column_stack([column, np.zeros_like(T)]) for column in (m.q[:, 0], m.v[:, 0], m.a[:, 0]))
-    tau = inverse_dynamics(weighed_arm, still(Motion(T, q, v, a)))
-    assert not computed_from_weight(weighed_arm, Motion(T, q, v, a), tau)[1]
+    motion = Motion(T, *(np.column_stack([of[:, 0], np.zeros_like(T)]) for of in (m.q, m.v, m.a)))
+    assert not computed_from_weight(weighed_arm, motion, inverse_dynamics(weighed_arm, still(motion)))[1]
 
 
 def test_up_alone_lifts_and_up_and_down_does_not(weighed_arm):

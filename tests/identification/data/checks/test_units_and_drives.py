@@ -5,9 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from identification.data.checks.beyond_range import beyond_range
+from identification.data.checks.certain_faults import massless_model
 from identification.data.checks.check_recording import checked
 from identification.data.checks.drive_loops import check_computed, check_controllers, loop_sentences
 from identification.data.checks.model_units import wrong_units
@@ -338,3 +340,17 @@ def test_a_log_beyond_the_reach_of_the_loops_is_refused(tmp_path):
     log = recording(Table("log.csv", {"t": SECONDS, "q.rocker": q, "tau.rocker": np.cos(SECONDS)}), robot)
     with pytest.raises(LogError, match=r"^log\.csv: The loop loops\[0\] .* cannot be closed at sample \d+: its frames"):
         check_passive(log, robot)
+
+
+def with_rotors_alone(name: str) -> Robot:
+    """A robot whose links have no mass, and whose rotors have inertia."""
+    out = load_robot(ROBOTS / f"{name}.urdf")
+    for k in range(1, out.model.njoints):
+        out.model.inertias[k] = pin.Inertia.Zero()
+    out.model.armature = np.full(out.nv, 0.01)
+    return out
+
+
+@pytest.mark.parametrize(("name", "faults"), [("planar2", 1), ("pendulum", 0)])
+def test_links_without_mass_are_a_fault_unless_a_motor_stands_alone(name, faults):
+    assert len(massless_model(with_rotors_alone(name))) == faults
