@@ -11,7 +11,7 @@ import numpy as np
 from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
-from identification.data.checks.suspects import slow_clock, usual_clock
+from identification.data.checks.readings.suspects import slow_clock, usual_clock
 from identification.data.drives.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.drives.joint_torque import (
     computed_from_references,

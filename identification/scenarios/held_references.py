@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.data.checks.plausible_fit import unexplained
-from identification.data.checks.readings import Reading
+from identification.data.checks.readings.plausible_fit import unexplained
+from identification.data.checks.readings.reading import Reading
 from identification.data.recording import Recording
 from identification.data.signals import holds_references, process
 from identification.notes import Code, Note

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from identification.data.checks.readings import Reading, with_order, with_positions_times
+from identification.data.checks.readings.reading import Reading, with_order, with_positions_times
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float

@@ -1,7 +1,7 @@
 """Other readings of a recording (another unit, sign or order) that fit the model far better than the data as recorded.
 
 No plausible robot explains the data as recorded, but one explains the other reading, in both halves of the recording:
-see `identification.data.checks.plausible_fit`.
+see `identification.data.checks.readings.plausible_fit`.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.data.checks import suspects as other
 from identification.data.checks.motor_positions import motor_side_suspects
-from identification.data.checks.plausible_fit import unexplained
-from identification.data.checks.readings import Reading
-from identification.data.checks.suspects import Suspect
+from identification.data.checks.readings import suspects as other
+from identification.data.checks.readings.plausible_fit import ENOUGH, unexplained
+from identification.data.checks.readings.reading import Reading
+from identification.data.checks.readings.suspects import Suspect
 from identification.data.checks.torques.scaled_model import common_ratio, plain_left
 from identification.data.checks.torques.torque_scales import scale_suspects, unit_suspects
 from phantom_dyn.array_types import Array, Bool, Float
@@ -23,8 +23,6 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-ENOUGH = 0.005
-"""Unexplained share of a torque's variance below which a fit is good: real laws of friction differ by as much."""
 # A reading is far better if the unexplained share falls to a quarter, half of the amplitude (geometric mean over both
 # halves of the recording), and to at most a half in either half.
 _FAR_BETTER, _EITHER_HALF = float(np.log(4.0)), float(np.log(2.0))

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.checks.better_readings import ENOUGH, Compared, better_readings
+from identification.data.checks.better_readings import Compared, better_readings
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
-from identification.data.checks.readings import Reading
-from identification.data.checks.suspects import Suspect, highest_speed
+from identification.data.checks.readings.plausible_fit import ENOUGH
+from identification.data.checks.readings.reading import Reading
+from identification.data.checks.readings.suspects import Suspect, highest_speed
 from identification.data.checks.torques.torque_scales import load_or_current, torque_scales
 from identification.data.checks.torques.unsigned_torques import unsigned_fault
 from identification.data.readers.map_entries import entries_words

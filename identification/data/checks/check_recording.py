@@ -24,10 +24,10 @@ from identification.data.checks.positions import (
     check_velocity,
     position_noise,
 )
-from identification.data.checks.readings import of_voltages, reading_of
+from identification.data.checks.readings.reading import of_voltages, reading_of
+from identification.data.checks.readings.suspects import slow_clock
 from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import Smooth, smoothed
-from identification.data.checks.suspects import slow_clock
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_timing, check_zeros
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.torques.taken_friction import check_friction_taken

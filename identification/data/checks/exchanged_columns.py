@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.data.checks.plausible_fit import unexplained
-from identification.data.checks.readings import Reading, reading_of
+from identification.data.checks.readings.plausible_fit import unexplained
+from identification.data.checks.readings.reading import Reading, reading_of
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.readers.map_entries import entries_words
 from identification.data.recording import Fault, Recording

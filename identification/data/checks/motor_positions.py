@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import fminbound
 
-from identification.data.checks.readings import Reading, with_positions_times
-from identification.data.checks.suspects import Suspect, names
+from identification.data.checks.readings.plausible_fit import ENOUGH
+from identification.data.checks.readings.reading import Reading, with_positions_times
+from identification.data.checks.readings.suspects import Suspect, names
 from identification.data.checks.torques.scaled_model import plain_left
 from identification.data.readers.map_entries import entries
 from phantom_dyn.array_types import Array, Float
@@ -19,8 +20,6 @@ from phantom_dyn.model.robot import Robot
 
 # Ratios that are tried: those of robots' gears, in steps of four per cent, finer than the width of a minimum.
 _RATIOS = np.geomspace(1.25, 500.0, 150)
-# Share of a torque's variance that no fit of real friction goes below, so that a smaller one is no better.
-_ENOUGH = 0.005
 # A ratio so near to 57.3 is that of degrees. Where more joints turn so far, one ratio of all is tried alone.
 _DEGREES, _NEAR, _MOST_JOINTS = 180 / np.pi, 1.1, 3
 # Angle [rad] below which a joint may turn as it says.
@@ -51,7 +50,7 @@ def _best_ratio(robot: Robot, reading: Reading, joints: tuple[int, ...]) -> floa
             left = plain_left(robot, with_positions_times(reading, _divided(robot, joints, ratio)))
         except ChainError:
             return np.inf
-        return float(np.nansum(np.log(left + _ENOUGH)))
+        return float(np.nansum(np.log(left + ENOUGH)))
 
     _, sign, about = min((misfit(sign * ratio), sign, ratio) for ratio in _RATIOS for sign in (1, -1))
     step = _RATIOS[1] / _RATIOS[0]

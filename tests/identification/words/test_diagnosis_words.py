@@ -10,9 +10,6 @@ from identification.words.effect_words import REGIMES, effect_words, regime_sent
 from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn.effects.catalogue import EFFECTS
 
-CONTRACT_REGIMES = """velocity_reversal low_speed high_speed high_load high_acceleration one_direction
-periodic_in_angle posture saturated time_drift everywhere""".split()
-
 
 def test_reports_list_effects_by_kind_and_those_of_one_kind_as_the_catalogue_does():
     # By hand, from the files of the effects: some of each kind, the last from elsewhere.
@@ -22,14 +19,14 @@ def test_reports_list_effects_by_kind_and_those_of_one_kind_as_the_catalogue_doe
 
 
 def test_every_regime_of_the_contract_has_words():
-    assert list(REGIMES) == CONTRACT_REGIMES
+    said = "velocity_reversal low_speed high_speed high_load high_acceleration one_direction periodic_in_angle posture"
+    assert list(REGIMES) == [*said.split(), "saturated", "time_drift", "everywhere"]
 
 
 def test_words_show_no_internal_name_and_the_next_step_is_a_sentence():
     entries = [effect_words(effect.name) for effect in EFFECTS]
     assert [entry.name for entry in entries if "_" in entry.name + entry.meaning + entry.next_step] == []
-    steps = [entry.next_step for entry in entries]
-    assert [step for step in steps if not (step[0].isupper() and step.endswith("."))] == []
+    assert all(entry.next_step[0].isupper() and entry.next_step.endswith(".") for entry in entries)
 
 
 def test_an_effect_or_regime_from_elsewhere_is_shown_as_it_is():

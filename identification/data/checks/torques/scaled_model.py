@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from identification.data.checks.against_model import regress_joints
-from identification.data.checks.readings import Reading, varies, with_torques_plus
+from identification.data.checks.readings.reading import Reading, varies, with_torques_plus
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.against_model import regress_joints
-from identification.data.checks.readings import Reading, with_torques_plus, with_torques_times
-from identification.data.checks.suspects import TORQUE_UNITS, Suspect, names
+from identification.data.checks.readings.reading import Reading, with_torques_plus, with_torques_times
+from identification.data.checks.readings.suspects import TORQUE_UNITS, Suspect, names
 from identification.data.readers.map_entries import gear_entries
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
@@ -55,15 +55,20 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 def common_scale(scales: Float[Array, " nv"]) -> float | None:
     """Modelled torque per unit of the measured one, if it is the same on all joints that show it; else None.
 
-    A load that the model lacks gives one factor on all joints, too; on a single joint the two look the same.
+    A load that the model lacks gives one factor on all joints, too; on a single joint the two look the same. Where
+    several joints agree closely, a smaller factor is enough.
 
     Args:
         scales: Scale of each joint, see `torque_scales`.
     """
-    known = scales[~np.isnan(scales)]
-    if not len(known) or np.abs(np.log(known)).min() <= _OTHER_UNIT or np.ptp(np.log(known)) >= _AGREE:
+    logs = np.log(scales[~np.isnan(scales)])
+    if not len(logs):
         return None
-    return float(np.exp(np.mean(np.log(known))))
+    smallest, spread = float(np.abs(logs).min()), float(np.ptp(logs))
+    if smallest > _OTHER_UNIT and spread < _AGREE:
+        return float(np.exp(np.mean(logs)))
+    close = len(logs) > 1 and spread < _ONE_FACTOR
+    return float(np.exp(np.mean(logs))) if close and smallest > _BEYOND_CONSTANT else None
 
 
 def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
@@ -77,16 +82,7 @@ def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dic
         The first part of a sentence, and the entries of a column map if the torques are currents; None where the
         factors are those of usual torques.
     """
-    size = np.nan_to_num(np.abs(np.log(scales)))
-    known = scales[~np.isnan(scales)]
-    scale = common_scale(scales)
-    if (
-        scale is None
-        and len(known) > 1
-        and np.ptp(np.log(known)) < _ONE_FACTOR
-        and size[size > 0].min() > _BEYOND_CONSTANT
-    ):
-        scale = float(np.exp(np.mean(np.log(known))))
+    size, scale = np.nan_to_num(np.abs(np.log(scales))), common_scale(scales)
     if scale is None and size.max(initial=0.0) <= _OTHER_UNIT:
         return None
     far = ~np.isnan(scales) if scale is not None else size > _OWN

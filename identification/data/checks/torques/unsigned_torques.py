@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.checks.against_model import regress_torque
-from identification.data.checks.readings import Reading, varies
+from identification.data.checks.readings.reading import Reading, varies
 from identification.data.recording import Fault, Recording
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import listed

@@ -11,7 +11,7 @@ from identification.data.checks.against_model import check_flipped
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.one_line import is_one_sine, lines_of, separated
 from identification.data.checks.positions import jumps, quantum
-from identification.data.checks.readings import Reading
+from identification.data.checks.readings.reading import Reading
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping
 from identification.data.checks.torques.torque_lag import lags_and_low_passes

@@ -15,12 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from identification.data.checks.readings import Reading, varies
+from identification.data.checks.readings.reading import Reading, varies
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
+ENOUGH = 0.005
+"""Unexplained share of a torque's variance below which a fit is good: real laws of friction differ by as much."""
 # Range of an inertia over the modelled one, and of a torque constant over the assumed one.
 _LEAST, _MOST = 0.5, 2.0
 # Mass of a payload: over that of all moving links, and on the lightest robot [kg]: a bare lever of 0.08 kg may carry 2.

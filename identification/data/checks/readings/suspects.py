@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from identification.data.checks.readings import (
+from identification.data.checks.readings.reading import (
     Reading,
     varies,
     with_order,
