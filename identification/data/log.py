@@ -94,6 +94,8 @@ class Log:
             ``(N, nv)``, with the sign of the change; None with ``arrival``.
         noise_covariance: Covariance at lags of zero, one and two steps of white torque readings of unit variance after
             interpolation to a uniform rate, see `identification.data.signals.interpolated_noise`.
+        position_edges: Edge of the low pass of each joint's positions [Hz], ``(nv,)``, see
+            `identification.data.derivatives`; None for that of the band.
         base_sensors: Sensors on a floating base; None for a fixed one.
     """
 
@@ -114,6 +116,7 @@ class Log:
     arrival: Float[Array, "N nv"] | None = None
     switching: Float[Array, "N nv"] | None = None
     noise_covariance: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    position_edges: Float[Array, " nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

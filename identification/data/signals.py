@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from identification.data.derivatives import MOTION_BAND, differentiate, edges_of_readings, motion_edge
 from identification.data.drive_loop import read_delays
 from identification.data.drives.arrivals import between_readings
 from identification.data.drives.compensation import friction_taken
@@ -29,14 +30,12 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge, driven_edge, slow_motion_edge, torque_edge
-from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
-from phantom_dyn.signals.splines import interpolated, quintic_derivatives
+from phantom_dyn.signals.recursive import low_pass_kernel
+from phantom_dyn.signals.splines import interpolated
 
 # Positions, torques and rate of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
-# Ratio of the cut-off of the positions' low pass to the edge of the band: attenuation at the edge is 0.1 %.
-_MOTION_BAND = 2.5
 # The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
 # recorders that log a held torque, its mean over a sample, or its value in between.
 _HIGHEST = 0.06
@@ -171,22 +170,6 @@ def smoothed_where(
     return out
 
 
-def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration [per s, per s^2] of ``q`` low-passed without delay at ``cutoff_hz``.
-
-    Derivatives are those of a quintic spline through the filtered samples, exact to 0.5 % up to a sixth of the rate
-    (central differences lose 17 % there).
-    """
-    if cutoff_hz < 0.4 * rate_hz:
-        q = low_passed(q, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
-    return q, *quintic_derivatives(q, rate_hz)
-
-
-def motion_edge(band: Band) -> float:
-    """Frequency [Hz] up to which the positions are kept: far above the band, so that it leaves no trace inside."""
-    return min(_MOTION_BAND * band.cutoff_hz, 0.4 * band.rate_hz)
-
-
 def shortest_recording(band: Band) -> float:
     """Length [s] below which a recording leaves too few samples in ``band`` for a fit."""
     return (_FEWEST * band.step + 2 * band.half) / band.rate_hz
@@ -228,7 +211,10 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         median, long = np.quantile(np.diff(recording.t), [0.5, _LONG_STEPS])
         longest = max(_GAP_STEPS * median, min(_GAP_STEPS * long, _GAP_PERIODS / band.cutoff_hz))
         valid = _valid(recording, t, longest)
-    smooth, v, a = differentiate(q, rate, motion_edge(band))
+    # From the recorded rows, as readings interpolated to even times have no common step any more.
+    steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
+    edges = edges_of_readings(q, steps, valid, band)
+    smooth, v, a = differentiate(q, rate, edges)
     if recording.slowing is not None:
         tau = tau + recording.slowing * (_on_grid(recording.t, differences(recording), t) - v)
     if recording.friction_taken:
@@ -237,8 +223,6 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     references = None if wanted is None else _references(recording, robot, t, wanted, q, v)
     external = external_torque(robot, smooth, forces) if forces else None
-    # From the recorded rows, as readings interpolated to even times have no common step any more.
-    steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     base = None if recording.base is None else filtered_base(recording, robot, t, rate, motion_edge(band))
     motion = Motion(t, smooth, v, a, base=base)
     found = (q, wanted, external, steps, temperature, references, touched_rows(recording, robot, t))
@@ -246,7 +230,9 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     tau = tau if between is None else tau + between.torque
     left_open = (None, None) if between is None else (between.arrival, between.doubt)
     sensors, shared = sensors_of_base(recording), interpolated_noise(recording.t, t)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found, sensors, *left_open, shared)
+    return Log(
+        recording.file, recording.joint_names, motion, tau, band, valid, *found, sensors, *left_open, shared, edges
+    )
 
 
 def holds_references(recording: Recording, robot: Robot) -> bool:
@@ -321,7 +307,7 @@ def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> floa
     signs: a fit would take them for a negative inertia, or for a delay.
     """
     q, tau, rate = max(signals, key=lambda signal: len(signal[0]))
-    smooth, v, a = differentiate(q, rate, min(_MOTION_BAND * cutoff_hz, 0.4 * rate))
+    smooth, v, a = differentiate(q, rate, min(MOTION_BAND * cutoff_hz, 0.4 * rate))
     model = inverse_dynamics(robot, Motion(np.arange(len(q)) / rate, smooth, v, a))
     moving = np.ptp(q, axis=0) > 1e-6
     edges = [driven_edge(tau[:, j], model[:, j], rate, cutoff_hz) for j in np.flatnonzero(moving)]

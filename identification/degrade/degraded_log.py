@@ -18,9 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.derivatives import motion_edge
 from identification.data.log import Log
 from identification.data.recording import Recording, Table
-from identification.data.signals import motion_edge, process_all, smoothed
+from identification.data.signals import process_all, smoothed
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.catalogue import effect_named

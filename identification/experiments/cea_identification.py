@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.derivatives import MOTION_BAND, differentiate
 from identification.data.log import Log
-from identification.data.signals import differentiate, low_pass
+from identification.data.signals import low_pass
 from identification.excitation.motion_shapes import Sine, Triangle, Wave, wave_motion
 from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float
@@ -20,7 +21,6 @@ from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion
 
-_MOTION_BAND = 2.5  # positions are low-passed this many times above the band, as in `identification.data.signals`
 _CANDIDATES = 40  # drawn motions of which the best is taken; more lower the condition number by little
 
 
@@ -111,7 +111,7 @@ def record(
     tau = clean + conditions.torque_noise * rng.normal(size=clean.shape)
     step, rate = conditions.encoder_step, conditions.rate_hz
     measured = np.round(motion.q / step) * step if step else motion.q
-    q, v, a = differentiate(measured, rate, min(_MOTION_BAND * conditions.cutoff_hz, 0.4 * rate))
+    q, v, a = differentiate(measured, rate, min(MOTION_BAND * conditions.cutoff_hz, 0.4 * rate))
     valid = np.ones(len(motion.t), dtype=bool)
     return Log("simulated", JOINTS, Motion(motion.t, q, v, a), tau, low_pass(conditions.cutoff_hz, rate), valid)
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.derivatives import differentiate
 from identification.data.recording import Recording
-from identification.data.signals import differentiate, uniform
+from identification.data.signals import uniform
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.array_types import Array, Float, ReadOnlyArrays

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from identification.engine.claims import GateResult
 from identification.gates.above_chance import more_than_chance
-from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.gates.coarse_reading import coarser_than_others, coarser_than_stated, rounding_matters
 from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.gates.existing_bodies import bodies_can_exist
@@ -42,6 +42,7 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     plausible_size,
     likelier_than_rivals,
     coarser_than_stated,
+    coarser_than_others,
     rounding_matters,
     large_enough,
     beyond_the_gain,

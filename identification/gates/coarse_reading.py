@@ -1,4 +1,4 @@
-"""The gates of encoders that are coarser than stated: do their readings show it, and does their rounding matter?"""
+"""The gates of coarse encoders: do the readings show it, against a stated step or other joints, and does it matter?"""
 
 from __future__ import annotations
 
@@ -7,8 +7,14 @@ from identification.engine.claims import GateResult
 # times the stated step: from which on an encoder is coarser than stated.
 COARSE_STEP = 1.5
 
+# times the step of the other joints: gears and encoders of one robot differ by less.
+COARSE_BESIDE = 10.0
+
 # share: of some joint's squared noise that coarse readings make, from which on they matter.
 COARSE_SHARE = 0.05
+
+# share: as the last one where no step is stated. They have to make most of the noise, as nobody said that they do not.
+COARSE_SHARE_UNSTATED = 0.5
 
 
 def coarser_than_stated(times: float) -> GateResult:
@@ -22,12 +28,25 @@ def coarser_than_stated(times: float) -> GateResult:
     return GateResult("coarser than stated", times, COARSE_STEP, "stated steps", times >= COARSE_STEP)
 
 
-def rounding_matters(share: float) -> GateResult:
+def coarser_than_others(times: float) -> GateResult:
+    """Do the readings of a joint without a stated step lie on a far coarser lattice than those of the other joints?
+
+    An encoder passes if its steps are at least ten times as large as those of most other joints of its kind.
+
+    Args:
+        times: Step of the lattice over the median one of the other joints.
+    """
+    return GateResult("coarser than others", times, COARSE_BESIDE, "steps of other joints", times >= COARSE_BESIDE)
+
+
+def rounding_matters(share: float, *, stated: bool) -> GateResult:
     """Does the rounding make a part of the noise of some joint, in the judged band or above it?
 
     A coarser reading passes, or a faster motion.
 
     Args:
         share: The largest share of a joint's squared noise that it makes.
+        stated: Whether the robot states the step of this encoder.
     """
-    return GateResult("rounding matters", share, COARSE_SHARE, "of the squared noise", share > COARSE_SHARE)
+    least = COARSE_SHARE if stated else COARSE_SHARE_UNSTATED
+    return GateResult("rounding matters", share, least, "of the squared noise", share > least)

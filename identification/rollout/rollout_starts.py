@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.derivatives import differentiate, motion_edge
 from identification.data.floating.base_errors import base_without_errors
 from identification.data.log import Log
-from identification.data.signals import differentiate, low_pass, motion_edge
+from identification.data.signals import low_pass
 from identification.diagnosis.columns.motion.soft_friction import softness
 from identification.engine.products.blocks import Block
 from identification.rollout.simulated_models import Model

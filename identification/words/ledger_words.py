@@ -43,6 +43,7 @@ REASONS: dict[str, str] = {
     "plausible size": "its size is {outside} outside of what a sound robot has, and that of a rival is not",
     "likelier than rivals": "its probability is {value}, and that of a rival {needed}",
     "coarser than stated": "the readings lie on a lattice of {value} stated steps, where {needed} are needed",
+    "coarser than others": "its readings have {value} times the step of the other joints, where {needed} is needed",
     "rounding matters": "the rounding makes {value} of a joint's squared noise, where {needed} is needed",
     "large enough": "it is too small to matter: {value} where {needed} is needed",
     "beyond the gain": "positions do not separate it from the gain of the controller, which may be wrong by {needed}",

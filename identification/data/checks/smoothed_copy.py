@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.data.derivatives import differentiate
 from identification.data.recording import Recording
-from identification.data.signals import differentiate
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.band_edges import acceleration_edge

@@ -1,4 +1,4 @@
-"""Findings of encoders that are coarser than stated: their readings lie on a lattice; the gap is spurious torque."""
+"""Findings of coarse encoders: their readings lie on a lattice, and the gap is the spurious torque of its steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Rounded:
     Attributes:
         coarse: The joints.
         energy: For each of them the mean squared torque on every joint, ``(k, nv)``.
-        asked: All joints that are read more coarsely than stated, and whether that matters.
+        asked: All joints that are read more coarsely than expected, and whether that matters.
     """
 
     coarse: tuple[Coarse, ...]
@@ -47,10 +47,13 @@ def rounded(
     """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
     kept, energy, results = [], [], []
     for one in coarse:
-        squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
+        squares, plain = (
+            sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
+            for torque in (one.torque, one.at_band_edge)
+        )
         # The judged band ends where rounding hides the motion: it may matter above that band.
-        wide = sums(problem, one.torque).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
-        result = rounding_matters(float(np.max([squares / floor**2, wide])))
+        wide = sums(problem, one.at_band_edge).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
+        result = rounding_matters(float(np.max([plain / floor**2, wide])), stated=one.stated)
         results.append((one, result))
         if result.passed:
             kept.append(one)

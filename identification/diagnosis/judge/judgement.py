@@ -89,6 +89,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     )
     minor = tuple(claim.finding for claim in claims if claim.minor)
     places = frozenset((finding.effect, finding.joint) for finding in minor)
+    named = {(finding.effect, finding.joint) for finding in findings}
     moved = any(bool(use.any()) for use in problem.columns.usable)
     notes = remarks(shown)
     said = verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds))
@@ -99,7 +100,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
         unexplained=left_over,
         bounds=bounds,
-        not_testable=untested,
+        not_testable=tuple(entry for entry in untested if (entry.effect, entry.joint) not in named),
         notes=notes,
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),

@@ -27,10 +27,8 @@ from identification.diagnosis.search.squares_left import squares_left
 from identification.diagnosis.search.swaps import replaced
 from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
 from identification.gates import ORDER, gate_name
-from identification.gates.coarse_reading import coarser_than_stated
 from identification.gates.exchange import explains_more_than_others
 from identification.gates.in_band import torque_is_there
-from phantom_dyn.effects.support.encoder_lattice import stated_step
 
 # Most findings in whose place the gain of another effect is computed; in robots with many joints most are unrelated.
 _MOST_FINDINGS = 12
@@ -189,11 +187,10 @@ def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], S
 
 
 def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
-    """Entries of encoders whose readings lie on a coarser lattice than stated."""
+    """Entries of encoders whose readings lie on a coarser lattice than expected."""
     robot, out = search.problem.session.robot, []
     for one, matters in rounding.asked:
-        step = stated_step(robot, one.row)
-        gates = (coarser_than_stated(np.inf if not step else one.step / step), matters)
+        gates = (one.coarser, matters)
         outcome: Outcome = "claimed" if matters.passed else "not_claimed"
         out.append(Claim((EffectAt("encoder_quantization", robot.joint_names[one.row]),), gates, outcome))
     return tuple(out)

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage
 
+from identification.data.derivatives import differentiate
 from identification.data.log import Log
-from identification.data.signals import differentiate
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.noise.reading_noise import ReadingNoise

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.derivatives import differentiate, position_edges
 from identification.data.log import Log
-from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis.columns.operations import operate
 from identification.diagnosis.columns.own_effects import Differences
 from identification.diagnosis.columns.residual_columns import Columns, columns_by_log
@@ -23,14 +23,16 @@ from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened, whitened_noise, whitening_of
 from identification.diagnosis.search.search import Search
+from identification.engine.claims import GateResult
 from identification.engine.fits.projection import gains_beside
 from identification.engine.products.grams import RowGrams, all_row_grams
 from identification.gates import above_chance
-from identification.gates.coarse_reading import coarser_than_stated
+from identification.gates.coarse_reading import coarser_than_others, coarser_than_stated
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 # Step [rad or m] of an encoder that is practically exact.
@@ -39,17 +41,23 @@ _FINE = 1e-12
 
 @dataclass(frozen=True)
 class Coarse:
-    """A joint whose readings have larger steps than stated.
+    """A joint whose readings have larger steps than stated, or, where nothing is stated, than those of other joints.
 
     Attributes:
         row: Index of the joint.
         step: Step of the readings [rad or m].
-        torque: For each log the spurious torque in the band from rounding beyond the stated one, ``(n, nv)``.
+        torque: For each log the spurious torque in the band from rounding beyond the expected one, ``(n, nv)``.
+        at_band_edge: The same where positions are low-passed as those of other joints, as any other program would.
+        coarser: The gate that it passed.
+        stated: Whether its step is stated.
     """
 
     row: int
     step: float
     torque: tuple[Float[Array, "n nv"], ...]
+    at_band_edge: tuple[Float[Array, "n nv"], ...]
+    coarser: GateResult
+    stated: bool
 
 
 def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
@@ -69,7 +77,7 @@ def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], 
             noise[:, j] = np.round((motion.q[:, j] - start) / step) * step + start - motion.q[:, j]
         elif log.raw_q is not None:
             noise[:, j] = np.roll(log.raw_q[:, j] - motion.q[:, j], int(rng.integers(count // 4, count // 2)))
-    q, v, a = differentiate(motion.q + noise, log.band.rate_hz, motion_edge(log.band))
+    q, v, a = differentiate(motion.q + noise, log.band.rate_hz, position_edges(log))
     return replace(log, motion=motion.with_joints(q, v, a), tau=operation.tau, raw_q=motion.q + noise)
 
 
@@ -83,21 +91,37 @@ def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
 
 
 def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
-    """Joints whose readings have larger steps than stated, with the spurious torque from that."""
+    """Joints whose readings have larger steps than expected, with the spurious torque from that."""
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
-        if step is None or stated is None or not coarser_than_stated(step / stated).passed:
+        expected = _step_of_others(robot, steps, j) if stated is None else stated
+        if step is None or expected is None:
             continue
-        torque = []
-        for log, operation in zip(session.logs, columns.operations, strict=True):
-            alone = tuple(step if k == j else _FINE for k in range(robot.nv))
-            rough = read_again(log, operation, alone, random_stream("coarse readings")).motion
-            error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
-            # The error that the stated step causes anyway is no gap.
-            torque.append(error * np.sqrt(1.0 - min((stated / step) ** 2, 1.0)))
-        out.append(Coarse(j, step, tuple(torque)))
+        coarser = (coarser_than_others if stated is None else coarser_than_stated)(step / expected)
+        if not coarser.passed:
+            continue
+        alone = tuple(step if k == j else _FINE for k in range(robot.nv))
+        # The error that the expected step causes anyway is no gap.
+        share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
+        pairs = tuple(zip(session.logs, columns.operations, strict=True))
+        torque = tuple(share * _rounding_torque(log, o, alone) for log, o in pairs)
+        at_band_edge = tuple(share * _rounding_torque(replace(log, position_edges=None), o, alone) for log, o in pairs)
+        out.append(Coarse(j, step, torque, at_band_edge, coarser, stated is not None))
     return tuple(out)
+
+
+def _rounding_torque(log: Log, operation: Operation, steps: tuple[float | None, ...]) -> Float[Array, "n nv"]:
+    """Change of the modelled torque in the band if the motion of a log is read once more with such steps."""
+    rough = read_again(log, operation, steps, random_stream("coarse readings")).motion
+    return log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
+
+
+def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> float | None:
+    """Median step of the other joints that turn, or slide, as joint ``j`` does; None where most are on no lattice."""
+    others = [step for k, step in enumerate(steps) if k != j and robot.prismatic[k] == robot.prismatic[j]]
+    known = [step for step in others if step is not None]
+    return float(np.median(known)) if 2 * len(known) > len(others) else None
 
 
 @dataclass(frozen=True)

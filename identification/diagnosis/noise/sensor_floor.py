@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.data.derivatives import differentiate, motion_edge, position_edges
 from identification.data.floating.base_columns import read_once_more
 from identification.data.log import Log
-from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis.columns.residual_columns import Columns
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.noise.balance_noise import balance_noise, balance_parts, error_of_readings
@@ -140,7 +140,7 @@ def reading_error_torque(
         rng: Draws the errors of the readings.
     """
     error = error_of_readings(log, readings, rng)
-    q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, motion_edge(log.band))
+    q, v, a = differentiate(log.motion.q + error, log.band.rate_hz, position_edges(log))
     rough = log.motion.with_joints(q, v, a)
     if log.motion.base is not None:
         rough = replace(rough, base=read_once_more(log, rng, motion_edge(log.band)))

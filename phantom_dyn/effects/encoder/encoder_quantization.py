@@ -1,7 +1,8 @@
 """An encoder coarser than stated: the reading is rounded to a ``step``.
 
 In the torque it leaves noise that no column could fit, so its signature has no column. The readings themselves show it,
-as they are multiples of a step: `phantom_dyn.effects.support.encoder_lattice.step_of` finds it. Text files with few
+as they are multiples of a step: `phantom_dyn.effects.support.encoder_lattice.step_of` finds it. Where no step is
+stated, the steps of the other joints say what is coarse. Text files with few
 digits, or positions of a fieldbus, have the same effect. URDF and MJCF have no place for it.
 """
 
@@ -65,9 +66,12 @@ class EncoderQuantization(Effect):
         return "step", np.zeros(0)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """It is not looked for if no step is stated."""
+        """Without a stated step it is looked for beside the other joints alone."""
         if stated_step(robot, row_of(robot, joint)) is None:
-            return f"no step is stated: give joints.{joint}.encoder_counts to have the readings compared with it"
+            return (
+                f"no step is stated, and the readings have none that is far coarser than those of other joints: give "
+                f"joints.{joint}.encoder_counts to have them compared with it"
+            )
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.data.derivatives import motion_edge
 from identification.data.signals import (
     _moving_edge,
     _within_rate,
     acceleration_edge,
     choose_cutoff,
     low_pass,
-    motion_edge,
     process,
     process_all,
     smoothed,

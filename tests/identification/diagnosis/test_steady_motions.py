@@ -135,6 +135,17 @@ def test_a_sine_on_each_joint_of_an_arm_is_no_standstill(rate):
     assert standing_still(process(standing, robot)).mean() > 0.05
 
 
+def test_a_joint_on_a_coarse_encoder_stands_where_it_stands_and_not_between_its_steps(pendulum):
+    # Known truth: it moves from 4 to 8 s and passes ten steps a second there.
+    t = np.arange(2400) / 200.0
+    way = 0.5 * np.clip(t - 4.0, 0.0, 4.0)
+    readings = 0.05 * np.round(way / 0.05)[:, None]
+    log = process(Recording("stairs.csv", pendulum.joint_names, t, readings, np.cos(t)[:, None]), pendulum)
+    stands = standing_still(log)[:, 0]
+    assert not stands[(t > 4.7) & (t < 7.3)].any()
+    assert stands[(t > 1.0) & (t < 3.0) | (t > 9.0) & (t < 11.0)].all()
+
+
 def test_a_sine_counts_as_loud_up_to_its_line(rng):
     t = np.arange(4000) / 100.0
     edge = _loud_until(0.01 * rng.standard_normal(len(t)), np.sin(2 * np.pi * 5.0 * t), 100.0)

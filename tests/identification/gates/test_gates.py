@@ -8,7 +8,7 @@ import pytest
 from identification.engine.claims import GateResult
 from identification.gates import GATES, ORDER, gate_name
 from identification.gates.above_chance import more_than_chance
-from identification.gates.coarse_reading import coarser_than_stated, rounding_matters
+from identification.gates.coarse_reading import coarser_than_others, coarser_than_stated, rounding_matters
 from identification.gates.controller_gain import beyond_the_gain
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from identification.gates.existing_bodies import bodies_can_exist
@@ -38,7 +38,9 @@ SIDES = [
     (plausible_size(0.1, "kg", rival_is=True), plausible_size(0.1, "kg", rival_is=False)),
     (likelier_than_rivals(0.3, 0.5, leads=False), likelier_than_rivals(0.5, 0.3, leads=True)),
     (coarser_than_stated(1.49), coarser_than_stated(1.5)),
-    (rounding_matters(0.05), rounding_matters(0.051)),
+    (coarser_than_others(9.9), coarser_than_others(10.0)),
+    (rounding_matters(0.05, stated=True), rounding_matters(0.051, stated=True)),
+    (rounding_matters(0.5, stated=False), rounding_matters(0.5, stated=True)),
     # Less than a hundredth of the gap, and half a floor or more.
     (large_enough(0.009, 0.49), large_enough(0.009, 0.51)),
     (large_enough(0.009, 0.49), large_enough(0.011, 0.49)),

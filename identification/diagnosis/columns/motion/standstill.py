@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
+from identification.data.derivatives import motion_edge, position_edges
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
 from phantom_dyn.array_types import Array, Bool, Float
@@ -44,11 +45,12 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
 
     The threshold is three sigmas of the velocity minus its short moving average in the quietest fifth of the recording,
     where the motion itself adds nothing, and at least a thousandth of the joint's top speed. Where a joint vibrates
-    while it travels, as one with backlash may, the moving average itself is compared with the threshold.
+    while it travels, as one with backlash may, the moving average itself is compared with the threshold. A joint whose
+    coarse readings lowered its low pass is at standstill where it passes less than a step in a period of that.
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
-    out = np.empty(log.motion.v.shape, dtype=bool)
+    out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
     for j, moves in enumerate(moving_joints(log)):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
         sigma = _noise(v, kernel)
@@ -59,13 +61,20 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         if noise_only and moves and _travels(q, kernel):
             v = np.convolve(v, kernel, mode="same")
             sigma, noise_only = _noise(v, kernel), False
-        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99))
+        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), unseen[j])
         # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
         at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
         # A joint whose fastest speeds are noise as well is at standstill all the time.
         held = not moves or noise_only
         out[:, j] = (np.convolve(at_standstill, np.ones(width), mode="same") > 0.5) | held
     return out
+
+
+def _unseen_speeds(log: Log) -> Float[Array, " nv"]:
+    """Speed [rad/s or m/s] at which a coarsely read joint passes a step in a period of its low pass; else zero."""
+    edges = np.broadcast_to(position_edges(log), log.motion.q.shape[1])
+    steps = np.array([step or 0.0 for step in log.reading_steps] or np.zeros(len(edges)))
+    return np.where(edges < motion_edge(log.band), steps * edges, 0.0)
 
 
 def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.derivatives import differentiate, motion_edge
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from identification.data.signals import process
@@ -89,10 +90,12 @@ def test_a_reading_that_does_not_change_stands_where_no_count_is_known(pendulum,
 
 
 def read_coarsely(pendulum, q: np.ndarray) -> Log:
-    """A motion at 100 Hz, read in steps of a 4096th of a turn, through the filters."""
+    """A motion at 100 Hz, read in steps of a 4096th of a turn, through the band's filters, which leave the steps."""
     t, step = np.arange(len(q)) / 100.0, 2 * np.pi / 4096
     read = np.round(q / step)[:, None] * step
-    return process(Recording("a.csv", ("pin",), t, read, np.zeros_like(read)), pendulum, cutoff_hz=6.0)
+    log = process(Recording("a.csv", ("pin",), t, read, np.zeros_like(read)), pendulum, cutoff_hz=6.0)
+    motion = log.motion.with_joints(*differentiate(read, log.band.rate_hz, motion_edge(log.band)))
+    return replace(log, motion=motion, position_edges=None)
 
 
 @pytest.mark.parametrize(("speed", "backwards"), [(0.012, 0.5), (0.05, 0.0), (0.5, 0.0)])

@@ -3,6 +3,8 @@
 Findings of coarse readings. Oracle: closed forms on squares written out by hand.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.judge.bursts import Causes, _variance, expected_error, moving_torque
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.noise.encoder_noise import Coarse
+from identification.gates.coarse_reading import coarser_than_stated
 
 N = 4000
 FOLD = np.arange(N) * 8 // N
@@ -130,8 +133,8 @@ def test_samples_with_the_usual_torque_and_doubt_are_calm():
 FLOOR = np.array([0.1, 0.2])
 
 
-def coarse_elbow(*torque: np.ndarray) -> Coarse:
-    return Coarse(1, 2e-3, torque)
+def coarse_elbow(*torque: np.ndarray, stated: bool = True) -> Coarse:
+    return Coarse(1, 2e-3, torque, torque, coarser_than_stated(2.0), stated)
 
 
 def found(energy: list[float], gap: float, samples: float = 400.0):
@@ -177,6 +180,24 @@ def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_noise(quiet, 
     rounding = rounded(quiet.problem, (coarse_elbow(*torque),), floor, quiet.noise)
     assert len(rounding.coarse) == kept
     assert rounding.energy.shape == (kept, 2)
+
+
+def test_a_coarse_reading_without_a_stated_step_counts_where_it_makes_half_of_the_noise(quiet):
+    floor = np.array([1e6, 1e6])
+    for share, kept in ((0.45, 0), (0.55, 1)):
+        torque = tuple(np.sqrt(share) * part * [0.0, 1.0] for part in quiet.noise)
+        found = rounded(quiet.problem, (coarse_elbow(*torque, stated=False),), floor, quiet.noise)
+        assert len(found.coarse) == kept
+
+
+def test_a_coarse_reading_counts_by_what_an_ordinary_low_pass_leaves_of_it(quiet):
+    # Known truth: the lowered low pass of this joint has taken all of its rounding away.
+    nothing, one = (tuple(size * np.ones_like(part) * [0.0, 1.0] for part in quiet.noise) for size in (0.0, 1.0))
+    loud = tuple(1e6 * np.ones_like(part) for part in quiet.noise)
+    coarse = replace(coarse_elbow(*nothing), at_band_edge=one)
+    found = rounded(quiet.problem, (coarse,), np.ones(2), loud)
+    assert found.coarse == (coarse,)
+    np.testing.assert_array_equal(found.total, 0.0)
 
 
 def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_floor(quiet):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.derivatives import differentiate, motion_edge
 from identification.data.signals import process, process_all
 from identification.diagnosis.columns.residual_columns import columns_like
 from identification.diagnosis.fit.fitting import fit
@@ -88,6 +89,28 @@ def test_the_step_of_several_recordings_is_the_coarsest_and_none_where_one_has_n
 def test_a_joint_is_coarse_where_its_step_is_half_as_large_again_as_stated(quiet, step, stated, rows):
     found = coarse_joints(stating(quiet, stated), quiet.columns, (None, step))
     assert [one.row for one in found] == rows
+
+
+@pytest.mark.parametrize(
+    ("steps", "rows"),
+    [((STEP / 9, STEP), []), ((STEP / 11, STEP), [1]), ((STEP, STEP / 11), [0]), ((None, STEP), [])],
+    ids=["nine times", "eleven times", "of the other joint", "other joint on no lattice"],
+)
+def test_without_a_stated_step_a_joint_is_coarse_beside_far_finer_ones(quiet, steps, rows):
+    found = coarse_joints(stating(quiet, None), quiet.columns, steps)
+    assert [(one.row, one.stated) for one in found] == [(row, False) for row in rows]
+
+
+def test_a_lower_low_pass_takes_the_torque_of_rounding_away(quiet):
+    # A low pass at a tenth of the band's edge leaves less than half of what rounding makes of accelerations.
+    session = stating(quiet, STEP / 2)
+    (log,) = session.logs
+    edges = np.full(2, 0.1 * motion_edge(log.band))
+    motion = log.motion.with_joints(*differentiate(log.raw_q, log.band.rate_hz, edges))
+    session = replace(session, logs=(replace(log, motion=motion, position_edges=edges),))
+    (one,) = coarse_joints(session, quiet.columns, (None, STEP))
+    left, plain = (rms([part[:, 1] for part in torque]) for torque in (one.torque, one.at_band_edge))
+    assert left < 0.5 * plain
 
 
 def test_the_torque_of_rounding_lacks_what_the_stated_step_would_make(quiet):
