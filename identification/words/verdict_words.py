@@ -74,7 +74,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
                 return said
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
-        return "The model fits the robot: nothing was found beyond noise and tolerances."
+        return _verdict_alone(diagnosis)
     if diagnosis.verdict == "not_testable" and (_open_joints(diagnosis) or _of_unknown_noise(diagnosis)):
         return "This recording does not show whether there is a gap."
     if diagnosis.verdict == "not_testable":

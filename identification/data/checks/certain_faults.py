@@ -136,4 +136,7 @@ def _mend(recording: Recording, suspect: Suspect) -> str:
             f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
             "torque_constant and gear_ratio in robot.yaml"
         )
-    return entries_words(recording, suspect.entries)
+    words = entries_words(recording, suspect.entries)
+    if suspect.kind == "time" and np.all(np.diff(recording.t) == 1.0):
+        words += "; or, if t counts the rows, write ignore: [t] and rate: with the rows a second into it"
+    return words

@@ -88,6 +88,13 @@ def test_a_slow_motion_in_ms_is_told_although_it_shows_no_inertia(clean, arm, ch
     assert "a sample comes every 50 s" in fault.why
 
 
+def test_times_that_count_rows_may_be_milliseconds_or_no_times(clean, arm, changed):
+    recording = clean(rate=1000.0)
+    fault = only(checked(replace(recording, t=np.arange(1.0, len(recording.t) + 1), v=None), arm).wrong)
+    assert "write t: {from: t, unit: ms}" in fault.mend
+    assert fault.mend.endswith("if t counts the rows, write ignore: [t] and rate: with the rows a second into it")
+
+
 def test_a_motion_that_is_really_so_slow_is_right(clean, arm):
     # Sampled every two seconds; read as milliseconds its inertia would be a million times as large.
     assert checked(slow(clean, arm, 400.0), arm).wrong == ()
