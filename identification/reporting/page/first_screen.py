@@ -79,6 +79,8 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     if gap.gives_way or (closed is None and gap.tolerated <= gap.allowed):
         closed = "may be a gap" if is_open(gap) else "no gap"
+        if gap.gives_way:
+            text = with_unit(number(gap.rms_before), gap.unit).replace(" ", NO_BREAK)
     if not gap.hold_out_samples:
         text, closed = "not judged", None
     return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, closed))))
