@@ -33,14 +33,6 @@ from phantom_dyn.random_streams import random_stream
 FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.08, 0.16]), np.array([0.12, 0.24]), ("above_band", "predictors"))
 
 
-def test_the_floor_is_what_no_model_predicts_and_lies_inside_its_interval(quiet):
-    # Known truth: the recording's torque has white noise of 0.02 N m and a band of less than half the rate.
-    floor = floor_of(quiet.problem, quiet.noise, *2 * (tuple(np.zeros_like(part) for part in quiet.noise),))
-    assert np.all(floor.low <= floor.value)
-    assert np.all(floor.value <= floor.high)
-    assert np.all(floor.high < 2.0 * floor.low)
-
-
 def test_the_floor_of_a_fine_encoder_is_that_of_what_rounding_leaves():
     # Closed form: squares of independent noises add.
     fine = FLOOR.without(np.array([0.0, 0.03]))
@@ -192,11 +184,6 @@ def test_noise_of_the_sensors_is_no_answer_of_a_controller(steady, monkeypatch):
     np.testing.assert_allclose(squares, [0.09 - density * width, 0.0], rtol=0.1)
 
 
-def test_nothing_comes_down_from_above_the_band_of_a_torque_that_is_held(steady):
-    problem = answering(steady[0], 0.3, "zoh")
-    np.testing.assert_array_equal(_folded(problem, sensors_of(problem.session)), 0.0)
-
-
 @pytest.mark.parametrize(("hold", "taken"), [("instant", False), ("zoh", True)])
 def test_what_may_come_down_from_above_the_band_is_no_gap(steady, monkeypatch, hold, taken):
     # Known truth: sensors of 0.007, a noise of 1 in the band, and a controller that makes as much above it.
@@ -328,30 +315,20 @@ def floor(quiet):
     return of
 
 
-def test_the_floor_of_a_joint_whose_sensors_show_it_is_theirs(floor):
-    found = floor()
-    assert (found.value[0], found.low[0], found.source[0]) == (0.2, 0.1, SENSORS)
-
-
-def test_a_joint_whose_sensors_show_nothing_keeps_an_upper_limit_and_says_so(floor):
-    found = floor()
-    assert (found.value[1], found.low[1], found.high[1], found.source[1]) == (6.0, 5.0, 7.0, NONE)
-
-
-def test_a_joint_whose_noise_predictors_limit_further_than_sensors_keeps_that_limit(floor):
-    low = replace(BEFORE, value=np.array([0.15, 6.0]), low=np.array([0.1, 5.0]))
-    found = floor(low)
-    assert (found.value[0], found.low[0], found.source[0]) == (0.15, 0.1, SENSORS)
-
-
-def test_what_predictors_leave_is_the_value_inside_the_interval_of_the_sensors(floor):
-    found = floor(replace(BEFORE, value=np.array([0.25, 6.0])))
-    assert (found.value[0], found.low[0], found.source[0]) == (0.25, 0.1, SENSORS)
-
-
-def test_repetitions_stay_the_best_source(floor):
-    found = floor(replace(BEFORE, source=(REPETITIONS, "predictors")))
-    assert (found.value[0], found.source[0]) == (5.0, REPETITIONS)
+@pytest.mark.parametrize(
+    ("before", "row", "value", "low", "source"),
+    [
+        (BEFORE, 0, 0.2, 0.1, SENSORS),
+        (BEFORE, 1, 6.0, 5.0, NONE),
+        (replace(BEFORE, value=np.array([0.15, 6.0]), low=np.array([0.1, 5.0])), 0, 0.15, 0.1, SENSORS),
+        (replace(BEFORE, value=np.array([0.25, 6.0])), 0, 0.25, 0.1, SENSORS),
+        (replace(BEFORE, source=(REPETITIONS, "predictors")), 0, 5.0, 4.0, REPETITIONS),
+    ],
+    ids=["theirs", "none show it", "predictors go below", "predictors inside their interval", "repetitions are best"],
+)
+def test_sensors_set_the_floor_where_they_show_it_and_nothing_better_does(floor, before, row, value, low, source):
+    found = floor(before)
+    assert (found.value[row], found.low[row], found.source[row]) == (value, low, source)
 
 
 def test_the_upper_end_holds_what_derivatives_are_wrong_by(floor, quiet):

@@ -147,28 +147,23 @@ def closing(quiet, gains):
     return least_closed(left, frozenset([term]), np.ones(2))[term]
 
 
-@pytest.fixture(scope="module")
-def quiet(lab, planar2):
-    motion = lab.motion(2, 3, seconds=20.0)
-    return lab.prepared(planar2, (lab.recording(planar2, motion, np.zeros_like(motion.q)),))
-
-
-def test_what_closes_the_same_in_every_block_closes_it_in_every_draw(quiet):
-    assert closing(quiet, [1.0] * 8) == pytest.approx(1.0)
-
-
-def test_what_closes_in_one_block_alone_opens_nothing_where_that_is_not_drawn(quiet):
-    # By hand: a draw without the block, of which there are (7/8)^8 = 34 %, closes nothing.
-    assert closing(quiet, [8.0, *[0.0] * 7]) == pytest.approx(0.0)
+@pytest.mark.parametrize(
+    ("gains", "least"),
+    [
+        ([1.0] * 8, 1.0),
+        # By hand: a draw without the block, of which there are (7/8)^8 = 34 %, closes nothing.
+        ([8.0, *[0.0] * 7], 0.0),
+        # A number that a file can hold, below what the gate allows.
+        ([-0.5] * 8, -1.0),
+    ],
+    ids=["the same in every block", "in one block alone", "nothing"],
+)
+def test_the_least_that_is_closed_is_that_of_the_worst_usual_draw_of_blocks(quiet, gains, least):
+    assert closing(quiet, gains) == pytest.approx(least)
 
 
 def test_what_opens_the_gap_in_many_blocks_is_not_sure(quiet):
     assert closing(quiet, [6.0, *[-0.5] * 7]) < -0.1
-
-
-def test_what_closes_nothing_opens_all_that_it_could_close(quiet):
-    # A number that a file can hold, below what the gate allows.
-    assert closing(quiet, [-0.5] * 8) == -1.0
 
 
 def test_a_near_twin_is_not_asked(quiet):

@@ -25,10 +25,9 @@ from phantom_dyn import load_robot
 from phantom_dyn.model.inertia import has_known_centre
 
 
-@pytest.fixture(scope="module")
-def session(lab, planar2):
-    motion = lab.motion(2, 3)
-    return lab.prepared(planar2, (lab.recording(planar2, motion, np.zeros_like(motion.q)),)).session
+@pytest.fixture
+def session(quiet):
+    return quiet.session
 
 
 def test_a_place_that_is_known_to_no_better_than_the_robot_is_large_is_not_shown(session, planar2):
@@ -124,7 +123,7 @@ def test_a_gap_is_not_explained_by_a_torque_constant_that_no_motor_has(lab, plan
     assert "a size that no sound robot has" in headline(found)
 
 
-RATE, SECONDS = 1000.0, 15.0
+RATE, SECONDS = 1000.0, 8.0
 INERTIA, WEIGHT, VISCOUS, COULOMB = 0.0225, 0.4905, 0.02, 0.01  # about the pin [kg m^2, N m, N m s/rad, N m]
 SWING = """<robot name="swing"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 0.05"/><mass value="1"/>
 <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>

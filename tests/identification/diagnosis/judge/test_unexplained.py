@@ -253,3 +253,4 @@ def test_moves_beyond_two_deviations_are_told(quiet):
     said = adjusted(quiet.problem, replace(found, theta=theta))
     assert [move.quantity for move in said] == [quiet.columns.nuisances[k].name for k in relative[1:3]]
     assert [move.change for move in said] == pytest.approx(theta[list(relative[1:3])])
+    assert not any(move.at_limit or move.hides for move in said)
