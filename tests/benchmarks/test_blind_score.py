@@ -66,76 +66,6 @@ def test_folders_that_do_not_pair_are_refused(tmp_path, capsys):
     assert "one folder of results for each folder of answers" in capsys.readouterr().err
 
 
-def test_a_null_with_no_gap_is_no_false_claim():
-    assert not judged(answer(), entry()).false_claim
-
-
-def test_any_finding_on_a_null_is_a_false_claim():
-    assert judged(answer(), entry(finding("payload", None))).false_claim
-
-
-@pytest.mark.parametrize("verdict", ["unknown", "partly_explained", "explained", "not_testable"])
-def test_any_other_verdict_on_a_null_is_a_false_claim(verdict):
-    assert judged(answer(), entry(verdict=verdict)).false_claim
-
-
-def test_the_right_effect_on_the_right_joint_is_strictly_right():
-    x = judged(answer("viscous_friction", "j2"), entry(finding("viscous_friction", "j2")))
-    assert (x.top1_strict, x.top1, x.exact, x.in_set, x.joint, x.extra) == (True, True, True, True, True, False)
-
-
-def test_the_right_effect_on_the_wrong_joint_is_wrong():
-    x = judged(answer("viscous_friction", "j2"), entry(finding("viscous_friction", "j1")))
-    assert (x.top1, x.in_set, x.joint) == (False, False, False)
-
-
-def test_the_leading_finding_is_the_one_that_closes_most():
-    small, large = finding("payload", None, closed=0.1), finding("viscous_friction", closed=0.8)
-    assert judged(answer("viscous_friction"), entry(small, large)).leading == "viscous_friction"
-
-
-def test_a_second_finding_is_extra_and_not_exact():
-    x = judged(answer("viscous_friction"), entry(finding("viscous_friction"), finding("payload", None, closed=0.1)))
-    assert (x.top1, x.exact, x.extra) == (True, False, True)
-
-
-def test_a_listed_rival_puts_the_truth_in_the_set():
-    rivals = [[("viscous_friction", "j1")]]
-    x = judged(answer("viscous_friction"), entry(finding("coulomb_friction", rivals=rivals)))
-    assert (x.top1, x.in_set, x.set_size, x.wrong_but_fits) == (False, True, 2, False)
-
-
-def test_a_rival_that_claims_more_than_the_truth_does_not_hold_it():
-    rivals = [[("viscous_friction", "j1"), ("payload", None)]]
-    assert not judged(answer("viscous_friction"), entry(finding("coulomb_friction", rivals=rivals))).in_set
-
-
-def test_a_closed_gap_without_the_truth_in_the_set_fits_but_is_wrong():
-    assert judged(answer("viscous_friction"), entry(finding("coulomb_friction"))).wrong_but_fits
-
-
-def test_a_half_closed_gap_does_not_fit():
-    x = judged(answer("viscous_friction"), entry(finding("coulomb_friction"), before=5.0, after=3.5))
-    assert x.gap_closed == pytest.approx((25.0 - 12.25) / 24.0)
-    assert not x.wrong_but_fits
-
-
-def test_no_claim_on_a_single_is_neither_right_nor_wrong_but_fits():
-    x = judged(answer("viscous_friction"), entry())
-    assert (x.top1, x.wrong_but_fits, x.leading) == (False, False, "no_gap")
-
-
-def test_a_failed_diagnosis_is_wrong_and_told():
-    x = judged(answer("viscous_friction"), FAILED)
-    assert (x.verdict, x.top1, x.in_set) == ("failed", False, False)
-
-
-def test_magnitude_error_and_coverage_are_those_of_the_right_finding():
-    x = judged(answer("viscous_friction"), entry(finding("viscous_friction", value=0.55, std=0.02)))
-    assert x.errors == pytest.approx((0.1,))
-    assert x.covered == (False,)
-
-
 PAIR = {
     **answer("viscous_friction"),
     "kind": "pair",
@@ -147,59 +77,164 @@ PAIR = {
 }
 
 
-def test_both_effects_of_a_pair_are_both_named():
-    x = judged(PAIR, entry(finding("viscous_friction"), finding("coulomb_friction", "j2", closed=0.3)))
-    assert (x.all_named, x.exact, x.in_set, x.joint, x.extra, x.set_size) == (True, True, True, True, False, 2)
-
-
-def test_one_effect_of_a_pair_is_not_both():
-    x = judged(PAIR, entry(finding("viscous_friction")))
-    assert (x.top1, x.all_named, x.in_set, x.joint, x.wrong_but_fits) == (True, False, False, False, True)
-
-
-def test_a_pair_with_one_effect_among_the_rivals_is_in_the_set_and_not_both_named():
-    other = finding("stribeck_friction", "j2", closed=0.3, rivals=[[("coulomb_friction", "j2")]])
-    x = judged(PAIR, entry(finding("viscous_friction"), other))
-    assert (x.all_named, x.in_set, x.extra, x.set_size) == (False, True, False, 3)
-
-
-def test_the_gap_of_a_pair_is_that_of_the_smaller_effect():
-    assert judged(PAIR, entry()).gap == 3.0
-
-
-def test_a_second_finding_that_shares_its_rival_with_the_first_is_extra():
-    rivals = [[("viscous_friction", "j1")]]
-    twice = [finding("coulomb_friction", rivals=rivals), finding("stribeck_friction", closed=0.1, rivals=rivals)]
-    assert judged(answer("viscous_friction"), entry(*twice)).extra
-
-
 OUTSIDE = {**answer(), "kind": "outside", "outside": {"name": "shaker", "joint": "j1"}, "paired_gap": 5.0}
 
 
-@pytest.mark.parametrize(("verdict", "wrong"), [("unknown", False), ("explained", True), ("partly_explained", True)])
-def test_a_closed_gap_outside_the_catalogue_is_wrong_unless_it_is_called_unknown(verdict, wrong):
-    x = judged(OUTSIDE, entry(finding("viscous_friction"), verdict=verdict))
-    assert (x.effect, x.wrong_but_fits) == ("shaker", wrong)
+VISCOUS, COULOMB = answer("viscous_friction"), finding("coulomb_friction")
+
+ON_J2 = answer("viscous_friction", "j2")
+
+RIGHT, SMALL = finding("viscous_friction"), finding("payload", None, closed=0.1)
+
+BESIDE_RIVAL = [[("viscous_friction", "j1")]]
+
+HALF_CLOSED = entry(COULOMB, before=5.0, after=3.5)
+
+CABLE = {**OUTSIDE, "outside": {"name": "cable_drag", "joint": "j1"}}
 
 
-@pytest.mark.parametrize(("joint", "right"), [("j1", True), ("j2", False)])
-def test_a_cause_outside_the_catalogue_may_be_named_as_what_it_is(joint, right):
-    x = judged(OUTSIDE, entry(finding("shaker", joint), verdict="explained"))
-    assert (x.outside_right, x.wrong_but_fits) == (right, not right)
+def ruled(name, truth, said, **judgement):
+    return pytest.param(truth, said, judgement, id=name)
 
 
-def test_friction_that_a_cable_makes_may_be_called_friction_that_depends_on_the_position():
-    cable = {**OUTSIDE, "outside": {"name": "cable_drag", "joint": "j1"}}
-    assert judged(cable, entry(finding("position_dependent_friction"), verdict="explained")).outside_right
-
-
-def test_explained_outside_the_catalogue_is_wrong_however_little_is_closed():
-    assert judged(OUTSIDE, entry(finding("viscous_friction"), verdict="explained", after=4.9)).wrong_but_fits
+@pytest.mark.parametrize(
+    ("truth", "said", "judgement"),
+    [
+        # By hand, each row by the rules of the sealed cases.
+        ruled("a null without a gap", answer(), entry(), false_claim=False),
+        ruled("a finding on a null", answer(), entry(SMALL), false_claim=True),
+        *(
+            ruled(f"a null that is {verdict}", answer(), entry(verdict=verdict), false_claim=True)
+            for verdict in ("unknown", "partly_explained", "explained", "not_testable")
+        ),
+        ruled(
+            "the right effect on the right joint",
+            ON_J2,
+            entry(finding("viscous_friction", "j2")),
+            top1_strict=True,
+            top1=True,
+            exact=True,
+            in_set=True,
+            joint=True,
+            extra=False,
+        ),
+        ruled("the right effect on another joint", ON_J2, entry(RIGHT), top1=False, in_set=False, joint=False),
+        ruled("the one that closes most leads", VISCOUS, entry(SMALL, RIGHT), leading="viscous_friction"),
+        ruled("a second finding is extra", VISCOUS, entry(RIGHT, SMALL), top1=True, exact=False, extra=True),
+        ruled(
+            "a listed rival puts the truth in the set",
+            VISCOUS,
+            entry(finding("coulomb_friction", rivals=BESIDE_RIVAL)),
+            top1=False,
+            in_set=True,
+            set_size=2,
+            wrong_but_fits=False,
+        ),
+        ruled(
+            "a rival that claims more than the truth does not hold it",
+            VISCOUS,
+            entry(finding("coulomb_friction", rivals=[[("viscous_friction", "j1"), ("payload", None)]])),
+            in_set=False,
+        ),
+        ruled("a closed gap without the truth in the set", VISCOUS, entry(COULOMB), wrong_but_fits=True),
+        ruled(
+            "a gap that is half closed",
+            VISCOUS,
+            HALF_CLOSED,
+            gap_closed=pytest.approx((25.0 - 12.25) / 24.0),
+            wrong_but_fits=False,
+        ),
+        ruled("no claim on a single", VISCOUS, entry(), top1=False, wrong_but_fits=False, leading="no_gap"),
+        ruled("a diagnosis that failed", VISCOUS, FAILED, verdict="failed", top1=False, in_set=False),
+        ruled(
+            "error and coverage are those of the right finding",
+            VISCOUS,
+            entry(finding("viscous_friction", value=0.55, std=0.02)),
+            errors=pytest.approx((0.1,)),
+            covered=(False,),
+        ),
+        ruled(
+            "a second finding with the rival of the first is extra",
+            VISCOUS,
+            entry(
+                finding("coulomb_friction", rivals=BESIDE_RIVAL),
+                finding("stribeck_friction", closed=0.1, rivals=BESIDE_RIVAL),
+            ),
+            extra=True,
+        ),
+        ruled(
+            "both of a pair",
+            PAIR,
+            entry(RIGHT, finding("coulomb_friction", "j2", closed=0.3)),
+            all_named=True,
+            exact=True,
+            in_set=True,
+            joint=True,
+            extra=False,
+            set_size=2,
+        ),
+        ruled(
+            "one of a pair",
+            PAIR,
+            entry(RIGHT),
+            top1=True,
+            all_named=False,
+            in_set=False,
+            joint=False,
+            wrong_but_fits=True,
+        ),
+        ruled(
+            "one of a pair among the rivals",
+            PAIR,
+            entry(RIGHT, finding("stribeck_friction", "j2", closed=0.3, rivals=[[("coulomb_friction", "j2")]])),
+            all_named=False,
+            in_set=True,
+            extra=False,
+            set_size=3,
+        ),
+        ruled("the gap of a pair is that of the smaller effect", PAIR, entry(), gap=3.0),
+        *(
+            ruled(
+                f"a gap closed outside the catalogue that is {verdict}",
+                OUTSIDE,
+                entry(RIGHT, verdict=verdict),
+                effect="shaker",
+                wrong_but_fits=verdict != "unknown",
+            )
+            for verdict in ("unknown", "explained", "partly_explained")
+        ),
+        *(
+            ruled(
+                f"a cause outside the catalogue, of j1, named on {joint}",
+                OUTSIDE,
+                entry(finding("shaker", joint), verdict="explained"),
+                outside_right=joint == "j1",
+                wrong_but_fits=joint != "j1",
+            )
+            for joint in ("j1", "j2")
+        ),
+        ruled(
+            "friction of a cable may depend on the position",
+            CABLE,
+            entry(finding("position_dependent_friction"), verdict="explained"),
+            outside_right=True,
+        ),
+        ruled(
+            "explained outside the catalogue, however little is closed",
+            OUTSIDE,
+            entry(RIGHT, verdict="explained", after=4.9),
+            wrong_but_fits=True,
+        ),
+    ],
+)
+def test_a_case_is_judged_by_the_rules(truth, said, judgement):
+    found = judged(truth, said)
+    assert {name: getattr(found, name) for name in judgement} == judgement
 
 
 def test_what_is_closed_is_measured_against_a_fit_that_knows_the_cause():
     """Closed form: losses 25, 4 and 1 of the given model, the diagnosis and the oracle."""
-    x = judged(answer("viscous_friction"), entry(finding("viscous_friction"), after=2.0), entry(after=1.0))
+    x = judged(VISCOUS, entry(finding("viscous_friction"), after=2.0), entry(after=1.0))
     assert x.of_oracle == pytest.approx((25.0 - 4.0) / (25.0 - 1.0))
 
 
