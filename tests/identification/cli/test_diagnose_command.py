@@ -137,13 +137,6 @@ def test_two_runs_say_the_same_and_json_alone_writes_one_file(log, pendulum, dia
     assert names_in(log.parent) == ["diagnosed.json", "log.csv"]
 
 
-def test_current_and_torque_say_the_same(tmp_path, pendulum, swing, causes, written):
-    (tmp_path / "robot.urdf").write_text(pendulum.read_text())
-    (tmp_path / "robot.yaml").write_text("joints: {pin: {torque_constant: 0.05, gear_ratio: 20}}\n")
-    current = {"t": swing["t"], "q.pin": swing["q.pin"], "i.pin": swing["tau.pin"]}
-    assert causes(tmp_path / "robot.urdf", written(tmp_path / "current.csv", current)) == [("coulomb_friction", "pin")]
-
-
 def test_a_column_map_is_obeyed(tmp_path, pendulum, swing, diagnosed, plain, written):
     own = {"ms": swing["t"] * 1e3, "angle_pin": np.rad2deg(swing["q.pin"]), "load_pin": -swing["tau.pin"]}
     (tmp_path / "map.yaml").write_text(
@@ -173,11 +166,6 @@ def test_an_excluded_stretch_is_left_out(pendulum, log, swing, causes, written):
     wrong = swing["tau.pin"] + 5.0 * ((swing["t"] > 4) & (swing["t"] < 5))
     bumped = written(log.with_name("bumped.csv"), swing | {"tau.pin": wrong})
     assert causes(pendulum, bumped, "--exclude", "3.9:5.1") == [("coulomb_friction", "pin")]
-
-
-def test_a_stretch_may_begin_before_zero(pendulum, log, diagnosed, plain):
-    less = diagnosed(pendulum, log, "--exclude", "-1:3")
-    assert less["joints"][0]["hold_out_samples"] < 0.8 * plain["joints"][0]["hold_out_samples"]
 
 
 def test_what_was_found_before_is_part_of_the_model(finished, pendulum, diagnosed):

@@ -53,9 +53,9 @@ def test_a_play_is_named_with_its_twin_and_all_files_are_written(still_log, caps
 
 
 def test_an_earlier_diagnosis_is_refused_at_rest(still_log, capsys):
-    out = still_log.with_name("out")
-    assert diagnosed(still_log, "--out", str(out)) == 0
-    assert diagnosed(still_log, "--with", str(out / "corrected.yaml")) == 2
+    corrected = still_log.with_name("corrected.yaml")
+    corrected.write_text(CORRECTED, encoding="utf-8")
+    assert diagnosed(still_log, "--with", str(corrected)) == 2
     words = (
         "log.csv: it is judged at rest, where every rest is held out in turn, so that held-out recordings and effects"
     )
@@ -121,18 +121,34 @@ def test_recordings_by_themselves_have_nothing_between_them(refusal, log, pendul
 CONTROLLER = "joints: {pin: {controller: {kind: pd, kp: 60, kd: 6}}}\n"
 
 
-@pytest.fixture
-def motion_log(tmp_path) -> Path:
-    """12 s of positions and references of a pendulum that rubs more than its model."""
+@pytest.fixture(scope="module")
+def rubbing_motion() -> np.ndarray:
+    """Times, positions and references, 12 s, of a pendulum that rubs more than its model."""
     robot, t = load_robot(PENDULUM), np.arange(2400) / 200.0
     q_ref = (0.6 * np.sin(1.3 * t) + 0.3 * np.sin(5.1 * t + 1.0))[:, None]
     law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([60.0]), kd=np.array([6.0]))
     rubs = Cause(effect_named("coulomb_friction"), "pin", np.array([1.0]))
     q = simulate(robot, (rubs,), law, t, np.zeros(1)).q + 1e-5 * np.random.default_rng(2).standard_normal((2400, 1))
-    np.savetxt(
-        tmp_path / "log.csv", np.column_stack([t, q, q_ref]), delimiter=",", header="t,q.pin,q_ref.pin", comments=""
-    )
-    return tmp_path / "log.csv"
+    return np.column_stack([t, q, q_ref])
+
+
+def written_to(folder: Path, table: np.ndarray) -> Path:
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,q.pin,q_ref.pin", comments="")
+    return folder / "log.csv"
+
+
+@pytest.fixture
+def motion_log(tmp_path, rubbing_motion) -> Path:
+    return written_to(tmp_path, rubbing_motion)
+
+
+@pytest.fixture(scope="module")
+def by_motion_only(tmp_path_factory, rubbing_motion) -> dict:
+    """What is said of this recording with ``--motion-only``."""
+    log = written_to(tmp_path_factory.mktemp("motion"), rubbing_motion)
+    code, out = diagnosed_motion(log, CONTROLLER, "--motion-only")
+    assert code == 0
+    return json.loads(out.read_text())
 
 
 def diagnosed_motion(motion_log: Path, controller: str, *more: str) -> tuple[int, Path]:
@@ -143,22 +159,18 @@ def diagnosed_motion(motion_log: Path, controller: str, *more: str) -> tuple[int
     ), out
 
 
-def test_positions_and_references_are_enough(motion_log, capsys):
-    code, out = diagnosed_motion(motion_log, CONTROLLER, "--motion-only")
+def test_positions_and_references_are_enough(by_motion_only):
+    assert {finding["joint"] for finding in by_motion_only["findings"]} == {"pin"}
+    assert by_motion_only["rollout"]["rms_after"]["pin"] < by_motion_only["rollout"]["rms_before"]["pin"]
+    assert "torque_constant" in {entry["effect"] for entry in by_motion_only["not_testable"]}
+
+
+def test_a_log_of_positions_and_references_needs_no_option(motion_log, by_motion_only, capsys):
+    code, out = diagnosed_motion(motion_log, CONTROLLER)
     assert code == 0, capsys.readouterr().err
     document = json.loads(out.read_text())
-    assert {finding["joint"] for finding in document["findings"]} == {"pin"}
-    assert document["rollout"]["rms_after"]["pin"] < document["rollout"]["rms_before"]["pin"]
-    assert "torque_constant" in {entry["effect"] for entry in document["not_testable"]}
-
-
-def test_a_log_of_positions_and_references_needs_no_option(motion_log, capsys):
-    code, out = diagnosed_motion(motion_log, CONTROLLER)
-    said = capsys.readouterr()
-    assert code == 0, said.err
-    document, with_option = json.loads(out.read_text()), diagnosed_motion(motion_log, CONTROLLER, "--motion-only")[1]
     assert "positions and references only" in " ".join(document["data_warnings"])
-    assert document["findings"] == json.loads(with_option.read_text())["findings"] != []
+    assert document["findings"] == by_motion_only["findings"]
 
 
 def test_a_log_of_positions_alone_is_refused_in_a_sentence(motion_log, capsys):

@@ -90,29 +90,6 @@ def test_jittered_time_stamps(tmp_path, pendulum, written, content, rng):
     assert causes(content(pendulum, log)) == COULOMB
 
 
-def test_a_gap(tmp_path, pendulum, swing, written, content):
-    kept = (swing["t"] < 4) | (swing["t"] > 5)
-    log = written(tmp_path / "log.csv", {name: values[kept] for name, values in swing.items()})
-    assert causes(content(pendulum, log)) == COULOMB
-
-
-def test_columns_of_whole_numbers(tmp_path, pendulum, swing, content):
-    counts = {name: np.round(values * 1e4).astype(np.int32) for name, values in swing.items()}
-    counts["t"] = np.arange(len(counts["t"]), dtype=np.int64) * 5
-    np.savez(tmp_path / "log.npz", **counts)
-    (tmp_path / "map.yaml").write_text(
-        "t: {from: t, unit: ms}\nq.pin: {from: q.pin, counts: 62831.853}\ntau.pin: {from: tau.pin, unit: Nmm}\n"
-    )
-    found = content(pendulum, tmp_path / "log.npz", "--columns", tmp_path / "map.yaml")
-    assert found["joints"][0]["rms_before"] > 0
-
-
-def test_reversed_big_endian_single_precision(tmp_path, pendulum, swing, content):
-    odd = {name: values[::-1].astype(">f4" if name != "t" else ">f8")[::-1] for name, values in swing.items()}
-    np.savez(tmp_path / "log.npz", **odd)
-    assert causes(content(pendulum, tmp_path / "log.npz")) == COULOMB
-
-
 def test_no_noise_and_no_gap(tmp_path, pendulum, written, content):
     log = written(tmp_path / "log.csv", moved(pendulum, swinging(np.arange(2000) / 200), friction=0.0, noise=0.0))
     assert content(pendulum, log)["verdict"] == "no_gap"
@@ -181,13 +158,6 @@ def test_many_turns_of_a_continuous_joint(tmp_path, pendulum, written, content):
     motion = Motion(t, q[:, None], (30 * w * np.cos(w * t))[:, None], (-(w**2) * q)[:, None])
     found = content(tmp_path / "robot.urdf", written(tmp_path / "log.csv", moved(tmp_path / "robot.urdf", motion)))
     assert causes(found) == COULOMB
-
-
-def test_nothing_moves(tmp_path, pendulum, written, content):
-    t = np.arange(2000) / 200
-    still = Motion(t, np.full((2000, 1), 0.3), np.zeros((2000, 1)), np.zeros((2000, 1)))
-    found = content(pendulum, written(tmp_path / "log.csv", moved(pendulum, still)))
-    assert (found["verdict"], found["findings"]) == ("not_testable", [])
 
 
 def test_a_joint_that_rests_is_blamed_for_nothing(tmp_path, arm, written, content):

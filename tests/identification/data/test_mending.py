@@ -8,7 +8,7 @@ import pytest
 
 from identification.data.drives.compensation import before_low_pass, put_back_sentences
 from identification.data.mending import mended, spikes, whole_turns
-from identification.data.reading import recording
+from identification.data.reading import read_recording, recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import low_pass, process, shortest_recording
 from identification.data.stretches import busiest, note_on_length, stretches
@@ -42,6 +42,12 @@ def test_the_turns_of_an_encoder_are_put_together(swinging):
     np.testing.assert_allclose(found.q, swinging.q, atol=1e-12)
     # 9 sin(x) crosses pi and minus pi seven times in 1.6 periods, and no other odd multiple of pi.
     assert re.search(r"q of pin jumps by whole turns 7 times .*its turns were put together", found.warnings[0])
+
+
+def test_a_file_of_such_an_encoder_is_read_with_its_turns_put_together(swinging, pendulum, tmp_path):
+    columns = np.column_stack([swinging.t, wrapped(swinging.q), swinging.tau])
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header="t,q.pin,tau.pin", comments="")
+    np.testing.assert_allclose(read_recording(tmp_path / "a.csv", pendulum).q, swinging.q, atol=1e-12)
 
 
 def test_a_reference_that_was_wrapped_too_goes_along(swinging):

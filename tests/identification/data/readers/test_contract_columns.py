@@ -102,6 +102,11 @@ def test_a_temperature_that_is_of_no_joint_stops_no_log(columns):
             id="too few rows are refused",
         ),
         pytest.param(
+            lambda columns: contract_table(RawTable("log.csv", {name: values[:1] for name, values in columns.items()})),
+            "has 1 row, too few to tell anything: record at least 50, better several seconds of motion",
+            id="one row is refused",
+        ),
+        pytest.param(
             lambda columns: contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()})),
             "has no rows",
             id="no rows are refused",
@@ -193,10 +198,13 @@ def test_the_content_tells_the_format_not_the_ending(tmp_path, columns):
 
 
 def test_arrays_of_floats_and_integers_become_float64(tmp_path, columns):
-    columns["q.a"] = columns["q.a"].astype(np.float32)
-    columns["tau.a"] = np.arange(60, dtype=np.int16)
-    np.savez(tmp_path / "log.npz", **columns)
-    assert {v.dtype for v in read_table(tmp_path / "log.npz").columns.values()} == {np.dtype(np.float64)}
+    # Numbers that every one of these types holds, one of them in the other order of bytes and with steps backwards.
+    odd = {"q.a": np.arange(60.0)[::-1].astype(">f4")[::-1], "tau.a": np.arange(60, dtype=np.int16)}
+    np.savez(tmp_path / "log.npz", **columns | odd)
+    found = read_table(tmp_path / "log.npz").columns
+    assert {v.dtype for v in found.values()} == {np.dtype(np.float64)}
+    for name in odd:
+        np.testing.assert_array_equal(found[name], np.arange(60.0))
 
 
 def test_pickled_arrays_are_refused(tmp_path, columns):
