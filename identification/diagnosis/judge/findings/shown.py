@@ -298,15 +298,17 @@ def _rivals(bench: Bench, state: State) -> State:
                 ahead = max((rival.probability for rival in rivals), default=0.0)
                 result = likelier_than_rivals(own, ahead, leads=False)
                 bench.record.lost([term], result, instead=least.chosen - state.shown)
-        standings = {term: evened(one) for term, one in least.standings.items()}
-        looked_at = (*looked_at, replace(least, standings=standings))
+        standings, looked_at = least.standings, (*looked_at, least)
+    if over:
+        standings = {term: evened(one) for term, one in standings.items()}
     for term, standing in standings.items():
         if over or term in found:
             bench.record.kept([term], *standing.gates)
         else:
             bench.record.lost([term], *standing.gates, instead=found - state.found)
     if over:
-        return replace(state, shown=looked_at[-1].chosen, looked_at=looked_at, done=True)
+        last = replace(looked_at[-1], standings=standings)
+        return replace(state, shown=last.chosen, looked_at=(*looked_at, last), done=True)
     outdone = state.outdone | {term.place for term in state.found - found}
     exchanged = (*state.exchanged, (state.found - found, found - state.found))
     return replace(state.with_others(found), outdone=outdone, exchanged=exchanged, looked_at=looked_at)
@@ -332,8 +334,11 @@ def _outdone(standing: Standing) -> float:
 
 
 def evened(standing: Standing) -> Standing:
-    """The standing with equal probabilities of a finding and of the rivals that are more probable."""
-    if _outdone(standing) <= 0.0:
+    """The standing with equal probabilities of a finding and of rivals that are more probable and cannot lead.
+
+    They would lead to a set that was seen before, or their sizes are not plausible.
+    """
+    if all(rival.probability <= standing.probability for rival in standing.rivals):
         return standing
     shares = [standing.probability]
     for rival in standing.rivals:

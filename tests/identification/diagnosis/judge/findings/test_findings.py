@@ -191,8 +191,14 @@ def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals
 
 
 def test_a_finding_that_leads_keeps_its_share():
-    rival = Rival((EffectAt("viscous_friction", "j1"),), 0.6)
-    assert evened(Standing(0.4, (rival,))) == Standing(0.4, (rival,))
+    rival = Rival((EffectAt("viscous_friction", "j1"),), 0.4)
+    assert evened(Standing(0.6, (rival,))) == Standing(0.6, (rival,))
+
+
+def test_a_rival_that_cannot_lead_is_no_more_probable_than_the_finding():
+    # By hand: no set is given that has the rival in the place of the finding.
+    out = evened(Standing(0.2, (Rival((EffectAt("actuator_lag", "j1"),), 0.6),)))
+    assert (out.probability, out.rivals[0].probability) == pytest.approx((0.4, 0.4))
 
 
 @dataclass(frozen=True)
