@@ -49,6 +49,12 @@ def moved(robot: Robot, *causes: Cause, noise: float = 1e-5) -> tuple[Recording,
     return Recording("moved.csv", robot.joint_names, t, q, None, q_ref=q_ref), found
 
 
+@pytest.fixture(scope="module")
+def recording(pendulum) -> Recording:
+    """Of the pendulum as it is modelled."""
+    return moved(pendulum)[0]
+
+
 def cause(effect: str, joint: str | None, *theta: float) -> Cause:
     return Cause(effect_named(effect), joint, np.array(theta))
 
@@ -66,31 +72,27 @@ def test_the_torque_is_the_one_that_the_simulated_controller_asked_for(pendulum)
     assert np.abs(rebuilt - found.tau)[20:-20].max() < 0.1
 
 
-def test_a_late_controller_asks_later(pendulum):
-    recording, _ = moved(pendulum)
+def test_a_late_controller_asks_later(pendulum, recording):
     late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, delay=0.008)),))
     ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
     np.testing.assert_allclose(ours[2:], plain[:-2], atol=1e-9)
 
 
-def test_a_controller_asks_no_more_than_its_drive_gives(pendulum):
-    recording, _ = moved(pendulum)
+def test_a_controller_asks_no_more_than_its_drive_gives(pendulum, recording):
     weak = replace(pendulum, actuators=(replace(pendulum.actuators[0], torque_limit=2.0),))
     assert np.abs(commanded_torque(recording, weak)).max() == 2.0
 
 
-def test_a_controller_whose_reference_is_late_follows_the_earlier_one(pendulum):
+def test_a_controller_whose_reference_is_late_follows_the_earlier_one(pendulum, recording):
     # Five samples of 4 ms: position and speed are as they are, the reference is that of 20 ms before.
-    recording, _ = moved(pendulum)
     late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, reference_delay=0.02)),))
     ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
     q_ref = recording.q_ref
     np.testing.assert_allclose((ours - plain)[5:], KP * (q_ref[:-5] - q_ref[5:]), atol=1e-9)
 
 
-def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pendulum):
+def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pendulum, recording):
     # Closed form on every sample: no more than 0.5 N m of stiffness where the error is above 0.02 rad.
-    recording, _ = moved(pendulum)
     protected = Controller("duty", kp=KP, kd=0.0, drops_beyond=0.02, drops_to=0.5)
     ours = commanded_torque(recording, replace(pendulum, actuators=(Actuator(controller=protected),)))
     error = recording.q_ref - recording.q
@@ -99,9 +101,8 @@ def test_a_torque_that_drops_where_the_error_is_large_is_asked_for_as_it_is(pend
     np.testing.assert_allclose(ours, np.where(large, np.clip(KP * error, -0.5, 0.5), KP * error))
 
 
-def test_a_servo_puts_a_share_of_the_measured_supply_on_its_motor(pendulum):
+def test_a_servo_puts_a_share_of_the_measured_supply_on_its_motor(pendulum, recording):
     # Closed form: a supply of 9 V where 12 V are stated takes a quarter of what follows the reference.
-    recording, _ = moved(pendulum)
     drive = Actuator(torque_constant=1.0, resistance=2.0, voltage_limit=12.0, controller=Controller("duty", kp=KP))
     robot = replace(pendulum, actuators=(drive,))
     sagging = replace(recording, supply=np.linspace(12.0, 9.0, len(recording.t)))
@@ -109,8 +110,7 @@ def test_a_servo_puts_a_share_of_the_measured_supply_on_its_motor(pendulum):
     np.testing.assert_allclose(ours[:, 0], plain[:, 0] * np.linspace(1.0, 0.75, len(ours)), atol=1e-12)
 
 
-def test_a_supply_does_not_change_gains_that_are_stated_as_torques(pendulum):
-    recording, _ = moved(pendulum)
+def test_a_supply_does_not_change_gains_that_are_stated_as_torques(pendulum, recording):
     sagging = replace(recording, supply=np.full(len(recording.t), 9.0))
     np.testing.assert_array_equal(commanded_torque(sagging, pendulum), commanded_torque(recording, pendulum))
 
@@ -141,14 +141,12 @@ def judgement_of(diagnosis):
     return Judgement(**shared)
 
 
-def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum):
-    recording, _ = moved(pendulum)
+def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum, recording):
     judgement = judgement_of(rubbing)
     assert limited_to_motion(judgement, (recording,), Rollout(None, {}, {}), pendulum) is judgement
 
 
-def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
-    recording, _ = moved(pendulum)
+def test_without_a_gain_the_refusal_says_what_is_needed(pendulum, recording):
     silent = replace(pendulum, actuators=(Actuator(),))
     with pytest.raises(LogError, match="states no controller with a gain kp of pin: --motion-only needs it"):
         with_commanded_torque(recording, silent)
@@ -162,51 +160,46 @@ def test_the_gains_that_moved_the_true_model_are_suggested(pendulum):
     assert found.kd == pytest.approx(KD, rel=0.05)
 
 
-def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
-    recording, _ = moved(pendulum)
-    assert recording.q_ref is not None
+def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum, recording):
     short = replace(recording, t=recording.t[:9], q=recording.q[:9], q_ref=recording.q_ref[:9])
     with pytest.raises(LogError, match=r"moved\.csv is too short, or a reference is no number"):
         estimated_gains((short,), pendulum)
 
 
-def test_a_reference_that_never_leaves_the_joint_tells_no_gain(pendulum):
-    recording, _ = moved(pendulum)
+def test_a_reference_that_never_leaves_the_joint_tells_no_gain(pendulum, recording):
     (found,) = estimated_gains((replace(recording, q=recording.q_ref),), pendulum)
     assert np.isnan([found.kp, found.kd]).all()
 
 
-def test_without_references_the_refusal_says_what_is_needed(pendulum):
-    recording, _ = moved(pendulum)
+def test_without_references_the_refusal_says_what_is_needed(pendulum, recording):
     with pytest.raises(LogError, match=r"has no q_ref.<joint> of every joint: --motion-only needs the references"):
         with_commanded_torque(replace(recording, q_ref=None), pendulum)
 
 
-def test_a_reference_that_is_no_number_is_refused(pendulum):
-    recording, _ = moved(pendulum)
+def test_a_reference_that_is_no_number_is_refused(pendulum, recording):
     q_ref = np.array(recording.q_ref)
     q_ref[7] = np.nan
     with pytest.raises(LogError, match=r"q_ref.pin is nan in row 7"):
         with_commanded_torque(replace(recording, q_ref=q_ref), pendulum)
 
 
-def test_too_few_rows_are_refused(pendulum):
-    recording, _ = moved(pendulum)
-    assert recording.q_ref is not None
+def test_too_few_rows_are_refused(pendulum, recording):
     short = replace(recording, t=recording.t[:5], q=recording.q[:5], q_ref=recording.q_ref[:5])
     with pytest.raises(LogError, match="has 5 rows"):
         with_commanded_torque(short, pendulum)
 
 
 @pytest.mark.parametrize(("ratio", "outcome"), [(1.19, "not_claimed"), (1.21, "claimed")])
-def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed(rubbing, pendulum, ratio, outcome):
+def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed(
+    rubbing, recording, pendulum, ratio, outcome
+):
     # By hand: a stated gain is trusted to a tenth.
-    recording = with_commanded_torque(moved(pendulum)[0], pendulum)
+    asked = (with_commanded_torque(recording, pendulum),)
     size = {"ratio": Value(ratio, 0.01, "1")}
     finding = replace(rubbing.findings[0], effect="torque_constant", joint="pin", parameters=size)
     claim = Claim((EffectAt("torque_constant", "pin"),), (), "claimed")
     given = replace(judgement_of(rubbing), findings=(finding,), ledger=(claim,))
-    found = limited_to_motion(given, (recording,), Rollout(None, {}, {}), pendulum)
+    found = limited_to_motion(given, asked, Rollout(None, {}, {}), pendulum)
     (entry,) = found.ledger
     assert entry.outcome == outcome
     assert (outcome == "claimed") is (finding in found.findings)
@@ -214,14 +207,14 @@ def test_a_torque_constant_within_twice_the_tolerance_of_the_gain_is_not_claimed
     assert (result.gate, result.value, result.needed) == ("beyond the gain", pytest.approx(ratio - 1.0), 0.2)
 
 
-def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
-    recording = with_commanded_torque(moved(pendulum)[0], pendulum)
+def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, recording, pendulum):
+    asked = (with_commanded_torque(recording, pendulum),)
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
-    (note,) = sentences(limited_to_motion(still, (recording,), rollout, pendulum).notes)
+    (note,) = sentences(limited_to_motion(still, asked, rollout, pendulum).notes)
     assert "under its controller pin strays by 0.01 from the recorded motion, 100 times the noise of its" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
-    assert limited_to_motion(still, (recording,), near, pendulum).notes == ()
+    assert limited_to_motion(still, asked, near, pendulum).notes == ()
 
 
 def test_what_controllers_ask_for_keeps_its_band(pendulum):
@@ -251,8 +244,7 @@ def test_a_late_reference_is_simulated_in_the_closed_loop(late):
     assert late.rollout["rms_after"]["pin"] < 0.2 * late.rollout["rms_before"]["pin"]
 
 
-def test_references_in_time_are_not_late(pendulum):
-    recording, _ = moved(pendulum)
+def test_references_in_time_are_not_late(pendulum, recording):
     found = diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
     assert found.findings == ()
 
@@ -287,9 +279,8 @@ def test_a_format_that_holds_references_needs_no_key(pendulum):
     assert diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),)).findings == ()
 
 
-def test_the_largest_voltage_bounds_what_follows_the_reference(pendulum):
+def test_the_largest_voltage_bounds_what_follows_the_reference(pendulum, recording):
     # By hand: 0.5 N m/V times 3 V; the damping comes on top of it.
-    recording, _ = moved(pendulum)
     drive = replace(pendulum.actuators[0], torque_constant=1.0, resistance=2.0, voltage_limit=3.0)
     weak = replace(pendulum, actuators=(drive,))
     v = np.gradient(recording.q, recording.t, axis=0)

@@ -49,6 +49,18 @@ def clean(arm: Robot, rng: np.random.Generator) -> Callable[..., Recording]:
 
 
 @pytest.fixture
+def recording(clean: Callable[..., Recording]) -> Recording:
+    """Of the arm, 20 s at 500 Hz."""
+    return clean()
+
+
+@pytest.fixture
+def planar_log(clean: Callable[..., Recording], planar2: Robot) -> Recording:
+    """The same of the planar arm."""
+    return clean(robot=planar2)
+
+
+@pytest.fixture
 def changed() -> Callable[..., Recording]:
     """Copies a recording with some of its arrays replaced."""
 

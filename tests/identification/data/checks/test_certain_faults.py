@@ -73,8 +73,7 @@ def smooth_motion(recording: Recording) -> Motion:
         ("tau", [-1, -1, -1], "the torques of all joints have the wrong sign", 'tau: {from: "tau.{joint}", sign: -1}'),
     ],
 )
-def test_a_wrong_unit_or_sign_is_told_with_its_entry(clean, arm, changed, name, factor, what, mend):
-    recording = clean()
+def test_a_wrong_unit_or_sign_is_told_with_its_entry(arm, changed, name, factor, what, mend, recording):
     fault = only(checked(changed(recording, **{name: getattr(recording, name) * factor}), arm).wrong)
     assert fault.what == what
     assert mend in fault.mend
@@ -100,8 +99,7 @@ def test_a_motion_that_is_really_so_slow_is_right(clean, arm):
     assert checked(slow(clean, arm, 400.0), arm).wrong == ()
 
 
-def test_two_flipped_torques_are_both_told(clean, arm, changed):
-    recording = clean()
+def test_two_flipped_torques_are_both_told(arm, changed, recording):
     wrong = checked(changed(recording, tau=recording.tau * [1, -1, -1]), arm).wrong
     assert {fault.what for fault in wrong} == {
         "the torque of tilt has the wrong sign",
@@ -109,16 +107,14 @@ def test_two_flipped_torques_are_both_told(clean, arm, changed):
     }
 
 
-def test_swapped_torques(clean, arm, changed):
-    recording = clean()
+def test_swapped_torques(arm, changed, recording):
     fault = only(checked(changed(recording, tau=recording.tau[:, [1, 0, 2]]), arm).wrong)
     assert fault.what == "the torques of turn and tilt are swapped"
     assert "{tau.turn: tau.tilt, tau.tilt: tau.turn}" in fault.mend
 
 
-def test_swapped_positions(clean, planar2, changed):
-    recording = clean(robot=planar2)
-    fault = only(checked(changed(recording, q=recording.q[:, [1, 0]], v=recording.v[:, [1, 0]]), planar2).wrong)
+def test_swapped_positions(planar2, changed, planar_log):
+    fault = only(checked(changed(planar_log, q=planar_log.q[:, [1, 0]], v=planar_log.v[:, [1, 0]]), planar2).wrong)
     assert fault.what == "the positions of shoulder and elbow are swapped"
 
 
@@ -130,9 +126,8 @@ def test_positions_and_torques_in_each_others_columns(clean, arm, planar2, chang
         assert 'write {q: "tau.{joint}", tau: "q.{joint}"} into a column map' in fault.mend
 
 
-def test_torques_in_another_unit(clean, planar2, changed):
-    recording = clean(robot=planar2)
-    fault = only(checked(changed(recording, tau=1e3 * recording.tau), planar2).wrong)
+def test_torques_in_another_unit(planar2, changed, planar_log):
+    fault = only(checked(changed(planar_log, tau=1e3 * planar_log.tau), planar2).wrong)
     assert fault.what == "the torques are in Nmm and not in N m"
 
 
@@ -144,40 +139,35 @@ def test_the_torques_of_two_joints_in_another_unit_of_which_a_load_makes_one_lar
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("Nmm", 1e3), ("Ncm", 1e2)])
-def test_the_torque_of_one_joint_in_another_unit(clean, planar2, changed, unit, factor):
-    recording = clean(robot=planar2)
-    fault = only(checked(changed(recording, tau=recording.tau * [1.0, factor]), planar2).wrong)
+def test_the_torque_of_one_joint_in_another_unit(planar2, changed, unit, factor, planar_log):
+    fault = only(checked(changed(planar_log, tau=planar_log.tau * [1.0, factor]), planar2).wrong)
     assert fault.what == f"the torque of elbow is in {unit} and not in N m"
     assert f"tau.elbow: {{from: tau.elbow, unit: {unit}}}" in fault.mend
 
 
-def test_the_torque_of_one_joint_on_the_side_of_its_motor_with_stated_gears(clean, planar2, changed):
-    recording = clean(robot=planar2)
+def test_the_torque_of_one_joint_on_the_side_of_its_motor_with_stated_gears(planar2, changed, planar_log):
     robot = replace(planar2, actuators=tuple(replace(a, gear_ratio=60.0) for a in planar2.actuators))
-    fault = only(checked(changed(recording, tau=recording.tau / [60.0, 1.0]), robot).wrong)
+    fault = only(checked(changed(planar_log, tau=planar_log.tau / [60.0, 1.0]), robot).wrong)
     assert fault.what == "the torque of shoulder is on the motor's side of the gear"
     assert "tau.shoulder: {from: tau.shoulder, gear: 60}" in fault.mend
 
 
 @pytest.mark.parametrize("ratio", [101.0, -50.0, 12.0])
-def test_the_position_of_a_motor_behind_an_unknown_gear(clean, planar2, changed, ratio):
+def test_the_position_of_a_motor_behind_an_unknown_gear(planar2, changed, ratio, planar_log):
     # Known truth: the elbow's motor turns so many times as far as the elbow, or the other way round.
-    recording = clean(robot=planar2)
-    fault = only(checked(replace(changed(recording, q=recording.q * [1.0, ratio]), v=None), planar2).wrong)
+    fault = only(checked(replace(changed(planar_log, q=planar_log.q * [1.0, ratio]), v=None), planar2).wrong)
     assert fault.what.startswith("the position of elbow is on the motor's side of a gear of about ")
     assert float(re.search(r"gear: ([\d.]+)", fault.mend)[1]) == pytest.approx(abs(ratio), rel=0.02)
     assert ("sign: -1" in fault.mend) == (ratio < 0)
 
 
-def test_the_positions_of_all_motors_behind_gears_of_one_ratio(clean, arm, changed):
-    recording = clean()
+def test_the_positions_of_all_motors_behind_gears_of_one_ratio(arm, changed, recording):
     fault = only(checked(replace(changed(recording, q=recording.q * [-100, -100, 1]), v=None), arm).wrong)
     assert fault.what.startswith("the positions of turn, tilt are on the motor's side of a gear of about 1")
     assert "sign: -1" in fault.mend
 
 
-def test_degrees_of_some_joints_of_which_one_has_another_mistake(clean, arm, changed):
-    recording = clean()
+def test_degrees_of_some_joints_of_which_one_has_another_mistake(arm, changed, recording):
     q, tau = recording.q * [np.rad2deg(1), np.rad2deg(1), 1], recording.tau * [1, -1, 1]
     wrong = checked(replace(changed(recording, q=q, tau=tau), v=None), arm).wrong
     assert [fault.what for fault in wrong] == [
@@ -186,18 +176,16 @@ def test_degrees_of_some_joints_of_which_one_has_another_mistake(clean, arm, cha
     ]
 
 
-def test_torques_on_the_side_of_the_motor_with_stated_gears(clean, planar2, changed):
-    recording = clean(robot=planar2)
+def test_torques_on_the_side_of_the_motor_with_stated_gears(planar2, changed, planar_log):
     gears = (50.0, 30.0)
     actuators = tuple(replace(a, gear_ratio=g) for a, g in zip(planar2.actuators, gears, strict=True))
-    fault = only(checked(changed(recording, tau=recording.tau / gears), replace(planar2, actuators=actuators)).wrong)
+    fault = only(checked(changed(planar_log, tau=planar_log.tau / gears), replace(planar2, actuators=actuators)).wrong)
     assert fault.what == "the torques are on the motor's side of the gears"
     assert "{from: tau.shoulder, gear: 50}, tau.elbow: {from: tau.elbow, gear: 30}" in fault.mend
 
 
-def test_torques_on_the_side_of_the_motor_of_unknown_gears(clean, planar2, changed):
-    recording = clean(robot=planar2)
-    fault = only(checked(changed(recording, tau=recording.tau / 100), planar2).wrong)
+def test_torques_on_the_side_of_the_motor_of_unknown_gears(planar2, changed, planar_log):
+    fault = only(checked(changed(planar_log, tau=planar_log.tau / 100), planar2).wrong)
     assert "on the motor's side of gears of about" in fault.what
 
 
@@ -207,8 +195,7 @@ def test_a_load_on_a_light_arm_is_no_current(clean, planar2):
     assert not [words for words in checked(recording, planar2).warnings if "current" in words]
 
 
-def test_a_torque_from_a_current_is_mended_where_it_comes_from(clean, arm, changed):
-    recording = clean()
+def test_a_torque_from_a_current_is_mended_where_it_comes_from(arm, changed, recording):
     current = replace(changed(recording, tau=recording.tau * [1, -1, 1]), torque_from={"turn": "tau", "tilt": "i"})
     assert "the torque was computed from i.tilt" in only(checked(current, arm).wrong).mend
 
@@ -258,9 +245,8 @@ def test_what_is_only_strange_is_not_certainly_wrong(clean, arm, what):
     assert checked(recording, robot).wrong == ()
 
 
-def test_a_torque_from_which_gravity_was_taken_is_told_with_the_entry(clean, planar2):
-    recording = clean(robot=planar2)
-    compensated = replace(recording, tau=recording.tau - gravity_torque(planar2, recording.q))
+def test_a_torque_from_which_gravity_was_taken_is_told_with_the_entry(planar2, planar_log):
+    compensated = replace(planar_log, tau=planar_log.tau - gravity_torque(planar2, planar_log.q))
     (sentence,) = checked(compensated, planar2).warnings
     assert "lack the weight of the links that the model has: if a controller had taken gravity out" in sentence
     assert "write tau: {compensated: gravity} into a column map" in sentence
@@ -273,33 +259,31 @@ def test_a_robot_that_stands_askew_lacks_no_weight(clean, planar2):
 
 
 @pytest.mark.parametrize(("taken", "felt"), [(0.0, 9.81), (1.0, 0.0)])
-def test_the_gravity_that_the_torques_feel(clean, planar2, taken, felt):
-    recording = clean(robot=planar2)
-    tau = recording.tau - taken * gravity_torque(planar2, recording.q)
-    reading = reading_of(smoothed(replace(recording, tau=tau)))
+def test_the_gravity_that_the_torques_feel(planar2, taken, felt, planar_log):
+    tau = planar_log.tau - taken * gravity_torque(planar2, planar_log.q)
+    reading = reading_of(smoothed(replace(planar_log, tau=tau)))
     assert felt_gravity(planar2, reading, (0, 1)) == pytest.approx(felt, abs=0.1)
 
 
 @pytest.mark.parametrize("constant", [0.0, 1.5])
-def test_a_joint_that_a_brake_holds_says_nothing_about_the_weight(clean, planar2, constant):
+def test_a_joint_that_a_brake_holds_says_nothing_about_the_weight(planar2, constant, planar_log):
     # Closed form: the other joint lacks all of its weight; a torque that does not vary is no sign of either.
-    recording = clean(robot=planar2)
-    tau = recording.tau - gravity_torque(planar2, recording.q)
-    reading = reading_of(smoothed(replace(recording, tau=np.column_stack([np.full(len(tau), constant), tau[:, 1]]))))
+    tau = planar_log.tau - gravity_torque(planar2, planar_log.q)
+    reading = reading_of(smoothed(replace(planar_log, tau=np.column_stack([np.full(len(tau), constant), tau[:, 1]]))))
     assert [suspect.joints for suspect in compensated_suspects(planar2, reading)] == [(1,)]
 
 
-def test_torques_without_sign_are_refused_as_that(clean, arm):
-    recording = clean()
+def test_torques_without_sign_are_refused_as_that(arm, recording):
     fault = only(checked(replace(recording, tau=np.abs(recording.tau)), arm).wrong)
     assert fault.what == "the torques of turn, tilt, slide have no sign"
     assert "record the torque with its sign" in fault.mend
 
 
-def test_a_torque_that_only_weight_keeps_positive_has_its_sign(clean, planar2):
+def test_a_torque_that_only_weight_keeps_positive_has_its_sign(planar2, planar_log):
     # Known truth: the joint hangs to one side, and the model needs no other sign.
-    recording = clean(robot=planar2)
-    assert checked(replace(recording, tau=recording.tau + 2 * np.abs(recording.tau).max(axis=0)), planar2).wrong == ()
+    assert (
+        checked(replace(planar_log, tau=planar_log.tau + 2 * np.abs(planar_log.tau).max(axis=0)), planar2).wrong == ()
+    )
 
 
 @pytest.mark.parametrize("run", ["0kg", "1kg", "2kg"])

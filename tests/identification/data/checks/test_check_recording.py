@@ -50,8 +50,7 @@ def test_a_clean_recording_without_noise_gives_no_warning(clean, arm, changed):
     assert check_recording(recording, arm) == ()
 
 
-def test_a_recording_rounded_to_four_digits_gives_no_warning(clean, arm, changed):
-    recording = clean()
+def test_a_recording_rounded_to_four_digits_gives_no_warning(arm, changed, recording):
     rounded = changed(recording, q=recording.q.round(4), tau=recording.tau.round(2), v=recording.v.round(3))
     assert check_recording(rounded, arm) == ()
 
@@ -74,14 +73,12 @@ def test_the_real_ur10_recording_gives_no_warning(data_folder):
     assert found.warnings == ()
 
 
-def test_jitter_is_told_with_its_share(clean, arm, changed, rng):
-    recording = clean()
+def test_jitter_is_told_with_its_share(arm, changed, rng, recording):
     t = recording.t + rng.uniform(-0.0004, 0.0004, len(recording.t))
     assert "sampling is irregular" in check_recording(changed(recording, t=t), arm)[0]
 
 
-def test_a_gap_is_told_with_its_place_and_length(clean, arm):
-    recording = clean()
+def test_a_gap_is_told_with_its_place_and_length(arm, recording):
     kept = (recording.t < 5.0) | (recording.t > 5.1)
     cut = replace(
         recording, t=recording.t[kept], q=recording.q[kept], tau=recording.tau[kept], v=recording.v[kept]
@@ -91,8 +88,7 @@ def test_a_gap_is_told_with_its_place_and_length(clean, arm):
     assert "0.104 s at t = 4.998 s" in sentence
 
 
-def test_an_excluded_gap_is_not_told(clean, arm):
-    recording = clean()
+def test_an_excluded_gap_is_not_told(arm, recording):
     kept = (recording.t < 5.0) | (recording.t > 5.1)
     cut = Recording(
         "cut.csv", arm.joint_names, recording.t[kept], recording.q[kept], recording.tau[kept],
@@ -109,8 +105,7 @@ def test_positions_read_at_half_the_rate_are_frozen(clean, arm, changed):
     assert "q of tilt" in sentence
 
 
-def test_a_stalled_encoder_is_told_with_its_place(clean, arm, changed):
-    recording = clean()
+def test_a_stalled_encoder_is_told_with_its_place(arm, changed, recording):
     q = recording.q.copy()
     k = 2000 + int(np.argmax(np.abs(recording.v[2000:3000, 0])))
     q[k : k + 9, 0] = q[k, 0]
@@ -119,8 +114,7 @@ def test_a_stalled_encoder_is_told_with_its_place(clean, arm, changed):
     assert f"t = {recording.t[k]:.6g} s" in sentence
 
 
-def test_a_joint_that_sticks_is_not_frozen(clean, arm, changed):
-    recording = clean()
+def test_a_joint_that_sticks_is_not_frozen(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.clip(q[:, 0], -0.2, 0.2)
     assert not any(
@@ -128,34 +122,29 @@ def test_a_joint_that_sticks_is_not_frozen(clean, arm, changed):
     )
 
 
-def test_degrees_are_told_without_a_robot(clean, changed):
-    recording = clean()
+def test_degrees_are_told_without_a_robot(changed, recording):
     assert any("look like degrees" in w for w in check_recording(changed(recording, q=np.rad2deg(recording.q)), None))
 
 
-def test_velocity_in_degrees_is_told(clean, arm, changed):
-    recording = clean()
+def test_velocity_in_degrees_is_told(arm, changed, recording):
     sentence = only(
         check_recording(changed(recording, v=np.rad2deg(recording.v) * [1, 0, 0] + recording.v * [0, 1, 1]), arm)
     )
     assert "measured velocity of turn is 57.3 times the derivative of its position: the units differ" in sentence
 
 
-def test_velocity_with_the_wrong_sign_is_told(clean, arm, changed):
-    recording = clean()
+def test_velocity_with_the_wrong_sign_is_told(arm, changed, recording):
     sentence = only(check_recording(changed(recording, v=recording.v * [1, -1, 1]), arm))
     assert "measured velocity of tilt has the opposite sign" in sentence
 
 
-def test_velocity_of_another_joint_is_told(clean, arm, changed):
-    recording = clean()
+def test_velocity_of_another_joint_is_told(arm, changed, recording):
     warnings = check_recording(changed(recording, v=recording.v[:, [1, 0, 2]]), arm)
     assert ["turn" in w or "tilt" in w for w in warnings] == [True, True]
     assert all("does not follow the derivative" in w for w in warnings)
 
 
-def test_swapped_columns_of_two_joints_are_told(clean, arm, changed):
-    recording = clean()
+def test_swapped_columns_of_two_joints_are_told(arm, changed, recording):
     order = [1, 0, 2]
     swapped = changed(recording, q=recording.q[:, order], v=recording.v[:, order], tau=recording.tau[:, order])
     assert "turn and tilt look swapped" in only(check_recording(swapped, arm))
@@ -190,31 +179,27 @@ def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):
     assert [lag.samples for lag, _ in found if lag] == pytest.approx([0] * 3, abs=0.1)
 
 
-def test_a_tail_at_rest_is_told_with_its_start(clean, arm, changed):
-    recording = clean()
+def test_a_tail_at_rest_is_told_with_its_start(arm, changed, recording):
     q, v, tau = recording.q.copy(), recording.v.copy(), recording.tau.copy()
     q[8000:], v[8000:], tau[8000:] = q[8000], 0.0, tau[8000]
     warnings = check_recording(changed(recording, q=q, v=v, tau=tau), arm)
     assert any("no joint moves from t = 16 s to the end" in w and "--exclude 16:" in w for w in warnings)
 
 
-def test_an_excluded_tail_is_not_told(clean, arm, changed):
-    recording = clean()
+def test_an_excluded_tail_is_not_told(arm, changed, recording):
     q = recording.q.copy()
     q[8000:] = q[8000]
     cut = replace(changed(recording, q=q), v=None, excluded=((15.9, 20.0),))
     assert not any("no joint moves" in w for w in check_recording(cut, arm))
 
 
-def test_a_joint_that_never_moves_is_named(clean, arm, changed, rng):
-    recording = clean()
+def test_a_joint_that_never_moves_is_named(arm, changed, rng, recording):
     q, v = recording.q.copy(), recording.v.copy()
     q[:, 0], v[:, 0] = 0.3 + 1e-5 * rng.standard_normal(len(q)), 0.0
     assert any("turn never moves" in w for w in check_recording(changed(recording, q=q, v=v), arm))
 
 
-def test_a_clipped_torque_is_told_with_value_and_share(clean, arm, changed):
-    recording = clean()
+def test_a_clipped_torque_is_told_with_value_and_share(arm, changed, recording):
     top = np.percentile(recording.tau[:, 1], 95)
     tau = np.minimum(recording.tau, [np.inf, top, np.inf])
     warnings = check_recording(changed(recording, tau=tau), arm)
@@ -237,8 +222,7 @@ def test_a_torque_that_repeats_its_peak_without_noise_is_not_clipped():
 
 
 @pytest.mark.parametrize(("parts", "times"), [(2, 4.0), (10, 4.0), (50, 1.0)])
-def test_a_motor_encoder_that_wraps_behind_a_gear_is_told(clean, arm, changed, parts, times):
-    recording = clean()
+def test_a_motor_encoder_that_wraps_behind_a_gear_is_told(arm, changed, parts, times, recording):
     q, wrap = recording.q.copy(), 2 * np.pi / parts
     turned = 1.0 + times * q[:, 1]
     q[:, 1] = np.mod(turned, wrap)
@@ -260,15 +244,13 @@ def test_steps_of_a_coarse_encoder_and_ways_across_a_gap_are_no_jumps(rng):
     assert len(jumps(t[here], q[here], 0.02, 0.0)) == 0
 
 
-def test_a_coarse_encoder_is_told_with_its_step(clean, arm, changed):
-    recording = clean()
+def test_a_coarse_encoder_is_told_with_its_step(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
     assert any("encoder of turn has the coarse step 0.05" in w for w in check_recording(changed(recording, q=q), arm))
 
 
-def test_a_coarse_encoder_that_the_robot_states_is_not_told(clean, arm, changed):
-    recording = clean()
+def test_a_coarse_encoder_that_the_robot_states_is_not_told(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
     actuators = (replace(arm.actuators[0], encoder_counts=2 * np.pi / 0.05), *arm.actuators[1:])
@@ -303,9 +285,8 @@ def test_friction_of_a_joint_that_moves_one_way_does_not_tell_the_sign_of_its_to
     assert check_flipped(clean(), data, zeros) == ()
 
 
-def test_a_torque_that_may_have_lost_its_sign_is_warned_of(clean, arm, changed):
+def test_a_torque_that_may_have_lost_its_sign_is_warned_of(arm, changed, recording):
     # Something else that is not modelled keeps the magnitude from being certain.
-    recording = clean()
     tau = recording.tau.copy()
     tau[:, 1] = np.abs(tau[:, 1]) + tau[:, 1].std() * (1 + np.sin(9 * recording.t))
     assert any("torque of tilt is never negative" in w for w in check_recording(changed(recording, tau=tau), arm))

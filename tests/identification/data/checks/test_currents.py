@@ -10,10 +10,9 @@ from identification.data.checks.torques.torque_scales import common_scale
 from identification.data.reading import read_recording
 
 
-def test_torques_that_are_currents_of_drives_of_different_sizes_are_offered_their_factors(clean, planar2, changed):
+def test_torques_that_are_currents_of_drives_of_different_sizes_are_offered_their_factors(planar2, changed, planar_log):
     # Known truth: 0.5 N m/A on the shoulder and 0.08 N m/A on the elbow.
-    recording = clean(robot=planar2)
-    found = checked(changed(recording, tau=recording.tau / [0.5, 0.08]), planar2)
+    found = checked(changed(planar_log, tau=planar_log.tau / [0.5, 0.08]), planar2)
     assert found.wrong == ()
     (offer,) = (words for words in found.warnings if "motor current" in words)
     shoulder, elbow = (float(re.search(rf"([\d.]+) N m/A on {joint}", offer)[1]) for joint in planar2.joint_names)
@@ -22,9 +21,8 @@ def test_torques_that_are_currents_of_drives_of_different_sizes_are_offered_thei
     assert f"{{from: tau.elbow, gear: {elbow:.2g}" in offer
 
 
-def test_the_entry_that_is_offered_for_currents_mends_them(clean, planar2, changed, tmp_path):
-    recording = clean(robot=planar2)
-    wrong = changed(recording, tau=recording.tau / [0.5, 0.08])
+def test_the_entry_that_is_offered_for_currents_mends_them(planar2, changed, tmp_path, planar_log):
+    wrong = changed(planar_log, tau=planar_log.tau / [0.5, 0.08])
     (offer,) = (words for words in checked(wrong, planar2).warnings if "motor current" in words)
     entry = re.search(r"write \{(.*)\} into a column map", offer)[1]
     names = [f"{quantity}.{joint}" for quantity in ("q", "tau") for joint in planar2.joint_names]
@@ -32,22 +30,20 @@ def test_the_entry_that_is_offered_for_currents_mends_them(clean, planar2, chang
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=",".join(["t", *names]), comments="")
     (tmp_path / "columns.yaml").write_text(entry.replace("}, ", "}\n") + "\n")
     mended = read_recording(tmp_path / "log.csv", planar2, columns=tmp_path / "columns.yaml")
-    assert np.abs(mended.tau / recording.tau - 1.0).max() < 0.1
+    assert np.abs(mended.tau / planar_log.tau - 1.0).max() < 0.1
     assert not [words for words in mended.warnings if "motor current" in words]
 
 
-def test_the_current_of_one_joint_among_torques_is_offered_its_factor(clean, planar2, changed):
-    recording = clean(robot=planar2)
-    found = checked(changed(recording, tau=recording.tau / [1.0, 0.05]), planar2)
+def test_the_current_of_one_joint_among_torques_is_offered_its_factor(planar2, changed, planar_log):
+    found = checked(changed(planar_log, tau=planar_log.tau / [1.0, 0.05]), planar2)
     (offer,) = (words for words in found.warnings if "motor current" in words)
     assert "the torque of elbow looks like motor current" in offer
     assert float(re.search(r"about ([\d.]+) N m/A on elbow", offer)[1]) == pytest.approx(0.05, rel=0.1)
 
 
-def test_currents_that_a_heavier_robot_may_explain_are_said_with_their_factor(clean, planar2, changed):
+def test_currents_that_a_heavier_robot_may_explain_are_said_with_their_factor(planar2, changed, planar_log):
     # Known truth: 0.3 N m/A on both joints; links of 3.3 times the mass would need the same torques.
-    recording = clean(robot=planar2)
-    found = checked(changed(recording, tau=recording.tau / 0.3), planar2)
+    found = checked(changed(planar_log, tau=planar_log.tau / 0.3), planar2)
     assert found.wrong == ()
     (said,) = (words for words in found.warnings if "motor current" in words)
     assert "are 3.3 times what weight and inertia of the model need, all alike" in said
@@ -55,15 +51,13 @@ def test_currents_that_a_heavier_robot_may_explain_are_said_with_their_factor(cl
 
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (0.6, 1.7), (2.0, 2.0)])
-def test_torques_that_torque_constants_may_scale_so_are_not_taken_for_currents(clean, planar2, changed, factors):
-    recording = clean(robot=planar2)
-    found = checked(changed(recording, tau=recording.tau * factors), planar2)
+def test_torques_that_torque_constants_may_scale_so_are_not_taken_for_currents(planar2, changed, factors, planar_log):
+    found = checked(changed(planar_log, tau=planar_log.tau * factors), planar2)
     assert not [words for words in found.warnings if "current" in words]
 
 
-def test_currents_with_one_factor_of_all_joints_are_refused_with_it(clean, planar2, changed):
-    recording = clean(robot=planar2)
-    found = checked(changed(recording, tau=recording.tau / 100), planar2)
+def test_currents_with_one_factor_of_all_joints_are_refused_with_it(planar2, changed, planar_log):
+    found = checked(changed(planar_log, tau=planar_log.tau / 100), planar2)
     assert not [words for words in found.warnings if "looks like motor current" in words]
     said = re.search(r"motor currents with about (\S+) N m/A", found.wrong[0].what)[1]
     assert float(said) == pytest.approx(100, rel=0.1)

@@ -70,15 +70,14 @@ def test_degrees_of_one_joint_alone(clean):
 
 
 @pytest.mark.parametrize("start", [0.0, -180.0])
-def test_degrees_that_wrap(clean, planar2, start):
-    recording = clean(robot=planar2)
-    wrapped = (np.rad2deg(recording.q * 3.0) - start) % 360 + start
+def test_degrees_that_wrap(planar2, start, planar_log):
+    wrapped = (np.rad2deg(planar_log.q * 3.0) - start) % 360 + start
     # Threefold positions are those of a robot whose torque is made for them.
-    v = np.gradient(3.0 * recording.q, recording.t, axis=0)
-    a = np.gradient(v, recording.t, axis=0)
+    v = np.gradient(3.0 * planar_log.q, planar_log.t, axis=0)
+    a = np.gradient(v, planar_log.t, axis=0)
     smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(25) / 25, mode="same"), 0, a)
-    tau = inverse_dynamics(planar2, Motion(recording.t, 3.0 * recording.q, v, smooth))
-    stated = entries(replace(recording, q=wrapped, v=None, tau=tau), planar2)
+    tau = inverse_dynamics(planar2, Motion(planar_log.t, 3.0 * planar_log.q, v, smooth))
+    stated = entries(replace(planar_log, q=wrapped, v=None, tau=tau), planar2)
     assert len(stated) == 1
     assert 'write q: {from: "q.{joint}", unit: deg}' in stated[0]
 
@@ -104,65 +103,59 @@ def test_a_zero_that_is_off_is_left_to_the_diagnosis(clean):
 
 
 @pytest.mark.parametrize("start", [0.2, 0.75])
-def test_motion_that_grows_without_bound_is_told_as_that(clean, planar2, start):
-    recording = clean(robot=planar2)
-    t = recording.t
+def test_motion_that_grows_without_bound_is_told_as_that(start, planar_log):
+    t = planar_log.t
     growth = np.exp(np.maximum(t - start * t[-1], 0.0) * 3.0 / max(1 - start, 0.3)) - 1.0
     away = np.outer(growth * np.sin(60.0 * t), [0.3, 0.0])
-    fault = ran_away(replace(recording, q=recording.q + away, tau=recording.tau + 1e3 * away))
+    fault = ran_away(replace(planar_log, q=planar_log.q + away, tau=planar_log.tau + 1e3 * away))
     assert fault is not None
     assert "the motion grows without bound from about t =" in fault.what
     assert ("--exclude" in fault.mend) == (start > 0.2 or "--exclude" in fault.mend)
 
 
 @pytest.mark.parametrize("kind", ["spin", "spin up", "moves and rests", "degrees", "a jump of an encoder"])
-def test_honest_motion_is_none_that_ran_away(clean, planar2, kind):
-    recording = clean(robot=planar2)
-    t = recording.t
+def test_honest_motion_is_none_that_ran_away(kind, planar_log):
+    t = planar_log.t
     q = {
         "spin": np.outer(300.0 * t, [1, 1]),
         "spin up": np.outer(40.0 * np.maximum(t - 8, 0) ** 2, [1, 1]),
-        "moves and rests": recording.q * (t % 5 < 0.4)[:, None],
-        "degrees": np.rad2deg(recording.q),
-        "a jump of an encoder": recording.q + 6000.0 * (t > 9)[:, None],
+        "moves and rests": planar_log.q * (t % 5 < 0.4)[:, None],
+        "degrees": np.rad2deg(planar_log.q),
+        "a jump of an encoder": planar_log.q + 6000.0 * (t > 9)[:, None],
     }[kind]
-    assert ran_away(replace(recording, q=q)) is None
+    assert ran_away(replace(planar_log, q=q)) is None
 
 
-def test_a_torque_of_no_machine_ran_away(clean, planar2):
-    recording = clean(robot=planar2)
-    tau = recording.tau * np.where(recording.t > 15, 1e12, 1.0)[:, None]
-    assert ran_away(replace(recording, tau=tau)) is not None
+def test_a_torque_of_no_machine_ran_away(planar_log):
+    tau = planar_log.tau * np.where(planar_log.t > 15, 1e12, 1.0)[:, None]
+    assert ran_away(replace(planar_log, tau=tau)) is not None
 
 
-def test_torques_below_a_dead_band_are_named(clean, planar2):
-    recording = clean(robot=planar2)
-    tau = np.array(recording.tau)
+def test_torques_below_a_dead_band_are_named(planar2, planar_log):
+    tau = np.array(planar_log.tau)
     tau[np.abs(tau[:, 1]) < np.percentile(np.abs(tau[:, 1]), 85), 1] = 0.0
-    (stated,) = check_zeros(replace(recording, tau=tau))
+    (stated,) = check_zeros(replace(planar_log, tau=tau))
     assert stated.startswith(f"clean.csv: tau.{planar2.joint_names[1]} is exactly 0 in 85 % of the rows")
 
 
-def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(clean, planar2):
-    recording = clean(robot=planar2)
-    off = np.where(recording.t[:, None] < 15, 0.0, recording.tau)
-    pulses = np.outer(3.0 * (np.sin(2.0 * recording.t) > 0.5), [1, 1])
-    assert check_zeros(replace(recording, tau=off)) == check_zeros(replace(recording, tau=pulses)) == ()
+def test_a_drive_that_is_off_for_most_of_the_time_and_pulses_are_no_dead_band(planar_log):
+    off = np.where(planar_log.t[:, None] < 15, 0.0, planar_log.tau)
+    pulses = np.outer(3.0 * (np.sin(2.0 * planar_log.t) > 0.5), [1, 1])
+    assert check_zeros(replace(planar_log, tau=off)) == check_zeros(replace(planar_log, tau=pulses)) == ()
 
 
-def test_rests_and_reversals_are_no_slow_encoder_and_a_slow_one_is(clean, planar2):
-    recording = clean(robot=planar2)
+def test_rests_and_reversals_are_no_slow_encoder_and_a_slow_one_is(planar_log):
     step = 1e-3
-    t = recording.t
+    t = planar_log.t
     rests = np.sin(np.clip(t - 4, 0, 11))[:, None] * np.ones(2)
-    coarse = replace(recording, q=np.round(rests / step) * step)
+    coarse = replace(planar_log, q=np.round(rests / step) * step)
     smooth = smoothed(coarse)
     assert smooth is not None
     assert check_frozen(coarse, smooth) == ()
-    stalls = np.array(recording.q)
+    stalls = np.array(planar_log.q)
     for row in range(500, 9000, 40):
         stalls[row : row + 6] = stalls[row]
-    slow = replace(recording, q=stalls)
+    slow = replace(planar_log, q=stalls)
     smooth = smoothed(slow)
     assert smooth is not None
     assert len(check_frozen(slow, smooth)) == 2

@@ -48,8 +48,7 @@ def test_a_slow_motion_does_not_leak_into_the_bands(rng):
     assert roll_off(x[:, None]) == pytest.approx(0.0, abs=0.7)
 
 
-def test_filtered_torques_are_told_with_their_joints(clean, arm, changed):
-    recording = clean()
+def test_filtered_torques_are_told_with_their_joints(arm, changed, recording):
     tau = recording.tau.copy()
     tau[:, :2] = low_passed(tau[:, :2])
     (sentence,) = said(changed(recording, tau=tau))
@@ -57,8 +56,7 @@ def test_filtered_torques_are_told_with_their_joints(clean, arm, changed):
     assert "the noise above the band cannot be used" in sentence
 
 
-def test_torques_and_positions_filtered_alike_are_not_told(clean, arm, changed, rng):
-    recording = clean()
+def test_torques_and_positions_filtered_alike_are_not_told(arm, changed, rng, recording):
     q = recording.q + 1e-5 * rng.standard_normal(recording.q.shape)
     assert said(changed(recording, q=low_passed(q), tau=low_passed(recording.tau))) == ()
 
@@ -165,14 +163,12 @@ def test_columns_of_friction_are_those_of_any_unit_of_speed(rng, scale):
     np.testing.assert_allclose(friction_columns(scale * v), friction_columns(v), atol=1e-9)
 
 
-def test_positions_of_the_smallest_floats_show_no_lag(clean, arm):
-    recording = clean()
+def test_positions_of_the_smallest_floats_show_no_lag(arm, recording):
     assert lags_of(arm, replace(recording, q=1e-309 * recording.q)) == []
 
 
-def test_a_joint_that_turns_about_all_the_time_shows_no_lag(clean, arm):
+def test_a_joint_that_turns_about_all_the_time_shows_no_lag(arm, recording):
     # Twelve times a second: every 42 ms, and a joint creeps for 50 ms before and behind each.
-    recording = clean()
     q = recording.q.copy()
     q[:, 2] = 0.02 * np.sin(2 * np.pi * 12.0 * recording.t)
     copy = replace(smoothed(recording), cutoff_hz=40.0)
@@ -204,8 +200,7 @@ def test_a_low_pass_is_told_with_the_entry_that_takes_it_back(clean, arm, change
     assert re.search(r"write tau\.tilt: \{low_pass: 5\.?\d*\} into a column map", stated[0])
 
 
-def test_a_low_pass_far_above_the_motion_may_be_a_shift(clean, arm, changed):
-    recording = clean()
+def test_a_low_pass_far_above_the_motion_may_be_a_shift(arm, changed, recording):
     stated = check_recording(changed(recording, tau=late_low_passed(recording, 50.0)), arm)
     assert "late against its motion" in stated[0]
     assert "shift it, or, if it went through a low pass of first order, write tau.turn: {low_pass: 5" in stated[0]

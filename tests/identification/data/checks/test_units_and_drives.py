@@ -129,14 +129,12 @@ def test_a_recording_of_a_model_in_millimetres_is_certainly_wrong(clean, arm, tm
     assert "in mm and not in m" in fault.what
 
 
-def test_torques_that_are_a_thousandth_may_also_come_of_masses_in_grams(clean, arm, changed):
-    recording = clean()
+def test_torques_that_are_a_thousandth_may_also_come_of_masses_in_grams(arm, changed, recording):
     (fault,) = checked(changed(recording, tau=recording.tau / 1e3), arm).wrong
     assert fault.what == "the torques are in kNm and not in N m, or the masses of the model in g and not in kg"
 
 
-def test_a_slide_in_millimetres(clean, arm, changed):
-    recording = clean()
+def test_a_slide_in_millimetres(arm, changed, recording):
     (fault,) = checked(changed(recording, q=recording.q * [1, 1, 1e3]), arm).wrong
     assert fault.what == "the positions of slide are in mm and not in m"
     assert "write q.slide: {from: q.slide, unit: mm} into a column map" in fault.mend
