@@ -110,13 +110,6 @@ def test_friction_within_its_tolerance_is_adjusted_and_no_finding(lab, planar2):
     assert {a.quantity: a.change for a in found.adjusted}["elbow Coulomb friction"] == pytest.approx(0.08, abs=0.02)
 
 
-def test_two_diagnoses_of_one_recording_are_equal(diagnosed, lacking, planar2):
-    first, second = diagnosed(RUBBING), diagnose(planar2, (lacking(RUBBING),))
-    assert first.findings == second.findings
-    assert first.bounds == second.bounds
-    assert first.joints == second.joints
-
-
 def test_the_gap_that_an_effect_closes_is_nearly_all_where_the_model_is_trusted(lab, planar2, trusted):
     # Nothing else may move, so without the effect the whole gap is there again.
     robot = trusted(planar2)
@@ -157,7 +150,8 @@ def test_a_recording_that_no_fit_sees_is_what_is_judged(lab, planar2):
     )
     found = diagnose(planar2, (seen, unseen), held_out=1)
     assert places(found) == [("coulomb_friction", "elbow")]
-    assert found.joints[1].hold_out_samples < diagnose(planar2, (seen, unseen)).joints[1].hold_out_samples
+    # Of two recordings of one length: samples of the second alone are counted.
+    assert found.joints[1].hold_out_samples < 0.5 * len(found.evidence.t)
     assert found.joints[1].rms_after == pytest.approx(found.joints[1].noise_floor, rel=0.2)
 
 

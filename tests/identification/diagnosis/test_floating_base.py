@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from by_night import by_night
 from floating_leg import log_of_leg, with_sensor_errors, written_leg
 from identification.data.floating.base_errors import SENSOR_ERRORS
 from identification.data.reading import recording
@@ -42,7 +43,7 @@ def test_a_leg_as_modelled_has_no_gap_whatever_its_foot_stands_on(diagnosed, ste
 def with_errors(folder, rng, **options):
     file = written_leg(folder)
     robot = load_robot(file)
-    columns = with_sensor_errors(log_of_leg(file, rng, **options))
+    columns = with_sensor_errors(log_of_leg(file, rng, seconds=14.0, **options))
     return diagnose(robot, (recording(Table("log.csv", columns), robot),))
 
 
@@ -66,7 +67,7 @@ def test_friction_is_found_beside_ordinary_errors_of_the_bases_sensors(tmp_path,
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("steps", [False, True])
+@pytest.mark.parametrize("steps", by_night([False, True], 0))
 def test_friction_of_the_knee_is_found_in_the_air(diagnosed, steps):
     found = diagnosed(steps=steps, dry=0.3)
     assert [(one.effect, one.joint) for one in found.findings] == [("coulomb_friction", "knee")]

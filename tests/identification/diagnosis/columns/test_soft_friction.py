@@ -1,6 +1,7 @@
 """Dry friction as MuJoCo has it. Oracle: MuJoCo itself, its constraint forces and recordings of its motions."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ ARM = """<mujoco model="arm">
 </mujoco>"""
 
 
+@cache
 def recorded(text: str, seed: int, seconds: float) -> tuple[np.ndarray, ...]:
     """Times, positions, velocities and accelerations of a motion of MuJoCo's, torques and dry friction."""
     model = mujoco.MjModel.from_xml_string(text)
@@ -145,27 +147,28 @@ def test_dry_friction_that_the_file_lacks_is_found_by_mujocos_law(found_friction
         assert one.law == ("mujoco" if one.effect == "coulomb_friction" else None)
 
 
-def test_a_found_law_of_mujoco_is_kept_in_the_file(found_friction, tmp_path):
-    _, _, found = found_friction
-    found.save(tmp_path)
-    stored = json.loads((tmp_path / "diagnosis.json").read_text())
+@pytest.fixture(scope="module")
+def saved(found_friction, tmp_path_factory):
+    """Folder of the files of that diagnosis."""
+    folder = tmp_path_factory.mktemp("saved")
+    found_friction[2].save(folder)
+    return folder
+
+
+def test_a_found_law_of_mujoco_is_kept_in_the_file(saved):
+    stored = json.loads((saved / "diagnosis.json").read_text())
     assert {one.get("law") for one in stored["findings"] if one["effect"] == "coulomb_friction"} == {"mujoco"}
     assert {one.get("law") for one in stored["findings"] if one["effect"] == "viscous_friction"} == {None}
 
 
-def test_files_with_soft_friction_are_written(found_friction, tmp_path):
+def test_files_with_soft_friction_are_written(saved):
     # What turns over softly is a property of the recording, as its delay is.
-    _, _, found = found_friction
-    found.save(tmp_path)
-    assert (tmp_path / "corrected.yaml").exists()
-    assert (tmp_path / "corrected.xml").exists()
+    assert {"corrected.yaml", "corrected.xml"} <= {path.name for path in saved.iterdir()}
 
 
-def test_soft_friction_of_an_earlier_diagnosis_leaves_no_gap(found_friction, tmp_path):
-    robot, path, found = found_friction
-    found.save(tmp_path)
-    again = dyn.diagnose(robot, path, known=tmp_path / "corrected.yaml")
-    assert again.findings == ()
+def test_soft_friction_of_an_earlier_diagnosis_leaves_no_gap(found_friction, saved):
+    robot, path, _ = found_friction
+    assert dyn.diagnose(robot, path, known=saved / "corrected.yaml").findings == ()
 
 
 def test_stribeck_friction_is_found_on_a_robot_of_a_mujoco_file(tmp_path):
