@@ -16,9 +16,9 @@ import numpy as np
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks import pinocchio_loops
 from benchmarks.comparison import Row, missed, more_than, own, several_sines, table
 from phantom_dyn import load_robot
-from phantom_dyn._kernels import pinocchio_loops
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 
 ROBOT, SAMPLES = "example:ur10", 15_000

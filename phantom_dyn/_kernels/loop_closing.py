@@ -92,11 +92,6 @@ class Anchored(Protocol):
         ...
 
 
-def anchored_tree(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays | None) -> AnchoredTree | None:
-    """A tree and its anchors for compiled code; None if it cannot be used."""
-    return None if arrays is None else anchors_of(model, anchors, arrays)
-
-
 def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays) -> AnchoredTree:
     """A tree and its anchors as arrays."""
     joints, frames = np.zeros((len(anchors), 3), np.int64), np.zeros((len(anchors), 2, 4, 3))

@@ -46,7 +46,7 @@ def place(
         i: Which of them.
         R: Receives rotations, ``(n, 3, 3)``; the root's must be there.
         o: Receives origins [m], ``(n, 3)``; the root's must be there.
-        lin: Receives the velocity of each joint's origin per unit of each of its velocities, ``(nv, 3)``.
+        lin: Receives the velocity of each joint's origin per unit of its velocity, ``(nv, 3)``.
         ang: Receives the same for the angular velocity, ``(nv, 3)``.
     """
     for j in range(1, len(parents)):
@@ -57,11 +57,8 @@ def place(
             c, s = np.cos(q[i, k]), np.sin(q[i, k])
         elif kind == 2:  # continuous
             c, s = q[i, k], q[i, k + 1]
-        else:
-            if kind == 3:  # prismatic
-                mx, my, mz = q[i, k] * axes[j, 0], q[i, k] * axes[j, 1], q[i, k] * axes[j, 2]
-            else:
-                mx, my, mz = q[i, k], q[i, k + 1], q[i, k + 2]
+        else:  # prismatic
+            mx, my, mz = q[i, k] * axes[j, 0], q[i, k] * axes[j, 1], q[i, k] * axes[j, 2]
             mx, my, mz = turned(rotations, 3 * j, mx, my, mz)
             x, y, z = x + mx, y + my, z + mz
         x, y, z = turned(R, p, x, y, z)
@@ -71,18 +68,10 @@ def place(
             y = rotations[3 * j, 1, m] + c * rotations[3 * j + 1, 1, m] + s * rotations[3 * j + 2, 1, m]
             z = rotations[3 * j, 2, m] + c * rotations[3 * j + 1, 2, m] + s * rotations[3 * j + 2, 2, m]
             R[j, 0, m], R[j, 1, m], R[j, 2, m] = turned(R, p, x, y, z)
-        if kind == 4:
-            turn_by_quaternion(R, j, q, i, k + 3)
-        if kind < 4:
-            x, y, z = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
-            slides, turns = (1.0, 0.0) if kind == 3 else (0.0, 1.0)
-            lin[d, 0], lin[d, 1], lin[d, 2] = slides * x, slides * y, slides * z
-            ang[d, 0], ang[d, 1], ang[d, 2] = turns * x, turns * y, turns * z
-        else:
-            for column in range(3):
-                for row in range(3):
-                    lin[d + column, row] = ang[d + 3 + column, row] = R[j, row, column]
-                    lin[d + 3 + column, row] = ang[d + column, row] = 0.0
+        x, y, z = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
+        slides, turns = (1.0, 0.0) if kind == 3 else (0.0, 1.0)
+        lin[d, 0], lin[d, 1], lin[d, 2] = slides * x, slides * y, slides * z
+        ang[d, 0], ang[d, 1], ang[d, 2] = turns * x, turns * y, turns * z
 
 
 @inlined
@@ -116,37 +105,22 @@ def move(
             all bodies feel their weight.
     """
     for j in range(1, len(parents)):
-        p = parents[j]
-        vx = vy = vz = wx = wy = wz = ax = ay = az = bx = by = bz = 0.0
-        for d in range(first_v[j], first_v[j + 1]):
-            vx, vy, vz = vx + lin[d, 0] * v[i, d], vy + lin[d, 1] * v[i, d], vz + lin[d, 2] * v[i, d]
-            wx, wy, wz = wx + ang[d, 0] * v[i, d], wy + ang[d, 1] * v[i, d], wz + ang[d, 2] * v[i, d]
-            ax, ay, az = ax + lin[d, 0] * a[i, d], ay + lin[d, 1] * a[i, d], az + lin[d, 2] * a[i, d]
-            bx, by, bz = bx + ang[d, 0] * a[i, d], by + ang[d, 1] * a[i, d], bz + ang[d, 2] * a[i, d]
+        p, d = parents[j], first_v[j]
+        vx, vy, vz = lin[d, 0] * v[i, d], lin[d, 1] * v[i, d], lin[d, 2] * v[i, d]
+        wx, wy, wz = ang[d, 0] * v[i, d], ang[d, 1] * v[i, d], ang[d, 2] * v[i, d]
+        ax, ay, az = lin[d, 0] * a[i, d], lin[d, 1] * a[i, d], lin[d, 2] * a[i, d]
+        bx, by, bz = ang[d, 0] * a[i, d], ang[d, 1] * a[i, d], ang[d, 2] * a[i, d]
         rx, ry, rz = o[j, 0] - o[p, 0], o[j, 1] - o[p, 1], o[j, 2] - o[p, 2]
         px, py, pz = w[p, 0], w[p, 1], w[p, 2]
-        # A velocity of a floating base is given in its own turning axes.
-        sx, sy, sz = cross(wx, wy, wz, vx, vy, vz)
         cx, cy, cz = cross(px, py, pz, rx, ry, rz)
         cx, cy, cz = cross(px, py, pz, cx + 2 * vx, cy + 2 * vy, cz + 2 * vz)
         tx, ty, tz = cross(dw[p, 0], dw[p, 1], dw[p, 2], rx, ry, rz)
-        acc[j, 0] = acc[p, 0] + ax + sx + cx + tx
-        acc[j, 1] = acc[p, 1] + ay + sy + cy + ty
-        acc[j, 2] = acc[p, 2] + az + sz + cz + tz
+        acc[j, 0] = acc[p, 0] + ax + cx + tx
+        acc[j, 1] = acc[p, 1] + ay + cy + ty
+        acc[j, 2] = acc[p, 2] + az + cz + tz
         gx, gy, gz = cross(px, py, pz, wx, wy, wz)
         dw[j, 0], dw[j, 1], dw[j, 2] = dw[p, 0] + bx + gx, dw[p, 1] + by + gy, dw[p, 2] + bz + gz
         w[j, 0], w[j, 1], w[j, 2] = px + wx, py + wy, pz + wz
-
-
-@inlined
-def turn_by_quaternion(R: Array, j: int, q: Array, i: int, k: int) -> None:
-    """Multiply ``R[j]`` from the right by the rotation of the quaternion ``q[i, k:k + 4]`` (x, y, z, w)."""
-    x, y, z, w = q[i, k], q[i, k + 1], q[i, k + 2], q[i, k + 3]
-    for r in range(3):
-        a, b, c = R[j, r, 0], R[j, r, 1], R[j, r, 2]
-        R[j, r, 0] = a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * 2 * (x * z - w * y)
-        R[j, r, 1] = a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * 2 * (y * z + w * x)
-        R[j, r, 2] = a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * (1 - 2 * (x * x + y * y))
 
 
 @inlined

@@ -39,7 +39,7 @@ class OwnRoom(NamedTuple):
 
 def own_room_of(tree: Kinematics) -> OwnRoom:
     """Room for one body of a tree."""
-    nt = int(tree.first_v[len(tree.parents)])
+    nt = len(tree.parents) - 1
     return OwnRoom(np.zeros((nt, 6)), np.zeros((6, 10)), np.zeros(10), np.zeros(nt, dtype=np.int64))
 
 
@@ -87,13 +87,13 @@ def regressor_loop(
             # Velocities of the body's origin and frame per velocity of each joint that moves it.
             count, j = 0, i
             while j > 0:
+                d = first_v[j]
                 rx, ry, rz = o[i, 0] - o[j, 0], o[i, 1] - o[j, 1], o[i, 2] - o[j, 2]
-                for d in range(first_v[j], first_v[j + 1]):
-                    x, y, z = cross(ang[d, 0], ang[d, 1], ang[d, 2], rx, ry, rz)
-                    J[count, 0], J[count, 1], J[count, 2] = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
-                    J[count, 3], J[count, 4], J[count, 5] = ang[d, 0], ang[d, 1], ang[d, 2]
-                    moved_by[count] = d
-                    count += 1
+                x, y, z = cross(ang[d, 0], ang[d, 1], ang[d, 2], rx, ry, rz)
+                J[count, 0], J[count, 1], J[count, 2] = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
+                J[count, 3], J[count, 4], J[count, 5] = ang[d, 0], ang[d, 1], ang[d, 2]
+                moved_by[count] = d
+                count += 1
                 j = parents[j]
             for r in range(out.shape[1] if closed else count):
                 row = r

@@ -1,10 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of a Pinocchio model for N samples, by compiled loops or else by loops over Pinocchio.
+"""Rigid-body quantities of a Pinocchio model for N samples, by compiled loops.
 
-Compiled loops need numba and ``arrays``, which are `tree_arrays` of the model: None for a model with joints that they
-do not know. Gravity and armature are read from the model at every call. ``q`` are Pinocchio's configurations,
-``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is how the root moves, see `torque_loop`, ``(N, 9)``: its
-specific force takes the place of gravity; None for a root that is fixed.
+``arrays`` are `tree_arrays` of the model; gravity and armature are read from the model at every call. ``q`` are
+Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``. ``root`` is how the root moves, see
+`torque_loop`, ``(N, 9)``: its specific force takes the place of gravity; None for a root that is fixed.
 """
 
 from __future__ import annotations
@@ -16,11 +15,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels import pinocchio_loops
 from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
 from phantom_dyn._kernels.torque_slope_loop import slope_room_of, torque_slope_loop
-from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
+from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, ParameterError
 
@@ -33,7 +31,7 @@ _FIXED = np.empty((0, 9))
 
 def regressor(
     model: pin.Model,
-    arrays: TreeArrays | None,
+    arrays: TreeArrays,
     q: Array,
     v: Array,
     a: Array,
@@ -79,10 +77,6 @@ def regressor(
         out = np.zeros((len(q), rows, len(chosen)))
     else:
         _require_room(out, (len(q), rows, len(chosen)))
-    if arrays is None:
-        tree = pinocchio_loops.regressor(model, q, v, a, root)[:, :, chosen]
-        out[:, :, : len(chosen)] = tree if slope is None else np.swapaxes(slope, 1, 2) @ tree
-        return out
     places = np.full(p, -1)
     places[chosen] = np.arange(len(chosen))
     G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
@@ -128,24 +122,18 @@ def _require_room(out: Array, wanted: tuple[int, int, int]) -> None:
         )
 
 
-def torque(
-    model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array, root: Array | None = None
-) -> Array:
+def torque(model: pin.Model, arrays: TreeArrays, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
     """Torque with armature, as `pin.rnea`, shape ``(N, nt)`` [N m or N]."""
     _require_motion(model, q, v, a, root=root)
-    if arrays is None:
-        return pinocchio_loops.torque(model, q, v, a, root)
     return _torque(arrays, model.gravity.linear, q, v, a, root) + model.armature * a
 
 
-def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array | None = None) -> Array:
+def weight(model: pin.Model, arrays: TreeArrays, q: Array, gravity: Array | None = None) -> Array:
     """Torque that holds all bodies against gravity [m/s2 in the root frame], by default the model's, ``(N, nt)``."""
     _require_motion(model, q)
     pull = model.gravity.linear if gravity is None else np.asarray(gravity, dtype=float)
     if pull.shape != (3,):
         raise ParameterError(f"gravity has shape {pull.shape}: give three components [m/s^2].")
-    if arrays is None:
-        return pinocchio_loops.weight(model, q, pull)
     rest = np.zeros((len(q), model.nv))
     return _torque(arrays, pull, q, rest, rest)
 
@@ -159,15 +147,15 @@ def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array, ro
 
 
 def torque_slopes(
-    model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array, root: Array | None = None
+    model: pin.Model, arrays: TreeArrays, q: Array, v: Array, a: Array, root: Array | None = None
 ) -> tuple[Array, Array]:
     """Torque of joint i per position, and per velocity, of joint j, ``[sample, i, j]``, shapes ``(N, nt, nt)``.
 
     Each entry's series is in one piece of memory.
     """
     _require_motion(model, q, v, a, root=root)
-    if arrays is None or FREE in arrays.kinds or len(q) < _WORTH_COMPILING:
-        out = pinocchio_loops.torque_slopes(model, q, v, a, root)
+    if len(q) < _WORTH_COMPILING:
+        out = _slopes_by_pinocchio(model, q, v, a, root)
     else:
         out = np.zeros((2, model.nv, model.nv, len(q)))
         announce(torque_slope_loop)
@@ -177,11 +165,34 @@ def torque_slopes(
     return out[0].transpose(2, 1, 0), out[1].transpose(2, 1, 0)
 
 
-def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
+def _slopes_by_pinocchio(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
+    """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
+    if root is not None:
+        whole, samples = _on_moving_root(model, q, v, a, root)
+        return _slopes_by_pinocchio(whole, *samples)[:, 6:, 6:]
+    data, out = model.createData(), np.empty((2, model.nv, model.nv, len(q)))
+    for k in range(len(q)):
+        pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
+        out[0, :, :, k], out[1, :, :, k] = data.dtau_dq.T, data.dtau_dv.T
+    return out
+
+
+def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:
+    """The tree on a free-flyer without gravity, and its samples: the specific force accelerates the root instead."""
+    base = pin.Model()
+    joint = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "moving root")
+    base.addJointFrame(joint, 0)
+    whole = pin.appendModel(base, model, base.getFrameId("moving root"), pin.SE3.Identity())
+    whole.gravity = pin.Motion.Zero()
+    n, still = len(q), np.zeros((len(q), 3))
+    place = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (n, 1))
+    w, dw, force = root[:, :3], root[:, 3:6], root[:, 6:]
+    return whole, (np.hstack([place, q]), np.hstack([still, w, v]), np.hstack([force, dw, a]))
+
+
+def mass(model: pin.Model, arrays: TreeArrays, q: Array) -> Array:
     """Mass matrix with armature, as `pin.crba` with both triangles, shape ``(N, nt, nt)``."""
     _require_motion(model, q)
-    if arrays is None:
-        return pinocchio_loops.mass(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
     announce(mass_loop)
     mass_loop(arrays.kinematics, arrays.inertias, room_of(arrays.kinematics, np.zeros(3)), ready(q), out)
@@ -190,27 +201,21 @@ def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
     return out
 
 
-def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int) -> tuple[Array, Array]:
+def frame_pose(model: pin.Model, arrays: TreeArrays, q: Array, frame: int) -> tuple[Array, Array]:
     """Orientation ``(N, 3, 3)`` and position ``(N, 3)`` [m] of a frame, by its index, in the root frame."""
     _require_motion(model, q)
-    if arrays is None:
-        return pinocchio_loops.frame_pose(model, q, frame)
     return _frame(model, arrays, q, frame, body=False, jacobian=False)[:2]
 
 
-def frame(model: pin.Model, arrays: TreeArrays | None, q: Array, index: int) -> tuple[Array, Array, Array]:
+def frame(model: pin.Model, arrays: TreeArrays, q: Array, index: int) -> tuple[Array, Array, Array]:
     """Orientation, position [m] and Jacobian in the axes of the root, see `frame_pose` and `frame_jacobian`."""
     _require_motion(model, q)
-    if arrays is None:
-        return *pinocchio_loops.frame_pose(model, q, index), pinocchio_loops.frame_jacobian(model, q, index, False)
     return _frame(model, arrays, q, index, body=False, jacobian=True)
 
 
-def frame_jacobian(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int, *, body: bool) -> Array:
+def frame_jacobian(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool) -> Array:
     """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
     _require_motion(model, q)
-    if arrays is None:
-        return pinocchio_loops.frame_jacobian(model, q, frame, body)
     return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
 
 

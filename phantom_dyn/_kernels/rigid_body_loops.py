@@ -69,9 +69,8 @@ class Room(NamedTuple):
 def room_of(tree: Kinematics, gravity: Array) -> Room:
     """Room for one sample of a tree, its root where it stands and lifted against gravity [m/s2]."""
     n = len(tree.parents)
-    nt = int(tree.first_v[n])
     o, w, dw, acc, f, m = np.zeros((6, n, 3))
-    lin, ang = np.zeros((2, nt, 3))
+    lin, ang = np.zeros((2, n - 1, 3))
     room = Room(np.zeros((n, 3, 3)), o, w, dw, acc, lin, ang, f, m, np.zeros((n, 10)))
     room.R[0] = np.eye(3)
     room.acc[0] = -gravity
@@ -131,11 +130,10 @@ def torque_loop(
             x, y, z = turned(R, i, x + bx, y + by, z + bz)
             m[i, 0], m[i, 1], m[i, 2] = ax + x, ay + y, az + z
         for i in range(n - 1, 0, -1):
-            for d in range(first_v[i], first_v[i + 1]):
-                out[k, d] = dot(lin[d, 0], lin[d, 1], lin[d, 2], f[i, 0], f[i, 1], f[i, 2]) + dot(
-                    ang[d, 0], ang[d, 1], ang[d, 2], m[i, 0], m[i, 1], m[i, 2]
-                )
-            p = parents[i]
+            p, d = parents[i], first_v[i]
+            out[k, d] = dot(lin[d, 0], lin[d, 1], lin[d, 2], f[i, 0], f[i, 1], f[i, 2]) + dot(
+                ang[d, 0], ang[d, 1], ang[d, 2], m[i, 0], m[i, 1], m[i, 2]
+            )
             if p > 0:
                 rx, ry, rz = o[i, 0] - o[p, 0], o[i, 1] - o[p, 1], o[i, 2] - o[p, 2]
                 x, y, z = cross(rx, ry, rz, f[i, 0], f[i, 1], f[i, 2])
@@ -157,25 +155,24 @@ def mass_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, out: Arra
                 whole[i, c] = inertias[i, c]
             carry(whole, i, R)
         for i in range(n - 1, 0, -1):
-            for d in range(first_v[i], first_v[i + 1]):
-                lx, ly, lz, sx, sy, sz = lin[d, 0], lin[d, 1], lin[d, 2], ang[d, 0], ang[d, 1], ang[d, 2]
-                mass, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
-                fx, fy, fz = cross(sx, sy, sz, hx, hy, hz)
-                fx, fy, fz = fx + mass * lx, fy + mass * ly, fz + mass * lz
-                mx, my, mz = cross(hx, hy, hz, lx, ly, lz)
-                x, y, z = times_inertia(whole, i, sx, sy, sz)
+            d = first_v[i]
+            lx, ly, lz, sx, sy, sz = lin[d, 0], lin[d, 1], lin[d, 2], ang[d, 0], ang[d, 1], ang[d, 2]
+            mass, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
+            fx, fy, fz = cross(sx, sy, sz, hx, hy, hz)
+            fx, fy, fz = fx + mass * lx, fy + mass * ly, fz + mass * lz
+            mx, my, mz = cross(hx, hy, hz, lx, ly, lz)
+            x, y, z = times_inertia(whole, i, sx, sy, sz)
+            mx, my, mz = mx + x, my + y, mz + z
+            j = i
+            while j > 0:
+                p, e = parents[j], first_v[j]
+                value = dot(lin[e, 0], lin[e, 1], lin[e, 2], fx, fy, fz) + dot(
+                    ang[e, 0], ang[e, 1], ang[e, 2], mx, my, mz
+                )
+                out[k, d, e] = out[k, e, d] = value
+                x, y, z = cross(o[j, 0] - o[p, 0], o[j, 1] - o[p, 1], o[j, 2] - o[p, 2], fx, fy, fz)
                 mx, my, mz = mx + x, my + y, mz + z
-                j = i
-                while j > 0:
-                    for e in range(first_v[j], min(first_v[j + 1], d + 1)):
-                        value = dot(lin[e, 0], lin[e, 1], lin[e, 2], fx, fy, fz) + dot(
-                            ang[e, 0], ang[e, 1], ang[e, 2], mx, my, mz
-                        )
-                        out[k, d, e] = out[k, e, d] = value
-                    p = parents[j]
-                    x, y, z = cross(o[j, 0] - o[p, 0], o[j, 1] - o[p, 1], o[j, 2] - o[p, 2], fx, fy, fz)
-                    mx, my, mz = mx + x, my + y, mz + z
-                    j = p
+                j = p
             p = parents[i]
             if p > 0:
                 hand_over(whole, i, p, o[i, 0] - o[p, 0], o[i, 1] - o[p, 1], o[i, 2] - o[p, 2])
@@ -201,15 +198,15 @@ def frame_loop(tree: Kinematics, room: Room, q: Array, frame: Frame, body: bool,
             rotation[k, 0, c], rotation[k, 1, c], rotation[k, 2, c] = x, y, z
         j = joint if len(jacobian) else 0
         while j > 0:
-            for d in range(first_v[j], first_v[j + 1]):
-                sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
-                x, y, z = cross(sx, sy, sz, px - o[j, 0], py - o[j, 1], pz - o[j, 2])
-                lx, ly, lz = x + lin[d, 0], y + lin[d, 1], z + lin[d, 2]
-                if body:
-                    lx, ly, lz = turned_back(rotation, k, lx, ly, lz)
-                    sx, sy, sz = turned_back(rotation, k, sx, sy, sz)
-                jacobian[k, 0, d], jacobian[k, 1, d], jacobian[k, 2, d] = lx, ly, lz
-                jacobian[k, 3, d], jacobian[k, 4, d], jacobian[k, 5, d] = sx, sy, sz
+            d = first_v[j]
+            sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
+            x, y, z = cross(sx, sy, sz, px - o[j, 0], py - o[j, 1], pz - o[j, 2])
+            lx, ly, lz = x + lin[d, 0], y + lin[d, 1], z + lin[d, 2]
+            if body:
+                lx, ly, lz = turned_back(rotation, k, lx, ly, lz)
+                sx, sy, sz = turned_back(rotation, k, sx, sy, sz)
+            jacobian[k, 0, d], jacobian[k, 1, d], jacobian[k, 2, d] = lx, ly, lz
+            jacobian[k, 3, d], jacobian[k, 4, d], jacobian[k, 5, d] = sx, sy, sz
             j = parents[j]
 
 

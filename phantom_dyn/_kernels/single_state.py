@@ -2,7 +2,7 @@
 
 All in the axes of the root and about its origin, where what a tree carries adds up without being turned: one sweep up
 and one down give both. The loops over samples of `phantom_dyn._kernels.rigid_body_loops` answer one question for many
-samples and keep each joint's own origin, which serves frames and floating bases too; their sweeps are not shared, as
+samples and keep each joint's own origin, which serves frames too; their sweeps are not shared, as
 either would do the other's work besides.
 """
 
@@ -33,7 +33,7 @@ def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
     numbers[:, _ORIGIN:_AXIS] = arrays.translations
     numbers[:, _AXIS:BODY] = arrays.axes
     numbers[:, BODY:] = arrays.inertias
-    places = np.column_stack([arrays.parents, arrays.kinds == PRISMATIC, arrays.first_v[:n]]).astype(np.int64)
+    places = np.column_stack([arrays.parents, arrays.kinds == PRISMATIC, arrays.first_v]).astype(np.int64)
     return numbers, places
 
 

@@ -46,7 +46,7 @@ class SlopeRoom(NamedTuple):
 def slope_room_of(tree: Kinematics, gravity: Array) -> SlopeRoom:
     """Room for one sample of a tree whose root is lifted against gravity [m/s2]."""
     n = len(tree.parents)
-    s, once, twice = np.zeros((3, int(tree.first_v[n]), 6))
+    s, once, twice = np.zeros((3, n - 1, 6))
     v, a, f = np.zeros((3, n, 6))
     a[0, :3] = -gravity
     return SlopeRoom(s, once, twice, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))

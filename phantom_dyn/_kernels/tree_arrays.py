@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn.array_types import Array, read_only
+from phantom_dyn.errors import RobotError
 
-REVOLUTE, CONTINUOUS, PRISMATIC, FREE = 1, 2, 3, 4
-"""Kinds of joints: the configuration of a continuous one is cos, sin, that of a free one position and quaternion."""
+REVOLUTE, CONTINUOUS, PRISMATIC = 1, 2, 3
+"""Kinds of joints: the configuration of a continuous one is cos, sin."""
 _KINDS = {
     "JointModelRX": REVOLUTE,
     "JointModelRY": REVOLUTE,
@@ -26,7 +27,6 @@ _KINDS = {
     "JointModelPY": PRISMATIC,
     "JointModelPZ": PRISMATIC,
     "JointModelPrismaticUnaligned": PRISMATIC,
-    "JointModelFreeFlyer": FREE,
 }
 
 
@@ -48,14 +48,13 @@ class TreeArrays:
 
     Attributes:
         parents: Joint that carries joint j, shape ``(n,)``.
-        kinds: ``REVOLUTE``, ``CONTINUOUS`` (configuration cos, sin), ``PRISMATIC`` or ``FREE`` (a floating base:
-            position, quaternion), 0 for the root, shape ``(n,)``.
+        kinds: ``REVOLUTE``, ``CONTINUOUS`` (configuration cos, sin) or ``PRISMATIC``, 0 for the root, shape ``(n,)``.
         first_q: Place of its configuration in Pinocchio's vector, shape ``(n,)``.
-        first_v: Place of its velocity, shape ``(n + 1,)``: joint j has velocities ``first_v[j]`` to ``first_v[j + 1]``.
+        first_v: Place of its velocity, shape ``(n,)``.
         rotations: Its rotation in the joint that carries it is ``[0] + cos(q) [1] + sin(q) [2]`` (``[0]`` alone where
-            it does not turn, and before its own quaternion where it floats), shape ``(n, 3, 3, 3)``.
+            it does not turn), shape ``(n, 3, 3, 3)``.
         translations: Its origin in the joint that carries it at position zero [m], shape ``(n, 3)``.
-        axes: Its axis or direction in its own frame, zero of a floating base, shape ``(n, 3)``.
+        axes: Its axis or direction in its own frame, shape ``(n, 3)``.
         inertias: Ten parameters ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` of its body about the joint origin in
             SI units, shape ``(n, 10)``.
     """
@@ -88,25 +87,31 @@ class TreeArrays:
         )
 
 
-def tree_arrays(model: pin.Model) -> TreeArrays | None:
-    """Arrays of a model, or None if it has a joint that is not revolute, continuous, prismatic or a floating base."""
+def tree_arrays(model: pin.Model) -> TreeArrays:
+    """Arrays of a model.
+
+    Raises:
+        RobotError: If it has a joint that is not revolute, continuous or prismatic.
+    """
     count = model.njoints
-    kinds = [0, *(_KINDS.get(joint.shortname(), 0) for joint in list(model.joints)[1:])]
-    if 0 in kinds[1:] or (model.gravity.angular != 0).any():
-        return None
+    names = [joint.shortname() for joint in list(model.joints)[1:]]
+    strange = [name for name in names if name not in _KINDS]
+    if strange:
+        raise RobotError(f"A joint is a {strange[0]}: give a model of revolute, continuous and linear joints alone.")
+    kinds = [0, *(_KINDS[name] for name in names)]
     rotations, translations, axes = np.zeros((count, 3, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-    inertias, first_q, first_v = np.zeros((count, 10)), np.zeros(count, np.int64), np.zeros(count + 1, np.int64)
+    inertias, first_q, first_v = np.zeros((count, 10)), np.zeros(count, np.int64), np.zeros(count, np.int64)
     rotations[0, 0] = np.eye(3)
     twists = _unit_twists(model)
     for j in range(1, count):
         joint, placed = model.joints[j], model.jointPlacements[j]
-        first_q[j], first_v[j], first_v[j + 1] = joint.idx_q, joint.idx_v, joint.idx_v + joint.nv
+        first_q[j], first_v[j] = joint.idx_q, joint.idx_v
         inertias[j] = model.inertias[j].toDynamicParameters()
         translations[j] = placed.translation
         rotations[j, 0] = placed.rotation
         if kinds[j] == PRISMATIC:
             axes[j] = twists[j].linear
-        elif kinds[j] != FREE:
+        else:
             x, y, z = axes[j] = twists[j].angular
             along = np.outer(axes[j], axes[j])
             across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

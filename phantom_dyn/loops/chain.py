@@ -114,25 +114,6 @@ def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Arra
     return np.concatenate(errors), np.concatenate(slopes)
 
 
-def bias(at: Constraints, x: Float[Array, " nt"], v: Float[Array, " nt"]) -> Float[Array, " m"]:
-    """Acceleration of the second frame against the first where no joint accelerates, anchors closed; rows as above.
-
-    Pinocchio 4.1 leaves its own bias term at zero, so it comes from the accelerations of the frames.
-    """
-    pin.forwardKinematics(at.model, at.data, configurations(at.model, x[None])[0], v, np.zeros_like(v))
-    out = []
-    for anchor in at.anchors:
-        turn = _rotation(at, anchor.frame_a).T
-        a, b = (
-            pin.getFrameClassicalAcceleration(at.model, at.data, frame, pin.LOCAL_WORLD_ALIGNED)
-            for frame in (anchor.frame_a, anchor.frame_b)
-        )
-        out.append(turn @ (b.linear - a.linear))
-        if anchor.kind == "frame":
-            out.append(turn @ (b.angular - a.angular))
-    return np.concatenate(out)
-
-
 def nearest(
     chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
 ) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:

@@ -2,13 +2,12 @@
 """Positions of the tree of a closed chain along a trajectory of the active joints, by Newton's method.
 
 Each sample starts from the one before, so that the way of assembly in which the chain starts is kept: no step is taken
-that the slope does not predict. `close_loops` of `phantom_dyn._kernels.loop_closing` is the same search, compiled; the
-one in Python here serves without numba, and says which loop fails and why where the compiled one stops.
+that the slope does not predict. `close_loops` of `phantom_dyn._kernels.loop_closing` is the compiled search; where it
+stops, this module says which loop fails and why.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels.followed_loops import FollowedLoops, followed_loops, rewind
-from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, anchors_of, close_loops, drift_loop
+from phantom_dyn._kernels.loop_closing import AnchoredTree, Closed, Limits, anchors_of, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array, Float
@@ -24,7 +23,6 @@ from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import (
     ClosedChain,
     Constraints,
-    bias,
     constraints_of,
     error_and_slope,
     nearest,
@@ -90,7 +88,7 @@ def solve(
     q: Float[Array, "N nv"],
     near: Float[Array, " nt"] | None = None,
     *,
-    arrays: TreeArrays | None = None,
+    arrays: TreeArrays,
 ) -> Solution:
     """Positions of all joints of the tree, and their slope in the active ones, for N samples.
 
@@ -99,7 +97,7 @@ def solve(
         chain: Its loops.
         q: Positions of the active joints [rad or m].
         near: Positions of the tree that close its loops, to begin at; by default where the chain starts.
-        arrays: The tree as compiled loops take it; None for steps in Python.
+        arrays: The tree as compiled loops take it.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample, or a position is not finite.
@@ -114,7 +112,7 @@ def solve(
     if state is None:
         raise ChainError(_why(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)], "the start"))
     _require_finite(q)
-    z, slopes, inverses = _followed(chain, at, state, q, arrays)
+    z, slopes, inverses = _followed(chain, at, state, q, anchors_of(model, chain.anchors, arrays))
     found = Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
     for array in (found.x, found.G, found.inverse):
         array.flags.writeable = False
@@ -132,26 +130,19 @@ def _require_finite(q: Float[Array, "N nv"]) -> None:
 
 
 def _followed(
-    chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], arrays: TreeArrays | None
+    chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], tree: AnchoredTree
 ) -> tuple[Float[Array, "N nz"], Float[Array, "N nz nv"], Float[Array, "N nz m"]]:
     """Unknowns, their slope and the inverse of the constraint's slope along a trajectory that begins at ``state``."""
-    rows, start, k = len(q) + 1, state.q, 0
+    rows = len(q) + 1
     z, slopes = np.empty((rows, *state.z.shape)), np.empty((rows, *state.slope.shape))
     inverses = np.empty((rows, *state.inverse.shape))
     # The last row is the one before the first.
     z[-1], slopes[-1], inverses[-1] = state.z, state.slope, state.inverse
-    tree, S = anchored_tree(at.model, chain.anchors, arrays), chain.linear_map
-    while k < len(q):
-        if tree is not None:
-            announce(close_loops)
-            before = ready(q[k - 1] if k else start)
-            k = close_loops(tree, S, chain.offset, _LIMITS, ready(q), before, Closed(z, slopes, inverses), k)
-        if k < len(q):
-            # Without compiled loops; and where those end, this says why.
-            before = _State(q[k - 1] if k else start, z[k - 1], slopes[k - 1], inverses[k - 1])
-            found = _follow(chain, at, before, q[k], f"sample {k}")
-            z[k], slopes[k], inverses[k] = found.z, found.slope, found.inverse
-            k += 1
+    announce(close_loops)
+    closed = Closed(z, slopes, inverses)
+    k = close_loops(tree, chain.linear_map, chain.offset, _LIMITS, ready(q), ready(state.q), closed, 0)
+    if k < len(q):
+        raise ChainError(_why(chain, at, q[k], z[k - 1], f"sample {k}"))
     return z[:-1], slopes[:-1], inverses[:-1]
 
 
@@ -175,7 +166,7 @@ def loops_to_follow(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) ->
 
 
 def closed_each(
-    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], arrays: TreeArrays | None
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], arrays: TreeArrays
 ) -> Float[Array, "N nz m"]:
     """`Solution.inverse` of positions that are no trajectory, each reached from where the chain starts.
 
@@ -183,14 +174,14 @@ def closed_each(
         model: The tree.
         chain: Its loops, some of them anchors.
         q: Positions of the active joints [rad or m].
-        arrays: The tree for compiled loops; None: loops over Pinocchio.
+        arrays: The tree as compiled loops take it.
 
     Returns:
         Not a number where a loop cannot be closed or is singular, or a position is not finite.
     """
     rows = sum(6 if anchor.kind == "frame" else 3 for anchor in chain.anchors)
     out = np.full((len(q), len(chain.unknowns), rows), np.nan)
-    loops = loops_to_follow(model, chain, arrays) if arrays is not None else None
+    loops = loops_to_follow(model, chain, arrays)
     offset = np.array(chain.offset)
     for k, posture in enumerate(q):
         if loops is not None and np.isfinite(posture).all():
@@ -198,9 +189,6 @@ def closed_each(
             loops.wanted[0] = posture
             if close_loops(loops.tree, loops.linear_map, offset, _LIMITS, loops.wanted, loops.q, loops.last, 0):
                 out[k] = loops.last.inverses[0]
-        elif loops is None:
-            with suppress(ChainError):
-                out[k] = solve(model, chain, posture[None]).inverse[0]
     return out
 
 
@@ -211,7 +199,7 @@ class RecentSolutions:
     positions alone, so that what is kept changes how long an answer takes and never the answer.
     """
 
-    def __init__(self, model: pin.Model, chain: ClosedChain, arrays: TreeArrays | None):
+    def __init__(self, model: pin.Model, chain: ClosedChain, arrays: TreeArrays):
         self._model, self._chain, self._arrays = model, chain, arrays
         self._kept: tuple[tuple[Array, Solution], ...] = ()
 
@@ -236,7 +224,7 @@ class RecentSolutions:
 
 
 def tree_positions(
-    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays | None = None
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays
 ) -> Float[Array, "N nt"]:
     """Positions of all joints of the tree [rad or m], see `solve`."""
     return solve(model, chain, q, arrays=arrays).x
@@ -248,7 +236,7 @@ def drift(
     solution: Solution,
     v: Float[Array, "N nt"],
     *,
-    arrays: TreeArrays | None = None,
+    arrays: TreeArrays,
 ) -> Float[Array, "N nt"]:
     """Accelerations of the tree [rad/s^2 or m/s^2] while no active joint accelerates.
 
@@ -257,41 +245,14 @@ def drift(
         chain: Its loops.
         solution: What `solve` gave.
         v: Velocities of the tree.
-        arrays: The tree for compiled loops; None: loops over Pinocchio.
+        arrays: The tree as compiled loops take it.
     """
     out = np.zeros_like(v)
     if not (chain.anchors and v.any()):
         return out
-    to_tree, tree = chain.linear_map[:, chain.nv :], anchored_tree(model, chain.anchors, arrays)
-    if tree is not None:
-        drift_loop(tree, ready(to_tree), ready(solution.x), ready(v), ready(solution.inverse), out)
-        return out
-    at = constraints_of(model, chain.anchors)
-    for k in range(len(v)):
-        out[k] = to_tree @ (-solution.inverse[k] @ bias(at, solution.x[k], v[k]))
+    tree, to_tree = anchors_of(model, chain.anchors, arrays), ready(chain.linear_map[:, chain.nv :])
+    drift_loop(tree, to_tree, ready(solution.x), ready(v), ready(solution.inverse), out)
     return out
-
-
-def _follow(chain: ClosedChain, at: Constraints, state: _State, wanted: Float[Array, " nv"], where: str) -> _State:
-    """The solution at ``wanted``, reached along the straight line from ``state``."""
-    way, done, part = wanted - state.q, 0.0, 1.0
-    begin = state.q
-    while done < 1.0:
-        part = min(part, 1.0 - done)
-        step = part * way
-        foreseen = state.slope @ step
-        reach = max(np.abs(step).max(), np.abs(foreseen).max())
-        found = None
-        if reach <= REACH:
-            target = wanted if done + part >= 1.0 else begin + (done + part) * way
-            found = _newton(chain, at, target, state.z + foreseen)
-        if found is not None and np.abs(found.z - state.z - foreseen).max() <= _FORESEEN * reach + _STEP:
-            state, done, part = found, done + part, 2 * part
-            continue
-        part /= 2
-        if part < _SHORTEST and reach < REACH:
-            raise ChainError(_why(chain, at, wanted, state.z, where))
-    return state
 
 
 def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]) -> _State | None:

@@ -162,8 +162,8 @@ class Robot:
 
     # Cached: a function of the model alone, which never changes.
     @cached_property
-    def arrays(self) -> TreeArrays | None:
-        """The model as compiled loops take it, made at the first use; None for joints that they do not know."""
+    def arrays(self) -> TreeArrays:
+        """The model as compiled loops take it, made at the first use."""
         return tree_arrays(self.model)
 
     # Cached: a function of the model alone, which never changes.

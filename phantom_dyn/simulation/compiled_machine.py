@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
-from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.array_types import Array
 from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
@@ -29,11 +28,8 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
         return None
-    arm = _arm(machine)
-    if arm is None:
-        return None
     torques, commands, readings = map(packed, channels)
-    return arm, EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
+    return _arm(machine), EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
 
 
 def require_closed_loops(machine: Arm, t: float, robot: Robot) -> None:
@@ -71,12 +67,9 @@ def _is_silent(part: Simulated) -> bool:
     return part.command is None and part.torque is None and part.reading is None
 
 
-def _arm(machine: Machine) -> Arm | None:
+def _arm(machine: Machine) -> Arm:
     robot, nv, loose = machine.robot, machine.nv, list(machine.loose)
-    arrays = robot.arrays
-    if arrays is None or FREE in arrays.kinds:
-        return None
-    numbers, places = joint_rows(arrays)
+    numbers, places = joint_rows(robot.arrays)
     drives = np.array(machine.drives, np.int64)
     n = nv + len(loose)
     added = np.zeros((n, n))
@@ -90,11 +83,11 @@ def _arm(machine: Machine) -> Arm | None:
     )
     return Arm(
         numbers, places, root, added, rotor, viscous, coulomb, drives,
-        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, _chain(robot, arrays),
+        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, _chain(robot),
     )  # fmt: skip
 
 
-def _chain(robot: Robot, arrays: TreeArrays) -> Chain:
+def _chain(robot: Robot) -> Chain:
     """How the tree follows the active joints."""
     given = robot.chain
     if given is None:
@@ -105,4 +98,4 @@ def _chain(robot: Robot, arrays: TreeArrays) -> Chain:
     viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
     rotor[passive] = robot.model.armature[passive]
     slope = given.linear_map[:, : robot.nv]
-    return chain_of(slope, given.offset, viscous, coulomb, rotor, loops_to_follow(robot.model, given, arrays))
+    return chain_of(slope, given.offset, viscous, coulomb, rotor, loops_to_follow(robot.model, given, robot.arrays))

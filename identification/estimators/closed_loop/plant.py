@@ -10,7 +10,6 @@ import numpy as np
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, RegressorTerm, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
-from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
@@ -120,9 +119,6 @@ def _laws(term: RegressorTerm) -> Callable[[Plant, Robot, RegressorTerm, Array],
 
 def _given(robot: Robot) -> Plant:
     """The model as it is; its arrays may be written to."""
-    arrays = robot.arrays
-    if arrays is None:
-        raise ParameterError(f"{robot.name} has a joint that no compiled simulation knows: use wls.")
     chain = robot.chain
     nt, nv = robot.model.nv, robot.nv
     passive = [] if chain is None else list(chain.passive)
@@ -133,12 +129,12 @@ def _given(robot: Robot) -> Plant:
     if chain is not None:
         dry[nv:, 0] = chain.coulomb_friction
         dry[nv:, 3] = dry[nv:, 4] = chain.viscous_friction
-    numbers, places = joint_rows(arrays)
+    numbers, places = joint_rows(robot.arrays)
     return Plant(
         numbers=numbers,
         places=places,
         root=at_root(len(places), robot.model.gravity.linear),
-        chain=_followed(robot, arrays),
+        chain=_followed(robot),
         rotor=np.diag(robot.rotor_inertia),
         passive=np.array(passive, dtype=np.int64),
         E=np.concatenate([np.eye(nv), np.zeros((nt - nv, nv))]),
@@ -148,7 +144,7 @@ def _given(robot: Robot) -> Plant:
     )
 
 
-def _followed(robot: Robot, arrays: TreeArrays) -> Chain:
+def _followed(robot: Robot) -> Chain:
     """Motion of the tree for that of the active joints; friction of the passive ones is added elsewhere."""
     chain, nt = robot.chain, robot.model.nv
     none, rotor = np.zeros(nt), np.zeros(nt)
@@ -156,7 +152,7 @@ def _followed(robot: Robot, arrays: TreeArrays) -> Chain:
         return chain_of(np.eye(nt), none, none, none, rotor)
     passive = list(chain.passive)
     rotor[passive] = robot.model.armature[passive]
-    loops = loops_to_follow(robot.model, chain, arrays)
+    loops = loops_to_follow(robot.model, chain, robot.arrays)
     return chain_of(chain.linear_map[:, : chain.nv], chain.offset, none, none, rotor, loops)
 
 

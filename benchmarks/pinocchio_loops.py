@@ -1,7 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of N samples by loops over Pinocchio, for joints of other kinds.
+"""Rigid-body quantities of N samples by loops over Pinocchio.
 
-They stand in for the compiled loops of `phantom_dyn._kernels.rigid_body` and are the oracle of their tests.
+The compiled loops of `phantom_dyn._kernels.rigid_body` are compared with them: their speed here, their answers in
+their tests.
 """
 
 from __future__ import annotations
@@ -12,24 +13,8 @@ import pinocchio as pin
 from phantom_dyn.array_types import Array
 
 
-def _on_moving_root(model: pin.Model, q: Array, v: Array, a: Array, root: Array) -> tuple[pin.Model, tuple[Array, ...]]:
-    """The tree on a free-flyer without gravity, and its samples: the specific force accelerates the root instead."""
-    base = pin.Model()
-    joint = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "moving root")
-    base.addJointFrame(joint, 0)
-    whole = pin.appendModel(base, model, base.getFrameId("moving root"), pin.SE3.Identity())
-    whole.gravity = pin.Motion.Zero()
-    n, still = len(q), np.zeros((len(q), 3))
-    place = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (n, 1))
-    w, dw, force = root[:, :3], root[:, 3:6], root[:, 6:]
-    return whole, (np.hstack([place, q]), np.hstack([still, w, v]), np.hstack([force, dw, a]))
-
-
-def regressor(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
+def regressor(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     """Rigid-body torque regressor of the tree, all columns, shape ``(N, nt, 10 (njoints - 1))``."""
-    if root is not None:
-        whole, samples = _on_moving_root(model, q, v, a, root)
-        return regressor(whole, *samples)[:, 6:, 10:]
     data, p = model.createData(), 10 * (model.njoints - 1)
     out = np.empty((*v.shape, p))
     for k in range(len(q)):
@@ -38,22 +23,16 @@ def regressor(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None
     return out
 
 
-def torque(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
+def torque(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     """Torque of the tree with armature, shape ``(N, nt)`` [N m or N]."""
-    if root is not None:
-        whole, samples = _on_moving_root(model, q, v, a, root)
-        return torque(whole, *samples)[:, 6:]
     data, out = model.createData(), np.empty(v.shape)
     for k in range(len(q)):
         out[k] = pin.rnea(model, data, q[k], v[k], a[k])
     return out
 
 
-def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array, root: Array | None = None) -> Array:
+def torque_slopes(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
     """Torque of joint i per position (then per velocity) of joint j, ``[0 or 1, j, i, sample]``."""
-    if root is not None:
-        whole, samples = _on_moving_root(model, q, v, a, root)
-        return torque_slopes(whole, *samples)[:, 6:, 6:]
     data, out = model.createData(), np.empty((2, model.nv, model.nv, len(q)))
     for k in range(len(q)):
         pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
