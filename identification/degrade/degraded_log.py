@@ -34,27 +34,12 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
-from phantom_dyn.simulation.simulate import simulate
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 Values = Mapping[str, tuple[float, ...]]
 
 
-@dataclass(frozen=True)
-class Degradation:
-    """An effect that the cheaper device has and the recorded one has not.
-
-    Attributes:
-        effect: Of the catalogue.
-        joint: Where it sits; None is the whole robot.
-        theta: Parameters of the effect in order.
-    """
-
-    effect: Effect
-    joint: str | None
-    theta: tuple[float, ...]
-
-
-def degradation(robot: Robot, effect: str, joint: str | None, values: Values) -> Degradation:
+def degradation(robot: Robot, effect: str, joint: str | None, values: Values) -> Cause:
     """An effect in its place, checked.
 
     Args:
@@ -83,7 +68,7 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
         _require_bounds(effect, parameter, given)
         theta += given
     _require_counts(effect, values, lists=found.takes_lists(robot, joint))
-    return Degradation(found, joint, tuple(theta))
+    return Cause(found, joint, np.array(theta))
 
 
 def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
@@ -175,7 +160,7 @@ class _Change:
     x: Array
 
 
-def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degradation, ...]) -> Degraded:
+def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Cause, ...]) -> Degraded:
     """The log that a device with ``faults`` would have given.
 
     Args:
@@ -188,7 +173,7 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
         ParameterError: If an effect would leave no trace in any such log, or its numbers give no finite torque.
         LogError: If the recording is too short, or has no torque of a joint that needs another one.
     """
-    laws = tuple(fault.effect.simulated(robot, fault.joint, np.array(fault.theta)) for fault in faults)
+    laws = tuple(fault.effect.simulated(robot, fault.joint, fault.theta) for fault in faults)
     for fault, law in zip(faults, laws, strict=True):
         _require_trace(robot, fault, law)
     (log,), _ = process_all((recording,), robot)
@@ -210,7 +195,7 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
     return Degraded(columns, notes)
 
 
-def _require_trace(robot: Robot, fault: Degradation, law: Simulated) -> None:
+def _require_trace(robot: Robot, fault: Cause, law: Simulated) -> None:
     """Refuse what no log of this robot can show."""
     why = None
     if law.command is not None:
@@ -222,7 +207,7 @@ def _require_trace(robot: Robot, fault: Degradation, law: Simulated) -> None:
         raise ParameterError(f"{fault.effect.name}{where} cannot be put into this log: {why}.")
 
 
-def _require_time(robot: Robot, log: Log, fault: Degradation) -> None:
+def _require_time(robot: Robot, log: Log, fault: Cause) -> None:
     """Refuse a drive that is later than the recording is long."""
     length = float(log.motion.t[-1] - log.motion.t[0])
     for parameter, value in zip(fault.effect.parameters(robot, fault.joint), fault.theta, strict=False):
@@ -234,7 +219,7 @@ def _require_time(robot: Robot, log: Log, fault: Degradation) -> None:
 
 
 def _motion_kept(
-    robot: Robot, log: Log, faults: tuple[Degradation, ...], laws: tuple[Simulated, ...]
+    robot: Robot, log: Log, faults: tuple[Cause, ...], laws: tuple[Simulated, ...]
 ) -> tuple[_Change, tuple[str, ...]]:
     """Additional torque that the recorded motion takes with the faults, and link positions ahead of the motors."""
     still = np.zeros_like(log.tau)
@@ -247,15 +232,15 @@ def _motion_kept(
             notes.append(f"a diagnosis will not see {fault.effect.name} in this log: {why}")
         if law.command is None and law.reading is None:
             now = replace(model, tau=model.tau + tau, expected=model.tau + tau, logged=log.tau + tau)
-            tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
-            ahead = fault.effect.link_ahead(now, fault.joint, np.array(fault.theta))
+            tau = tau - fault.effect.torque(robot, now, fault.joint, fault.theta)
+            ahead = fault.effect.link_ahead(now, fault.joint, fault.theta)
             x = x if ahead is None else x + ahead
     # What the drive has to be asked for: the last of its effects is undone first.
     for fault, law in reversed(pairs):
         if law.command is not None and law.limit is None:
             asked = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
             now = replace(model, tau=asked, expected=asked, logged=asked)
-            tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
+            tau = tau - fault.effect.torque(robot, now, fault.joint, fault.theta)
     return _Change(tau, still, still, x), tuple(notes)
 
 

@@ -71,11 +71,6 @@ class Compiled:
         return self.compiled.signatures
 
     @property
-    def targetoptions(self) -> dict[str, Any]:
-        """Options of the compilation."""
-        return self.compiled.targetoptions
-
-    @property
     def _numba_type_(self) -> Any:
         return self.compiled._numba_type_
 

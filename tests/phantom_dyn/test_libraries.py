@@ -251,7 +251,7 @@ def test_compiled_loops_in_threads_give_the_same_torque():
 @pytest.mark.parametrize("loop", [torque_loop, mass_loop, frame_loop, regressor_loop])
 def test_a_compiled_loop_leaves_the_interpreter_to_other_threads(loop):
     # Oracle: numba's own record of how it compiles.
-    assert loop.targetoptions["nogil"] is True
+    assert loop.compiled.targetoptions["nogil"] is True
 
 
 def test_a_map_in_threads_is_the_same(monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 
 from identification.data.reading import recording
 from identification.data.recording import Table
-from identification.degrade.degraded_log import Degradation, Degraded, degradation, degrade
+from identification.degrade.degraded_log import Degraded, degradation, degrade
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
@@ -16,6 +16,7 @@ from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.simulation.simulate import Cause
 from places import ROBOTS
 from sample_sizes import sample_size
 
@@ -41,7 +42,7 @@ from sample_sizes import sample_size
 def test_parameters_come_in_the_contracts_order(arm, effect, joint, values, theta):
     # Contract: the table of effects; one cycle per turn of an eccentric disc, and what is not named did not move.
     made = degradation(arm, effect, joint, values)
-    assert (made.effect.name, made.joint, made.theta) == (effect, joint, theta)
+    assert (made.effect.name, made.joint, tuple(made.theta)) == (effect, joint, theta)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +176,7 @@ def clean(degraded_arm) -> tuple[Motion, Table]:
     return motion, table_of(degraded_arm, motion, inverse_dynamics(degraded_arm, motion), v=motion.v)
 
 
-def fault(robot: Robot, effect: str, joint: str | None = "elbow", **values: float) -> Degradation:
+def fault(robot: Robot, effect: str, joint: str | None = "elbow", **values: float) -> Cause:
     if effect in ("payload", "base_tilt"):
         joint = None
     if effect == "joint_coupling":
@@ -184,7 +185,7 @@ def fault(robot: Robot, effect: str, joint: str | None = "elbow", **values: floa
     return degradation(robot, effect, joint, {name: (value,) for name, value in given.items()})
 
 
-def degraded(robot: Robot, table: Table, *faults: Degradation) -> Degraded:
+def degraded(robot: Robot, table: Table, *faults: Cause) -> Degraded:
     return degrade(robot, table, recording(table, robot), faults)
 
 
@@ -202,7 +203,7 @@ def test_the_motion_is_kept_and_the_drive_makes_up_for_the_effect(degraded_arm, 
     assert list(out) == list(table.columns)
     for joint in degraded_arm.joint_names:
         np.testing.assert_array_equal(out[f"q.{joint}"], table.columns[f"q.{joint}"])
-    law = made.effect.torque(degraded_arm, Operation.of(degraded_arm, motion), made.joint, np.array(made.theta))
+    law = made.effect.torque(degraded_arm, Operation.of(degraded_arm, motion), made.joint, made.theta)
     changed = np.column_stack([out[f"tau.{j}"] - table.columns[f"tau.{j}"] for j in degraded_arm.joint_names])
     error = np.abs(changed + law)[250:-250]
     assert np.abs(changed).max() > 0.01
