@@ -135,31 +135,6 @@ def _opened(
     return replace(table, warnings=(*table.warnings, warning))
 
 
-def _open_ros1(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
-    _require_rosbags(path.name)
-    from rosbags.rosbag1 import Reader
-    from rosbags.typesys import Stores, get_typestore
-
-    require_small_bag(path)
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Reader(path) as reader:
-        return _opened(path.name, reader, store, store.deserialize_ros1, topic, ref_topic)
-
-
-def _open_ros2(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
-    _require_rosbags(path.name)
-    from rosbags.rosbag2 import Reader
-    from rosbags.typesys import Stores, get_typestore
-
-    for file in [path] if path.is_file() else path.glob("*.mcap"):
-        if file.suffix == ".mcap":
-            _require_ros(file)
-            require_small_mcap(file)
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Reader(path) as reader:
-        return _opened(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
-
-
 def _require_ros(path: Path) -> None:
     """Refuse an MCAP file whose head says that its messages are not those of ROS 2."""
     with path.open("rb") as file:
@@ -332,11 +307,28 @@ def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -
     Raises:
         LogError: No such topic, several and none chosen, or messages that do not fit together.
     """
-    return _open_ros1(path, topic, ref_topic)
+    _require_rosbags(path.name)
+    from rosbags.rosbag1 import Reader
+    from rosbags.typesys import Stores, get_typestore
+
+    require_small_bag(path)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Reader(path) as reader:
+        return _opened(path.name, reader, store, store.deserialize_ros1, topic, ref_topic)
 
 
 def read_ros2_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:
     """Joint states of a ROS 2 bag (its folder, or a .db3 file alone) or MCAP file; see `read_ros1_bag`."""
     if path.is_file() and path.suffix not in (".db3", ".mcap"):
         raise LogError(f"{path.name} is a ROS 2 bag by its content: give it the ending .db3 (SQLite) or .mcap.")
-    return _open_ros2(path, topic, ref_topic)
+    _require_rosbags(path.name)
+    from rosbags.rosbag2 import Reader
+    from rosbags.typesys import Stores, get_typestore
+
+    for file in [path] if path.is_file() else path.glob("*.mcap"):
+        if file.suffix == ".mcap":
+            _require_ros(file)
+            require_small_mcap(file)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Reader(path) as reader:
+        return _opened(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
