@@ -24,6 +24,10 @@ from phantom_dyn.dynamics.dynamics import (
 )
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.recursive import low_passed
+
+# Number of poles of the low pass on a load, which is applied forwards and backwards.
+_POLES = 4
 
 
 @dataclass(frozen=True)
@@ -224,3 +228,17 @@ def joined(parts: Sequence[Float[Array, "_ nv"]]) -> Float[Array, "N nv"]:
 def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
     """The same array with the samples of each entry next to each other in memory."""
     return np.ascontiguousarray(values.transpose(2, 1, 0)).transpose(2, 1, 0)
+
+
+def up_to_band(operation: Operation, load: Float[Array, " N"]) -> Float[Array, " N"]:
+    """A load up to the edge of the judged band, as above it accelerations are noisy.
+
+    What it is multiplied by then keeps its steps in a wider band.
+
+    Args:
+        operation: Gives the band and the rate.
+        load: Torque that the transmission of a joint passes to its link [N m or N].
+    """
+    if not 0.0 < operation.band_hz * operation.dt < 0.5:
+        return load
+    return low_passed(load, operation.band_hz, 1.0 / operation.dt, order=_POLES)

@@ -32,6 +32,7 @@ from phantom_dyn.effects.author import (
     torque_law,
     torque_on_joint,
 )
+from phantom_dyn.effects.operation import up_to_band
 from phantom_dyn.effects.support.position_waves import (
     comes_back,
     each_wave,
@@ -42,7 +43,6 @@ from phantom_dyn.effects.support.position_waves import (
     wave_parameters,
     waves_at,
 )
-from phantom_dyn.effects.support.smooth_load import up_to_band
 
 # Largest ripple as a share of the load.
 _LARGEST = 0.5

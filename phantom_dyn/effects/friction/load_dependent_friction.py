@@ -30,8 +30,8 @@ from phantom_dyn.effects.author import (
     torque_law,
     torque_on_joint,
 )
+from phantom_dyn.effects.operation import up_to_band
 from phantom_dyn.effects.support.rows import never_reverses
-from phantom_dyn.effects.support.smooth_load import up_to_band
 
 # Share of its load that a transmission cannot lose.
 _SELF_LOCKING = 1.0
