@@ -1,4 +1,7 @@
-"""How the tree of a closed chain follows its active joints from state to state, for compiled loops through time."""
+"""How the tree of a closed chain follows its active joints from state to state, for compiled loops through time.
+
+Each joint of the tree has one degree of freedom.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Compiled simulation of a robot under position controllers, the robot given by parameters that are being estimated.
 
 The step is the one of `phantom_dyn.simulation.stepping`: the midpoint rule on velocity level with dry friction as an
-impulse, so that a joint at standstill stays there.
+impulse, so that a joint at standstill stays there. Each joint of the tree has one degree of freedom.
 """
 
 from __future__ import annotations
