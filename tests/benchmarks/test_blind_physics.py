@@ -20,7 +20,7 @@ from moved_robots import (
 from scored_by_hand import PARAMETERS, answer, claims_of, entry, finding
 
 from benchmarks.blind import generate, publish, run
-from benchmarks.blind.generate import REPORTING, case_ids, chosen_batches, draw_many, main, parser, seed_range
+from benchmarks.blind.generate import REPORTING, case_ids, chosen_batches, draw_many, main, seed_range
 from benchmarks.gapbench.generator.arms import ARMS, arm, phantom
 from benchmarks.gapbench.generator.case import draw_case, resolved_kind
 from benchmarks.gapbench.generator.channel import Drive
@@ -292,16 +292,6 @@ def test_seeds_that_are_no_range_are_refused(text, capsys):
     assert "are no seeds: give FIRST:END" in capsys.readouterr().err
 
 
-def test_without_seeds_the_reporting_ranges_are_written():
-    given = parser().parse_args(["--cases", "x", "--answers", "y"])
-    assert dict(chosen_batches(given)) == REPORTING
-
-
-def test_ranges_of_several_kinds_are_chosen_together():
-    given = parser().parse_args(["--singles", "0:9", "--outside", "3", "--cases", "x", "--answers", "y"])
-    assert chosen_batches(given) == [("single", range(9)), ("outside", range(3, 4))]
-
-
 def test_reporting_starts_behind_every_seed_that_was_opened_before():
     assert min(seeds[0] for seeds in REPORTING.values()) >= 11000
     assert {kind: len(seeds) for kind, seeds in REPORTING.items()} == {
@@ -318,26 +308,29 @@ SEEDS = ["--singles", "100:140", "--nulls", "100:120", "--pairs", "7", "--outsid
 BATCHES = [("single", range(100, 140)), ("null", range(100, 120)), ("pair", range(7, 8)), ("outside", range(2))]
 
 
-def test_the_run_takes_the_seeds_of_every_kind():
-    assert chosen_batches(run.parser().parse_args(SEEDS)) == BATCHES
+PLACES = ["--cases", "x", "--answers", "y"]
 
 
-def test_the_run_takes_the_reporting_ranges_where_nothing_is_asked_for():
-    assert dict(chosen_batches(run.parser().parse_args([]))) == REPORTING
-
-
-def test_seeds_without_a_kind_are_mixed_and_come_before_those_of_a_kind():
-    given = run.parser().parse_args(["--nulls", "3", "--seeds", "0:9"])
-    assert chosen_batches(given) == [("mixed", range(9)), ("null", range(3, 4))]
-
-
-def test_seeds_may_be_given_with_their_kind():
-    assert chosen_batches(run.parser().parse_args(["--kind", "pair", "--seeds", "0:9"])) == [("pair", range(9))]
-
-
-def test_a_kind_without_seeds_is_no_restriction():
-    """The help says of --kind: of --seeds."""
-    assert dict(chosen_batches(run.parser().parse_args(["--kind", "pair"]))) == REPORTING
+@pytest.mark.parametrize(
+    ("parsing", "words", "batches"),
+    [
+        (generate.parser, PLACES, list(REPORTING.items())),
+        (
+            generate.parser,
+            ["--singles", "0:9", "--outside", "3", *PLACES],
+            [("single", range(9)), ("outside", range(3, 4))],
+        ),
+        (run.parser, [], list(REPORTING.items())),
+        (run.parser, SEEDS, BATCHES),
+        (run.parser, ["--nulls", "3", "--seeds", "0:9"], [("mixed", range(9)), ("null", range(3, 4))]),
+        (run.parser, ["--kind", "pair", "--seeds", "0:9"], [("pair", range(9))]),
+        # The help says of --kind: of --seeds.
+        (run.parser, ["--kind", "pair"], list(REPORTING.items())),
+    ],
+    ids=["written", "several kinds written", "run", "every kind", "mixed come first", "with a kind", "a kind alone"],
+)
+def test_seeds_are_those_that_are_asked_for_and_the_reporting_ranges_where_none_are(parsing, words, batches):
+    assert chosen_batches(parsing().parse_args(words)) == batches
 
 
 @pytest.mark.parametrize("option", ["--seeds", "--singles", "--nulls", "--pairs", "--outside"])

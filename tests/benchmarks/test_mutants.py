@@ -111,31 +111,35 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_whole_set_is_right(folder):
-    assert kills.wrong_set(folder / "out") == []
+OTHERS_MOTION = json.dumps({"run": RUN, "next_experiment": {"reference_sha256": "another"}})
 
 
-def test_a_file_of_another_run_is_seen(folder):
-    (folder / "out" / "corrected.yaml").write_text(f"a: 1\n# run: {OTHER}\n")
-    assert kills.wrong_set(folder / "out") == ["mixed: out: corrected.yaml are not of the run of diagnosis.json"]
-
-
-def test_a_motion_of_another_run_is_seen(folder):
-    (folder / "out" / "next.csv").write_text("t\n0\n")
-    (folder / "out" / "diagnosis.json").write_text(
-        json.dumps({"run": RUN, "next_experiment": {"reference_sha256": "another"}})
-    )
-    assert kills.wrong_set(folder / "out") == ["mixed: out: next.csv are not of the run of diagnosis.json"]
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({}, []),
+        (
+            {"corrected.yaml": f"a: 1\n# run: {OTHER}\n"},
+            ["mixed: out: corrected.yaml are not of the run of diagnosis.json"],
+        ),
+        (
+            {"next.csv": "t\n0\n", "diagnosis.json": OTHERS_MOTION},
+            ["mixed: out: next.csv are not of the run of diagnosis.json"],
+        ),
+        ({"report.html": None}, ["broken: out lacks report.html"]),
+    ],
+    ids=["whole", "a file of another run", "a motion of another run", "a file is missing"],
+)
+def test_a_set_is_right_whose_files_are_all_there_and_of_one_run(folder, files, said):
+    for name, text in files.items():
+        path = folder / "out" / name
+        path.unlink() if text is None else path.write_text(text)
+    assert kills.wrong_set(folder / "out") == said
 
 
 def test_half_a_file_is_seen(folder):
     (folder / "out" / "diagnosis.json").write_text('{"run": ')
     assert kills.wrong_set(folder / "out")[0].startswith("broken: out")
-
-
-def test_a_missing_file_is_seen(folder):
-    (folder / "out" / "report.html").unlink()
-    assert kills.wrong_set(folder / "out") == ["broken: out lacks report.html"]
 
 
 def test_litter_is_seen(folder):

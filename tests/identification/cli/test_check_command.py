@@ -75,25 +75,27 @@ def test_columns_are_mapped(log, tmp_path, capsys):
     assert "nothing is wrong" in capsys.readouterr().out
 
 
-def test_a_configuration_without_robot_is_refused(log, capsys):
-    assert main(["check", str(log), "--robot-config", "robot.yaml"]) == 2
-    assert "--robot-config was given without a robot" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["{log}", "--robot-config", "robot.yaml"], "--robot-config was given without a robot"),
+        (["{log}", "--robot", "nosuch.urdf"], "There is no robot file 'nosuch.urdf'"),
+        ([str(ARM)], "a robot without a recording: name a recording after it"),
+        (["{folder}/lag.csv"], "lag.csv does not exist; did you mean log.csv?\n"),
+    ],
+)
+def test_what_is_missing_is_told_in_one_sentence(log, capsys, words, said):
+    assert main(["check", *(word.format(log=log, folder=log.parent) for word in words)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("phantom-dyn: ")
+    assert error.count("\n") == 1
+    assert said in error
 
 
 def test_warnings_about_the_robot_are_printed(log, tmp_path, capsys):
     (tmp_path / "robot.urdf").write_text(ARM.read_text().replace('izz="0.04"', 'izz="0.4"'))
     assert main(["check", str(log), "--robot", str(tmp_path / "robot.urdf")]) == 0
     assert "no rigid body has the inertia of link column" in capsys.readouterr().out
-
-
-def test_a_missing_log_names_the_nearest(log, capsys):
-    assert main(["check", str(log.with_name("lag.csv"))]) == 2
-    assert capsys.readouterr().err.endswith("lag.csv does not exist; did you mean log.csv?\n")
-
-
-def test_a_missing_robot_is_refused(log, capsys):
-    assert main(["check", str(log), "--robot", "nosuch.urdf"]) == 2
-    assert capsys.readouterr().err.startswith("phantom-dyn: There is no robot file 'nosuch.urdf'")
 
 
 def test_nothing_is_written(log, tmp_path, monkeypatch):
@@ -109,11 +111,6 @@ def test_the_robot_stands_in_front_of_the_recordings(log, tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.count("nothing is wrong with it\n") == 2
     assert "second.csv: 2000 samples" in said
-
-
-def test_a_robot_without_a_recording_is_refused(capsys):
-    assert main(["check", str(ARM)]) == 2
-    assert "a robot without a recording: name a recording after it" in capsys.readouterr().err
 
 
 def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, capsys):
