@@ -113,34 +113,28 @@ def test_a_body_without_mass_has_no_relative_change():
     assert not tolerance_directions(dataclasses.replace(robot, model=model), 1)[0].any()
 
 
-def test_a_solid_is_possible():
-    assert impossible_because(2.0, np.diag([0.1, 0.1, 0.01])) is None
-
-
-def test_a_negative_mass_is_impossible():
-    assert impossible_because(-2.0, np.eye(3)) == "its mass is -2 kg, below zero"
-
-
 def test_a_negative_principal_inertia_behind_positive_diagonal_entries_is_impossible():
     inertia = np.array([[1.0, 2, 0], [2, 1, 0], [0, 0, 5]])
     assert impossible_because(1.0, inertia) == "its smallest principal inertia is -1 kg m^2, below zero"
 
 
-def test_rounding_below_zero_is_possible():
-    assert impossible_because(1.0, np.diag([1.0, 1.0, -1e-10])) is None
+@pytest.mark.parametrize(
+    ("mass", "inertia", "why"),
+    [
+        (2.0, np.diag([0.1, 0.1, 0.01]), None),
+        (-2.0, np.eye(3), "its mass is -2 kg, below zero"),
+        (np.nan, np.eye(3), "its inertia is not a finite number"),
+        # Rounding below zero, and rounding errors that are written for zero.
+        (1.0, np.diag([1.0, 1.0, -1e-10]), None),
+        (0.5, np.diag([1e-35, 0.0, -2.4e-35]), None),
+    ],
+)
+def test_a_body_of_mass_and_inertia_above_zero_but_for_rounding_is_possible(mass, inertia, why):
+    assert impossible_because(mass, inertia) == why
 
 
-def test_rounding_errors_written_for_zero_are_possible():
-    assert impossible_because(0.5, np.diag([1e-35, 0.0, -2.4e-35])) is None
-
-
-def test_a_number_that_is_none_is_impossible():
-    assert impossible_because(np.nan, np.eye(3)) == "its inertia is not a finite number"
-
-
-def test_a_flat_plate_keeps_the_triangle_inequality():
-    assert not breaks_triangle(np.diag([1.0, 2.0, 3.0]))
-
-
-def test_one_principal_value_above_the_sum_of_the_others_breaks_it():
-    assert breaks_triangle(np.diag([1.0, 2.0, 3.01]))
+@pytest.mark.parametrize(("largest", "broken"), [(3.0, False), (3.01, True)])
+def test_one_principal_value_above_the_sum_of_the_others_breaks_the_triangle_inequality_and_that_sum_not(
+    largest, broken
+):
+    assert breaks_triangle(np.diag([1.0, 2.0, largest])) == broken

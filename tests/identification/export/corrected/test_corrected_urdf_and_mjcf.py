@@ -206,19 +206,17 @@ def test_robots_of_all_kinds_get_both_files(name, tmp_path):
         assert file.text, file.notes
 
 
-def test_a_finding_with_too_few_parameters_is_refused(planar):
-    with pytest.raises(ParameterError, match="parasitic_spring was given 1 parameters, wanted 2: give those"):
-        corrected_model(planar, (KnownEffect("parasitic_spring", "elbow", (1.0,)),))
-
-
-def test_a_finding_that_is_not_a_number_is_refused(planar):
-    with pytest.raises(ParameterError, match="torque_offset has a parameter that is not finite"):
-        corrected_model(planar, (KnownEffect("torque_offset", "elbow", (float("nan"),)),))
-
-
-def test_a_finding_on_an_unknown_joint_is_refused(planar):
-    with pytest.raises(RobotError, match="No joint 'wrist' in this robot"):
-        corrected_model(planar, (KnownEffect("torque_offset", "wrist", (1.0,)),))
+@pytest.mark.parametrize(
+    ("finding", "error", "said"),
+    [
+        (("parasitic_spring", "elbow", (1.0,)), ParameterError, "was given 1 parameters, wanted 2: give those"),
+        (("torque_offset", "elbow", (float("nan"),)), ParameterError, "has a parameter that is not finite"),
+        (("torque_offset", "wrist", (1.0,)), RobotError, "No joint 'wrist' in this robot"),
+    ],
+)
+def test_a_finding_that_cannot_be_is_refused(planar, finding, error, said):
+    with pytest.raises(error, match=said):
+        corrected_model(planar, (KnownEffect(*finding),))
 
 
 def test_a_rollout_that_runs_away_writes_nothing(planar, some_motion, tmp_path, monkeypatch, capfd):

@@ -120,9 +120,25 @@ def test_wrong_parameters_are_named(arm, parameters, said):
     assert said in refusal(wrong, arm)
 
 
-def test_a_torque_of_another_shape_is_refused_with_both(arm):
-    wrong = type("Wrong", (Drag,), {"torque": lambda self, robot, operation, joint, theta: operation.v[:, 0]})()
-    assert "torque gave shape (64,), wanted an array of shape (64, 3), a row a sample" in refusal(wrong, arm)
+@pytest.mark.parametrize(
+    ("method", "made", "said"),
+    [
+        (
+            "torque",
+            lambda self, robot, operation, joint, theta: operation.v[:, 0],
+            "torque gave shape (64,), wanted an array of shape (64, 3), a row a sample",
+        ),
+        (
+            "torque",
+            lambda self, robot, operation, joint, theta: -theta[0] * operation.v,
+            "its torque on turn acts on other joints too, wanted zero there",
+        ),
+        ("simulated", lambda self, robot, joint, theta: None, "simulated gave nothing, wanted a Simulated"),
+    ],
+    ids=["another shape", "another joint", "no simulated"],
+)
+def test_a_method_that_gives_something_else_is_refused_with_what_was_wanted(arm, method, made, said):
+    assert said in refusal(type("Wrong", (Drag,), {method: made})(), arm)
 
 
 def test_a_torque_that_is_not_finite_is_refused_with_its_parameters(arm):
@@ -131,19 +147,26 @@ def test_a_torque_that_is_not_finite_is_refused_with_its_parameters(arm):
     assert "torque gave values that are not finite on turn for parameters" in text
 
 
-def test_an_error_in_the_law_is_told_with_its_kind(arm):
-    text = refusal(parts(lambda operation, row, theta: theta[1] * operation.v[:, row])(), arm)
-    assert "torque raised IndexError: index 1 is out of bounds" in text
-
-
-def test_a_law_that_is_there_without_being_there_is_refused(arm):
-    text = refusal(parts(lambda operation, row, theta: np.cos(theta[0] * operation.q[:, row]))(), arm)
-    assert "its torque is not zero where coefficient is zero" in text
-
-
-def test_a_parameter_that_the_law_is_not_linear_in_is_named(arm):
-    text = refusal(parts(lambda operation, row, theta: np.sin(theta[0] * operation.q[:, row]))(), arm)
-    assert "its torque is not linear in coefficient: give that one values to try, as in Param" in text
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (
+            lambda operation, row, theta: theta[1] * operation.v[:, row],
+            "torque raised IndexError: index 1 is out of bounds",
+        ),
+        (
+            lambda operation, row, theta: np.cos(theta[0] * operation.q[:, row]),
+            "its torque is not zero where coefficient is zero",
+        ),
+        (
+            lambda operation, row, theta: np.sin(theta[0] * operation.q[:, row]),
+            "its torque is not linear in coefficient: give that one values to try, as in Param",
+        ),
+    ],
+    ids=["an error", "there without being there", "not linear"],
+)
+def test_a_law_that_cannot_be_fitted_is_refused_with_the_reason(arm, law, said):
+    assert said in refusal(parts(law)(), arm)
 
 
 def test_parameters_that_multiply_each_other_are_named(arm):
@@ -155,11 +178,6 @@ def test_parameters_that_multiply_each_other_are_named(arm):
             return torque_on_joint(robot, joint, -theta[0] * theta[1] * operation.v[:, row_of(robot, joint)])
 
     assert "its torque is no sum over torque, speed, as one multiplies another" in refusal(Product(), arm)
-
-
-def test_a_torque_on_another_joint_is_refused(arm):
-    wrong = type("Wrong", (Drag,), {"torque": lambda self, robot, operation, joint, theta: -theta[0] * operation.v})()
-    assert "its torque on turn acts on other joints too, wanted zero there" in refusal(wrong, arm)
 
 
 def test_accelerations_and_the_torque_of_the_model_have_to_be_said(arm):
@@ -187,11 +205,6 @@ def test_a_law_that_no_simulation_can_step_through_needs_one_of_its_own(arm, law
     assert "needs the acceleration or other samples" in refusal(wrong(), arm)
     right = type("Right", (wrong,), {"simulated": lambda self, robot, joint, theta: Simulated()})()
     assert tried(right, arm, "x.py") is right
-
-
-def test_what_enters_a_simulation_is_a_simulated(arm):
-    wrong = type("Wrong", (Drag,), {"simulated": lambda self, robot, joint, theta: None})()
-    assert "simulated gave nothing, wanted a Simulated" in refusal(wrong, arm)
 
 
 class Whole(Effect):
