@@ -240,25 +240,3 @@ def mass_matrix_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv
     """As `mass_matrix`, for positions of the tree that are known already."""
     out = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     return out if robot.chain is None else project(tree.G, out) @ tree.G
-
-
-def forward_dynamics(
-    robot: Robot, q: Float[Array, "N nv"], v: Float[Array, "N nv"], tau: Float[Array, "N nv"]
-) -> Float[Array, "N nv"]:
-    """Acceleration under a drive torque, modelled friction included, shape ``(N, nv)`` [rad/s^2 or m/s^2].
-
-    Friction is that of motion: a joint at rest feels none, so it does not stick.
-
-    Args:
-        robot: Gives model and friction.
-        q: Joint positions [rad or m].
-        v: Velocities.
-        tau: Drive torque [N m or N].
-
-    Raises:
-        LogError: If a value is not finite.
-        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
-    """
-    coasting = Motion(np.arange(float(len(q))), q, v, np.zeros_like(v))
-    bias = inverse_dynamics(robot, coasting)
-    return np.linalg.solve(mass_matrix_of_tree(robot, tree_motion(robot, coasting)), (tau - bias)[..., None])[..., 0]

@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from forward_dynamics import forward_dynamics
 from phantom_dyn.devices import phantom
 from phantom_dyn.dynamics.dynamics import (
-    forward_dynamics,
     gravity_torque,
     inverse_dynamics,
     inverse_dynamics_derivatives,

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics.dynamics import forward_dynamics, gravity_torque, mass_matrix
+from forward_dynamics import forward_dynamics
+from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.loading import load_robot
