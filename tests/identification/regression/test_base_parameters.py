@@ -144,15 +144,6 @@ def test_the_rank_is_that_of_the_singular_values(kinds, seed, parallel, samples)
 
 @random_arms
 @settings(max_examples=30, deadline=None)
-def test_the_order_of_the_rows_does_not_matter(kinds, seed, parallel, samples):
-    robot, rng = random_arm(kinds, seed, parallel)
-    W, base = base_of(robot, rng, samples)
-    again = base_parameters_of_matrix(W[rng.permutation(len(W))], parameter_names(robot), parameter_units(robot))
-    assert again.independent == base.independent
-
-
-@random_arms
-@settings(max_examples=30, deadline=None)
 def test_an_orthogonal_mixture_of_the_rows_does_not_matter(kinds, seed, parallel, samples):
     robot, rng = random_arm(kinds, seed, parallel)
     W, base = base_of(robot, rng, samples)

@@ -57,16 +57,16 @@ def test_units_become_si(apply, key, unit, factor):
     np.testing.assert_allclose(apply(f"{key}: {{from: load, unit: {unit}}}")[key], 3 * ONE * factor, rtol=1e-15)
 
 
-def test_counts_become_radians(apply):
-    np.testing.assert_allclose(apply("q.a: {from: load, counts: 4096}")["q.a"], 3 * ONE * 2 * math.pi / 4096)
-
-
-def test_a_sign_flips(apply):
-    np.testing.assert_array_equal(apply("tau.a: {from: load, sign: -1}")["tau.a"], -3 * ONE)
-
-
-def test_a_sign_and_a_unit_go_together(apply):
-    np.testing.assert_allclose(apply("tau.a: {from: load, unit: Nmm, sign: -1}")["tau.a"], -3e-3 * ONE)
+@pytest.mark.parametrize(
+    ("key", "entry", "factor"),
+    [
+        ("q.a", "counts: 4096", 2 * math.pi / 4096),
+        ("tau.a", "sign: -1", -1.0),
+        ("tau.a", "unit: Nmm, sign: -1", -1e-3),
+    ],
+)
+def test_counts_become_radians_and_a_sign_flips_what_a_unit_makes(apply, key, entry, factor):
+    np.testing.assert_allclose(apply(f"{key}: {{from: load, {entry}}}")[key], 3 * ONE * factor, rtol=1e-15)
 
 
 def test_a_joint_in_the_name_stands_for_every_joint(apply):
