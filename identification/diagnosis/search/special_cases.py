@@ -67,8 +67,10 @@ def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str 
     return tuple((name, term.joint) for name in nearest[1]) or None
 
 
-def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tuple[str, ...]] | None:
-    """As `nearest_case`, for a fit with held shapes."""
+def nearest_case_of(
+    robot: Robot, term: Term, fitted: Fitted, names: tuple[str, ...] | None = None
+) -> tuple[float, tuple[str, ...]] | None:
+    """As `nearest_case`, for a fit with held shapes; of the special case with these names alone if they are given."""
     if term.effect.inertial == "free":
         return None
     columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
@@ -77,7 +79,7 @@ def nearest_case_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[float, tu
     def cases(x: Array) -> tuple[SpecialCase, ...]:
         return term.effect.special_cases(robot, term.joint, x, term.shape)
 
-    return _nearest(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)])
+    return _nearest(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)], names)
 
 
 def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
@@ -93,7 +95,10 @@ def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool
 
 
 def _nearest(
-    cases: Callable[[Array], tuple[SpecialCase, ...]], x: Float[Array, " k"], cov: Float[Array, "k k"]
+    cases: Callable[[Array], tuple[SpecialCase, ...]],
+    x: Float[Array, " k"],
+    cov: Float[Array, "k k"],
+    names: tuple[str, ...] | None = None,
 ) -> tuple[float, tuple[str, ...]] | None:
     """The first special case from which the numbers do not differ, else the one from which they differ least."""
     nearest: tuple[float, tuple[str, ...]] | None = None
@@ -101,7 +106,7 @@ def _nearest(
     moved = [cases(x + row) for row in np.diag(step)]
     for k, case in enumerate(cases(x)):
         slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
-        if np.any(case.numbers) and not slope.any():
+        if (np.any(case.numbers) and not slope.any()) or names not in (None, case.names):
             continue
         certain = certainty(case.numbers, slope @ cov @ slope.T)
         if not differs_from_simpler(certain).passed:

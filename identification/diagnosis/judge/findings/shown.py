@@ -225,8 +225,10 @@ def _simpler(bench: Bench, state: State) -> State:
         results[term] = differs_from_simpler(case[0])
         differs = case[1] and case[0] > 0.0 and term in state.found and places_of(robot, term, white) == (term.place,)
         if not results[term].passed and differs:
-            elsewhere = nearest_case_of(robot, term, white)
-            results[term] = differs_from_simpler(1.0 if elsewhere is None else elsewhere[0])
+            elsewhere = nearest_case_of(robot, term, white, case[1])
+            # None where the simpler law has another shape: this fit has held it, and cannot say whether it differs.
+            if elsewhere is not None:
+                results[term] = differs_from_simpler(elsewhere[0])
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         case = cases[term]
