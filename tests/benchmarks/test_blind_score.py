@@ -90,7 +90,9 @@ BESIDE_RIVAL = [[("viscous_friction", "j1")]]
 
 HALF_CLOSED = entry(COULOMB, before=5.0, after=3.5)
 
-CABLE = {**OUTSIDE, "outside": {"name": "cable_drag", "joint": "j1"}}
+CABLE, RIPPLE = (
+    {**OUTSIDE, "outside": {"name": name, "joint": "j1"}} for name in ("cable_drag", "torque_ripple_with_load")
+)
 
 
 def ruled(name, truth, said, **judgement):
@@ -217,6 +219,12 @@ def ruled(name, truth, said, **judgement):
             "friction of a cable may depend on the position",
             CABLE,
             entry(finding("position_dependent_friction"), verdict="explained"),
+            outside_right=True,
+        ),
+        ruled(
+            "a ripple that grows with the load named by its law",
+            RIPPLE,
+            entry(finding("torque_ripple"), verdict="explained"),
             outside_right=True,
         ),
         ruled(

@@ -82,9 +82,12 @@ def explanations_of(effect: dict, robot: str, joints: list[str]) -> list[Explana
         out.append(_one(("encoder_offset", joints[0])))
     if name == "encoder_offset" and robot in TILTS_WITH_FIRST and joint == joints[0]:
         out.append(_one(("base_tilt", None)))
+    # The same laws by the names of a catalogue: dry friction that grows with the way the joint has turned, and waves
+    # over the position that grow with the load.
     if name == "cable_drag":
-        # Its law is dry friction that grows with the way the joint has turned: by that name it is known, too.
         out.append(_one(("position_dependent_friction", joint)))
+    if name == "torque_ripple_with_load":
+        out.append(_one(("torque_ripple", joint)))
     if name in FRICTION and joint in PASSIVE:
         out += [_one((name, other)) for other in PASSIVE if other != joint]
         out.append(_one(COUPLED))
