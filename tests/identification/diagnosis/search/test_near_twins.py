@@ -22,7 +22,7 @@ from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
 from identification.diagnosis.search.plausible_sizes import RANGES, implausible
 from identification.diagnosis.search.rival_sets import Standing
-from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, places_of
+from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, nearest_case_of, places_of
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import alternatives, swapped
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
@@ -154,6 +154,17 @@ def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(
     found = prepared.search.evaluate(frozenset([term]))
     assert found.theta[term.columns[1]] == 0.0
     assert places_of(planar2, term, found) == (("coulomb_friction", "elbow"),)
+
+
+def test_a_fit_that_holds_a_displacement_cannot_say_that_it_differs_from_none(lab, planar2):
+    # Known truth: a Coulomb torque far above the noise, so that the size of the bristle's torque is certain.
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -0.5 * np.sign(motion.v) * [0.0, 1.0]),))
+    term = prepared.term("presliding_friction", "elbow")
+    found = prepared.search.evaluate(frozenset([term]))
+    certain, names = nearest_case_of(planar2, term, found)
+    assert (names, certain) == ((), pytest.approx(1.0, abs=1e-3))
+    assert nearest_case_of(planar2, term, found, ("coulomb_friction",)) is None
 
 
 @pytest.mark.parametrize(("excess", "ratio"), [(9.0 / 4.0, 4.0 / 13.0), (-0.2, None), (0.9, None), (-0.6, 2.5)])
