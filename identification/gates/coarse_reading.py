@@ -1,19 +1,21 @@
-"""The gates of coarse encoders: do the readings show it, against a stated step or other joints, and does it matter?"""
+"""Gates of coarse encoders: is an encoder coarser than stated, or than those of other joints, and does that matter?"""
 
 from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# times the stated step: from which on an encoder is coarser than stated.
+# times the stated step: an encoder with at least this step counts as coarser than stated.
 COARSE_STEP = 1.5
 
-# times the step of the other joints: gears and encoders of one robot differ by less.
+# times the step of the other joints: an encoder with at least this step counts as coarse. Gears and encoders of one
+# robot differ by less.
 COARSE_BESIDE = 10.0
 
-# share: of some joint's squared noise that coarse readings make, from which on they matter.
+# share: coarse readings matter if they make more than this share of the squared noise of some joint.
 COARSE_SHARE = 0.05
 
-# share: as the last one where no step is stated. They have to make most of the noise, as nobody said that they do not.
+# share: the same limit for an encoder without a stated step. Only readings that make half of the noise matter there,
+# because nothing states that the encoder is finer.
 COARSE_SHARE_UNSTATED = 0.5
 
 
@@ -42,10 +44,10 @@ def coarser_than_others(times: float) -> GateResult:
 def rounding_matters(share: float, *, stated: bool) -> GateResult:
     """Does the rounding make a part of the noise of some joint, in the judged band or above it?
 
-    A coarser reading passes, or a faster motion.
+    A coarser encoder or a faster motion makes the claim pass.
 
     Args:
-        share: The largest share of a joint's squared noise that it makes.
+        share: Largest share of a joint's squared noise that the rounding makes.
         stated: Whether the robot states the step of this encoder.
     """
     least = COARSE_SHARE if stated else COARSE_SHARE_UNSTATED

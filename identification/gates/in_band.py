@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share: of what a finding closes, by which it may enlarge the gap in some draws of the blocks. Where a joint moves
-# once, a draw without that block closes nothing, and noise in the others enlarges the gap by less than this.
+# share: a finding may enlarge the gap in some bootstrap draws by this share of the part of the gap that it closes. If
+# a joint moves in one block only, a draw without that block closes nothing, and noise in the other blocks enlarges the
+# gap by less than this.
 OPENED_AGAIN = 0.1
 
 
 def torque_is_there(torque: float) -> GateResult:
     """Is the measured torque of some joint above its noise?
 
-    A recording in which the drives work passes.
+    It is in every recording in which the drives do work.
 
     Args:
         torque: The largest measured torque of a joint, in units of the upper end of its noise floor.
@@ -21,11 +22,12 @@ def torque_is_there(torque: float) -> GateResult:
 
 
 def closes_for_sure(least: float) -> GateResult:
-    """Does it close the gap on held-out data in nearly every draw of the blocks?
+    """Does the finding close the gap on held-out data in nearly every bootstrap draw of the blocks?
 
-    A fit may need it only for noise in the few blocks that hold most of the gap. More recordings decide that.
+    A fit may use the effect only to explain noise in the few blocks that hold most of the gap. More recordings show
+    whether it does.
 
     Args:
-        least: Lower end of the interval of what it closes, over what it closes.
+        least: Lower end of the interval of the closed share of the gap, divided by that share.
     """
     return GateResult("closes for sure", least, -OPENED_AGAIN, "of what it closes", least >= -OPENED_AGAIN)

@@ -1,4 +1,4 @@
-"""The gates of effects that noise may imitate: it moves the joints, and the controller answers with a torque."""
+"""Gates of effects that noise may imitate: noise moves the joints, and the controller responds with a torque."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ from identification.engine.claims import GateResult, easiest
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Array, Bool, Float
 
-# share: by which the squared residual of some joint has to grow without an effect that noise may imitate.
+# share: without an effect that noise may imitate, the squared residual of some joint has to grow by more than this.
 VISIBLE_GROWTH = 0.03
 
-# ratio: of the power density of the torque to that of the residual. Below it, motion by noise and the controller's
-# answer may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.
+# ratio: least power density of the torque over that of the residual. At smaller ratios, motion by noise and the
+# controller's response to it may look like an inertia or a late torque. At this ratio noise makes at most a
+# thirtieth of the torque's power.
 MOVED_BY_NOISE = 30.0
 
 
 def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatter: float, price: float) -> GateResult:
     """Does an effect that depends on the motion show at frequencies where the torque is far above the noise?
 
-    It passes if the rules of the search accept it there, or if its gain there exceeds its price and its scatter over
-    blocks.
+    An effect passes if the gates of the search accept it at these frequencies, or if its gain there exceeds both the
+    price of its parameters and the scatter of the gain over blocks.
 
     Args:
-        claim: Result of the search's gates there.
-        held_out: Gain on held-out data there.
-        in_sample: Gain in sample there.
+        claim: Result of the search's gates at these frequencies.
+        held_out: Gain on held-out data at these frequencies.
+        in_sample: Gain in sample at these frequencies.
         scatter: Standard error of the held-out gain over blocks.
-        price: Of its parameters.
+        price: Gain that the parameters of the effect have to exceed.
     """
 
     def ways() -> Iterator[tuple[float, float, str]]:
@@ -50,15 +51,17 @@ def shown_above_noise(
 ) -> GateResult:
     """Is an effect that noise may imitate more than noise?
 
-    It is if there would be a gap without it: the residual of some joint is larger than its noise, or has structure or
-    events, which noise does not have, however large it is. It is, too, if it gains more than chance on joints that have
-    a gap even with the largest possible noise. A stronger effect, a quieter recording or a longer one would pass.
+    An effect passes if there would be a gap without it: the residual of some joint is then larger than its noise, or
+    has structure or events, which noise of any size does not have. It also passes if it gains more than chance on
+    joints that have a gap even with the largest possible noise. A stronger effect, or a quieter or longer recording,
+    would pass.
 
     Args:
-        growth: Relative growth of each joint's squared residual without it.
-        without: Residual of some joints without it, over the largest that may be noise and the error of a sound model.
-        has_structure: Whether that residual has structure or events.
-        loudest: Gain on joints with a gap if the noise of each is as large as it may be, and what chance gains.
+        growth: Relative growth of each joint's squared residual without the effect.
+        without: Residual of the given joints without the effect, divided by the largest residual that noise and the
+            error of a sound model may leave.
+        has_structure: True if that residual has structure or events.
+        loudest: Gain on joints that have a gap even with their largest possible noise, and the gain by chance.
     """
     grown = growth > VISIBLE_GROWTH
     if not grown.any():

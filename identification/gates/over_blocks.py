@@ -1,4 +1,4 @@
-"""The gate of time: does a gain hold in more than one or two blocks of the recording?"""
+"""Gate of the distribution over time: is a gain found in more than one or two blocks of the recording?"""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 from identification.engine.claims import GateResult, easiest
 from phantom_dyn.array_types import Array, Float
 
-# standard errors over blocks: least size of a significant gain.
+# standard errors over blocks: a gain larger than this is significant.
 SIGNIFICANT_ERRORS = 2.0
 
-# blocks: without its best blocks a gain that is not significant still has to hold.
+# blocks: a gain that is not significant has to be large enough without this many of its best blocks.
 BEST_BLOCKS = 2
 
 # blocks: the same for a structure without a name, which may act more rarely, as a contact does.
 BEST_BLOCKS_NAMELESS = 1
 
-# times: the threshold of the claim, above which a gain may be in few blocks.
+# times: a gain of more than this many times the threshold of the claim may be in few blocks.
 LARGE_GAIN = 10.0
 
-# share: of the largest energy of an effect's columns in a block, above which a block counts as one where it acts.
+# share: an effect acts in a block if the energy of its columns there exceeds this share of that in its largest block.
 ACTING = 0.1
 
-# share of the blocks: an effect that acts in fewer is tested in these alone. Half a dozen events in a recording of
-# twenty blocks are fewer.
+# share of the blocks: an effect that acts in fewer blocks is tested only in those where it acts, such as half a dozen
+# events in a recording of twenty blocks.
 RARE = 0.35
 
 
@@ -38,18 +38,18 @@ def in_enough_blocks(
     *,
     named: bool,
 ) -> GateResult:
-    """Does the gain hold all along the recording, or wherever the effect acts?
+    """Does the gain come from the whole recording, or from every block where the effect acts?
 
-    It passes if it is significant over the blocks, or enough without its best blocks, or ten times what is needed. An
-    effect that is zero most of the time, as a saturation that a command reaches twice, passes if it gains in every
-    block where it acts.
+    An effect passes if its gain is significant over the blocks, or large enough without its best blocks, or ten times
+    the needed gain. An effect that is zero most of the time, such as a saturation that a command reaches twice, passes
+    if it gains in every block where it acts.
 
     Args:
         gains: Held-out gain of each block.
-        held_out: Held-out gain of all blocks, less the change of the penalty on the moves.
-        gain: The smaller of that and the gain in sample.
+        held_out: Held-out gain of all blocks, minus the change of the penalty on moves within tolerance.
+        gain: Smaller one of the held-out gain and the gain in sample.
         needed: Gain that the claim needs.
-        energy: Of the effect's columns in each block, over that in the block with most of it.
+        energy: Gives the energy of the effect's columns in each block, divided by the largest of these energies.
         named: False for a structure without a name.
     """
     few = BEST_BLOCKS if named else BEST_BLOCKS_NAMELESS
