@@ -1,4 +1,4 @@
-"""Entries of the ledger of a diagnosis: each claimed cause with the results of the gates that it met."""
+"""Claims of a diagnosis: each tested cause with the results of the gates that it passed or failed."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
 Data = Literal["torques", "poses", "rests"]
 
 NEVER_CLAIMED = 10
-"""Most entries of a ledger for causes that were never claimed; the best are kept."""
-# Share of the gain of a claimed cause that another one has to reach alone to count as displaced by it.
+"""Largest number of never claimed causes in a ledger (the list of all claims): those with the largest gain."""
+# A cause counts as displaced by a claimed one only if, in its place, it reaches this share of the claimed cause's gain.
 _STANDS_FOR = 0.2
 
 Name = TypeVar("Name")
@@ -25,10 +25,10 @@ class GateResult:
 
     Attributes:
         gate: Its name, as in `identification.gates.GATES`.
-        value: The figure of the claim.
-        needed: What the figure has to exceed.
-        unit: Of both.
-        passed: Whether it does.
+        value: Number that the gate tests, such as a gain.
+        needed: Number that `value` is compared with.
+        unit: Unit of both numbers.
+        passed: True if the claim passes.
     """
 
     gate: str
@@ -39,7 +39,7 @@ class GateResult:
 
     @property
     def part(self) -> float:
-        """Value over the needed one, to compare failures of one gate; the difference where zero is needed."""
+        """Value divided by the needed value, to compare failures of one gate; their difference if zero is needed."""
         return self.value / self.needed if self.needed > 0.0 else self.value - self.needed
 
 
@@ -54,7 +54,7 @@ class Claim(Generic[Name]):
             instead; else ``not_claimed``.
         instead: Causes that replaced it.
         figures: Further numbers, by name.
-        judged_by: The data that it was judged by.
+        judged_by: Kind of recordings that the gates were asked on; ``rests`` are recordings of a robot at rest.
     """
 
     effects: tuple[Name, ...]
@@ -97,7 +97,7 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
 
     Args:
         gate: Its name.
-        ways: Value, what is needed and unit of each; later ones are not computed once one passes.
+        ways: Value, needed value and unit of each way; ways after the first that passes are not computed.
     """
     tried: list[GateResult] = []
     for value, needed, unit in ways:
@@ -108,7 +108,7 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
 
 
 def fails_worst(results: Mapping[Key, GateResult]) -> Key | None:
-    """The claim with the least part of what one gate needs; None if all pass."""
+    """The claim that fails one gate by most, relative to what the gate needs; None if all claims pass."""
     failed = {key: result.part for key, result in results.items() if not result.passed}
     return min(failed, key=lambda key: failed[key], default=None)
 

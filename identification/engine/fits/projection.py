@@ -1,4 +1,4 @@
-"""In-sample gains of rivals beside a fit, many at once: their columns projected off those of the fit."""
+"""Gains of many rivals that are added to one fit: the columns of each rival are projected off those of the fit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Array = np.ndarray
 def gains_beside(
     problem: LinearProblem, fitted: Solution, sets: Iterable[tuple[int, ...]]
 ) -> dict[tuple[int, ...], float]:
-    """How much the columns of each set lower the loss in sample beside a fit, to second order; bounds are kept.
+    """In-sample gain of each set of columns when it is added to a fit, to second order and within the set's bounds.
 
     Args:
-        problem: What was fitted.
+        problem: The linear problem of the fit.
         fitted: The fit.
-        sets: Columns of one rival each.
+        sets: Indices of the columns of each rival.
     """
     inside = frozenset(fitted.active.tolist())
     new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
@@ -31,7 +31,7 @@ def gains_beside(
     a = problem.total_a
     gains = dict.fromkeys(new, 0.0)
     for size in {len(own) for own in new.values()} - {0}:
-        # Sets of one size at a time: of all products only those within a set are wanted.
+        # Sets of one size are stacked, so that only products within each set are computed.
         same = [columns for columns, own in new.items() if len(own) == size]
         own = np.array([new[columns] for columns in same])
         at = np.searchsorted(wanted, own)
@@ -48,13 +48,13 @@ def taken_out(
     """Project columns off the free columns of a fit.
 
     Args:
-        problem: What was fitted.
+        problem: The linear problem of the fit.
         fitted: The fit.
-        columns: Which.
+        columns: Indices of the columns to project.
 
     Returns:
-        Products of the fit's free columns with these, coefficients of the projection, and products of the projected
-        columns with the residual.
+        Products of the fit's free columns with the given columns, coefficients of the projection, and products of the
+        projected columns with the residual. A column of the fit is free if its coefficient is not at a bound.
     """
     active, theta = fitted.active, fitted.theta
     x = theta[active]
@@ -69,7 +69,7 @@ def taken_out(
 def gains_within(
     a: Float[Array, "T k k"], b: Float[Array, "T k"], lower: Float[Array, "T k"], upper: Float[Array, "T k"]
 ) -> Float[Array, " T"]:
-    """Depths of the minima of ``x a x - 2 b x`` within bounds."""
+    """Gain of each rival: the minimum of ``x a x - 2 b x`` within bounds, with the opposite sign."""
     x = solve_each(a, b[:, :, None])[:, :, 0]
     outside = np.any((x < lower) | (x > upper), axis=1)
     if a.shape[1] == 1:
@@ -82,13 +82,14 @@ def gains_within(
 
 @dataclass(frozen=True)
 class FoldProjection:
-    """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the moves fitted beside them.
+    """Projection of all columns off the nuisances (moves of the model within tolerance), fitted without one fold.
 
     Attributes:
-        problem: What is fitted.
+        problem: The linear problem.
         lines: Training products of the nuisances with all columns, ``(n, K)``.
-        core: Products of the held-out cores among nuisances, and between them and all columns.
-        made: Change of the nuisances per unit of each column, ``(n, K)``.
+        core: Products over the cores of the fold's blocks (the samples of its held-out loss): among the nuisances, and
+            of these with all columns.
+        made: Coefficients of the projection: those of the nuisances for each column, ``(n, K)``.
     """
 
     problem: LinearProblem
@@ -106,7 +107,7 @@ class FoldProjection:
         """Training products among each group of columns projected off the nuisances, priors included.
 
         Args:
-            columns: Of each group.
+            columns: Indices of the columns of each group.
             square: Training products among them without the projection.
         """
         made, cross = _each(self.made, columns), _each(self.lines, columns)
@@ -116,7 +117,7 @@ class FoldProjection:
         """Products over the held-out cores among each group of columns projected by the training fit.
 
         Args:
-            columns: Of each group.
+            columns: Indices of the columns of each group.
             square: Products over the held-out cores among them without the projection.
         """
         inside, across = self.core
@@ -128,11 +129,11 @@ class FoldProjection:
 def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
     """The projection of each fold, and last that of the fit that holds nothing out."""
     grams, moves = problem.grams, problem.moves
-    less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
-    nothing = np.zeros_like(less[0])
+    of_folds, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
+    nothing = np.zeros_like(of_folds[0])
     out = []
-    for gone, core in zip((*less, nothing), (*cores, nothing), strict=True):
-        lines = problem.total_a[moves] - gone
+    for held_out, core in zip((*of_folds, nothing), (*cores, nothing), strict=True):
+        lines = problem.total_a[moves] - held_out
         made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
         out.append(FoldProjection(problem, lines, (core[:, moves], core), made))
     return tuple(out)

@@ -1,7 +1,8 @@
 """The principal pivot transform of a quadratic problem that is solved within bounds.
 
-It holds the response of every unknown to a force on a free one, or to a shift of a held one. Minima of problems that
-differ by some unknowns follow from it: see `tableau_changes`.
+A free unknown lies within its bounds, a held one at a bound. The tableau holds the response of all unknowns to a force
+(a change of the linear part) on a free one, and to a shift of a held one. The minimum of a problem with some unknowns
+more or fewer follows from it: see `tableau_changes.py`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Added to the diagonal, relative: keeps exact twins solvable; more than in `bounded`, as an inverse loses twice the
-# digits of a solution.
+# Added to the diagonal of ones: keeps problems with two equal columns solvable. It is larger than in `bounded`, as an
+# inverse loses twice the digits of a solution.
 TWINS = 1e-11
 # Newton steps that remove the rounding of the inverse.
 _REFINED = 3
@@ -23,15 +24,15 @@ _ROUNDING = 1e-12
 
 
 class Entering(NamedTuple):
-    """Unknowns that a solved problem does not contain, in its scale.
+    """Further unknowns that a solved problem does not contain, in scaled units.
 
     Attributes:
-        cross: Products of these with the solved problem's unknowns, ``(m, n)``.
-        answer: Response of the solved problem's unknowns to a shift of each, ``(m, n)``.
-        square: Products among these, ``(m, m)``.
-        among: Response of the slopes of these to a shift of each, ``(m, m)``.
-        slope: Of the loss by each, at zero, ``(m,)``.
-        scale: Unit of each, ``(m,)``.
+        cross: Products of the further unknowns with those of the solved problem, ``(m, n)``.
+        answer: Response of the solved problem's unknowns to a shift of each further unknown, ``(m, n)``.
+        square: Products among the further unknowns, ``(m, m)``.
+        among: Response of their slopes to a shift of each of them, ``(m, m)``.
+        slope: Derivative of the loss by each further unknown, at zero, ``(m,)``.
+        scale: Unit of each further unknown, ``(m,)``.
     """
 
     cross: Float[Array, "m n"]
@@ -72,9 +73,9 @@ class Tableau(NamedTuple):
         """Parts of `Entering` for further unknowns: cross products, answer, slope and scale.
 
         Args:
-            cross: Products of these with the solved problem's unknowns.
-            diagonal: Products of each with itself, prior included.
-            b: Their linear part.
+            cross: Products of the further unknowns with those of the solved problem.
+            diagonal: Product of each further unknown with itself, prior included.
+            b: Linear part of the further unknowns.
         """
         unit = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
         cross = cross * self.scale * unit[:, None]
@@ -90,7 +91,7 @@ class Tableau(NamedTuple):
         scale: Float[Array, " m"],
         square: Float[Array, "m m"],
     ) -> Entering:
-        """Further unknowns together, from their pieces and the products among them, priors included."""
+        """Further unknowns as `Entering`, from the arrays of `pieces` and the products among them, priors included."""
         square = square * scale[:, None] * scale
         square.flat[:: len(square) + 1] += TWINS
         free = ~self.held
@@ -104,7 +105,7 @@ def tableau(
     upper: Float[Array, " n"],
     near: Float[Array, " n"],
 ) -> Tableau:
-    """Solve a problem within bounds, as the tableau from which changes of it are solved.
+    """Tableau of the solution of a quadratic problem within bounds.
 
     Args:
         a: Quadratic part, positive definite.
@@ -138,7 +139,7 @@ def _inverse(a: Float[Array, "k k"]) -> Float[Array, "k k"]:
     """Inverse of a positive definite matrix, by its Cholesky factor: half the work of a general one."""
     from scipy.linalg import get_lapack_funcs
 
-    if not len(a):  # LAPACK complains of that on the terminal
+    if not len(a):  # LAPACK prints a warning for an empty matrix
         return a
     potrf, potri = get_lapack_funcs(("potrf", "potri"))
     factor, failed = potrf(a, lower=1)

@@ -1,7 +1,7 @@
 """Products of columns and residual by block: fits and held-out losses of any set of columns without the samples.
 
-Summed over blocks, each as often as it was drawn, the products give the fit of every bootstrap replicate and of every
-fold at no cost.
+The fit of a bootstrap replicate or of a fold needs only the sum of the products over its blocks, each counted as often
+as it was drawn, and no pass over the samples.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
 RIDGE = 1e-9
-"""Of a column's squares, added to them: keeps twins solvable."""
-_AT_ONCE = 64  # draws whose systems are written out together
-_RANK = 1e-12  # of products of columns of size one: what exact combinations leave is rounding
+"""Share of each diagonal entry of a Gram matrix that is added to it: keeps fits with two equal columns solvable."""
+_AT_ONCE = 64  # number of draws whose normal equations are solved in one call
+_RANK = 1e-12  # relative cutoff of singular values, for columns scaled to unit size: smaller ones are rounding errors
 
 
 @dataclass(frozen=True)
 class Products:
-    """Products of columns and residual over some blocks.
+    """Products of columns and residual, summed over some blocks.
 
     Attributes:
-        gram: Of the columns, ``(C, C)``.
-        right: Of the columns with the residual, ``(C,)``.
-        total: Of the residual with itself.
+        gram: Products of the columns with each other, ``(C, C)``.
+        right: Products of the columns with the residual, ``(C,)``.
+        total: Sum of squares of the residual.
     """
 
     gram: Float[Array, "C C"]
@@ -35,23 +35,23 @@ class Products:
     total: float
 
     def fitted(self, columns: list[int]) -> Float[Array, " k"]:
-        """Least squares coefficients of some columns; zero for one that is zero in all blocks."""
+        """Least squares coefficients of some columns; zero for a column that is zero in all blocks."""
         part = self.gram[np.ix_(columns, columns)]
         return solve(part + RIDGE * np.diag(np.diag(part)), self.right[columns])
 
     def left(self, columns: list[int], coefficients: Float[Array, " k"]) -> float:
-        """Sum of squares that given coefficients leave."""
+        """Sum of squares of the residual after a fit with the given coefficients."""
         part = self.gram[np.ix_(columns, columns)]
         return float(self.total - 2 * self.right[columns] @ coefficients + coefficients @ part @ coefficients)
 
 
 @dataclass(frozen=True)
 class Free:
-    """The last columns, which are in every fit, with a quadratic prior on their coefficients.
+    """Free columns: the last ones, which are part of every fit, with a quadratic prior on their coefficients.
 
     Attributes:
-        precision: Of the prior, ``(F, F)``.
-        right: Precision times its mean, ``(F,)``.
+        precision: Precision of the prior, ``(F, F)``.
+        right: Precision times the mean of the prior, ``(F,)``.
     """
 
     precision: Float[Array, "F F"]
@@ -59,25 +59,25 @@ class Free:
 
     @property
     def count(self) -> int:
-        """How many columns."""
+        """Number of free columns."""
         return len(self.right)
 
     def taken_out(self, products: Products) -> Products:
-        """Products of the other columns where the free ones are fitted beside any choice of them (Schur complement)."""
+        """Products of the other columns after projection off the free columns and their prior (Schur complement)."""
         n = len(products.right) - self.count
         if self.count == 0:
             return products
-        between, mine = products.gram[:n, n:], self._normal(products)
+        between, normal = products.gram[:n, n:], self._normal(products)
         right = products.right[n:] + self.right
-        through = solve(mine, np.column_stack([between.T, right]))
+        solution = solve(normal, np.column_stack([between.T, right]))
         return Products(
-            products.gram[:n, :n] - between @ through[:, :-1],
-            products.right[:n] - between @ through[:, -1],
-            float(products.total - right @ through[:, -1]),
+            products.gram[:n, :n] - between @ solution[:, :-1],
+            products.right[:n] - between @ solution[:, -1],
+            float(products.total - right @ solution[:, -1]),
         )
 
     def beside(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Coefficients of the free columns where those of other columns are given."""
+        """Coefficients of the free columns, fitted with given coefficients of some other columns."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
@@ -94,9 +94,9 @@ class BlockProducts:
     """`Products` of each block.
 
     Attributes:
-        gram: Of the columns, ``(B, C, C)``.
-        right: Of the columns with the residual, ``(B, C)``.
-        total: Of the residual with itself, ``(B,)``.
+        gram: Products of the columns with each other, ``(B, C, C)``.
+        right: Products of the columns with the residual, ``(B, C)``.
+        total: Sum of squares of the residual, ``(B,)``.
     """
 
     gram: Float[Array, "B C C"]
@@ -109,26 +109,26 @@ class BlockProducts:
         return Products(gram, counts @ self.right, float(counts @ self.total))
 
     def of(self, columns: list[int]) -> BlockProducts:
-        """The same of some columns."""
+        """Products of some columns with each other and with the residual."""
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
     def freed(self, counts: Float[Array, " B"], free: Free) -> Products:
-        """Products of all columns but the free ones, which are fitted beside every choice."""
+        """Products summed over blocks, each as often as ``counts`` says, and projected off the free columns."""
         return free.taken_out(self.summed(counts))
 
     def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
-        """For each fold the products of all other blocks that fits may see, and the blocks that these judge.
+        """For each fold, the products of its training blocks and the indices of its held-out blocks.
 
         Args:
-            folds: Of each block; blocks of fold -1 are seen by no fit, and judged by that of all others.
+            folds: Fold of each block. Blocks of fold -1 are in no fit; the fit of all other blocks predicts them.
         """
         for fold in np.unique(folds):
             train = (folds >= 0) & (folds != fold)
             yield self.summed(train.astype(float)), np.flatnonzero(folds == fold).tolist()
 
     def block(self, k: int) -> Products:
-        """Of one block."""
+        """Products of one block."""
         return Products(self.gram[k], self.right[k], float(self.total[k]))
 
     def of_draws(
@@ -137,9 +137,9 @@ class BlockProducts:
         """Coefficients of all columns on each draw of blocks, with a quadratic prior.
 
         Args:
-            counts: How often each draw has each block.
-            precision: Of the prior.
-            pull: Precision times its mean.
+            counts: How often each draw contains each block.
+            precision: Precision of the prior.
+            pull: Precision times the mean of the prior.
         """
         lines, size = self.gram.reshape(len(self.gram), -1), len(pull)
         out = np.empty((len(counts), size))
@@ -150,9 +150,10 @@ class BlockProducts:
         return out
 
     def without_each(self, columns: list[int]) -> Float[Array, "B k"]:
-        """Least squares coefficients of some columns by fits that have not seen one block each.
+        """Least squares coefficients of some columns by one fit for each block, which leaves that block out.
 
-        Columns may be combinations of others, as two poses of one body are: of all solutions that of the least size.
+        Columns may be linear combinations of others, as two poses of one body are: each fit returns the solution of
+        least norm.
         """
         at = np.array(columns, dtype=int)
         gram, right = self.gram[:, at[:, None], at], self.right[:, at]
@@ -164,10 +165,10 @@ class BlockProducts:
         return out
 
     def losses(self, columns: list[int]) -> Float[Array, " B"]:
-        """Squares of each block that a fit of the others leaves."""
+        """Sum of squares of each block's residual after a fit to all other blocks."""
         at, x = np.array(columns, dtype=int), self.without_each(columns)
-        made = np.einsum("bk,bkl,bl->b", x, self.gram[:, at[:, None], at], x)
-        return np.maximum(self.total - 2 * np.einsum("bk,bk->b", x, self.right[:, at]) + made, 0.0)
+        predicted = np.einsum("bk,bkl,bl->b", x, self.gram[:, at[:, None], at], x)
+        return np.maximum(self.total - 2 * np.einsum("bk,bk->b", x, self.right[:, at]) + predicted, 0.0)
 
 
 def block_products(
@@ -178,8 +179,8 @@ def block_products(
     Args:
         x: Columns.
         y: Residual.
-        weight: What each sample counts.
-        blocks: Of each sample, -1 for none.
+        weight: Weight of each sample.
+        blocks: Block of each sample, -1 for a sample in no block.
         count: Number of blocks.
     """
     gram, right, total = np.zeros((count, x.shape[1], x.shape[1])), np.zeros((count, x.shape[1])), np.zeros(count)
@@ -194,12 +195,12 @@ def block_products(
 def left_of_each(
     x: Float[Array, "n k"], y: Float[Array, " n"], blocks: Int[Array, " n"], coefficients: Float[Array, "B k"]
 ) -> Float[Array, " n"]:
-    """What is left of each sample by the fit that has not seen its block.
+    """Residual of each sample after the fit that leaves out the block of the sample.
 
     Args:
         x: Columns of the fit.
         y: Residual.
-        blocks: Of each sample.
-        coefficients: Of the fit without each block, see `BlockProducts.without_each`.
+        blocks: Block of each sample.
+        coefficients: Coefficients of the fit without each block, as `BlockProducts.without_each` returns them.
     """
     return y - np.einsum("nk,nk->n", x, coefficients[blocks])
