@@ -1,4 +1,4 @@
-"""Result for a residual that the catalogue does not explain: its inputs, a formula, and a model to use now."""
+"""Result for a residual that the catalogue does not explain: its inputs, a formula, and a model of the residual."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Law:
-    """The shortest formula that predicts the residual of one joint: the contract's ``unexplained.law``.
+    """The shortest formula that predicts the residual of one joint: ``unexplained.law`` in the file of results.
 
     Attributes:
-        joint: Where it acts.
+        joint: Joint on which the torque acts.
         inputs: Names of its inputs.
         formula: Torque that acts on the joint beyond the model, with the signs of the catalogue's laws; SI units.
-        gap_closed: Share of the gap that it closes, on blocks that neither its choice nor its fit has seen.
-        gap_closed_interval: At 95 %.
+        gap_closed: Share of the gap that the formula closes on blocks that were used neither to choose nor to fit it.
+        gap_closed_interval: Its 95 % interval.
         valid: Range of each input in the recordings.
-        like: The law of the literature that it is near, None where there is none.
+        like: Name of a similar law of the literature, None if there is none.
     """
 
     joint: str
@@ -34,7 +34,8 @@ class Law:
 class InputGain:
     """Share of the residual's squares that a smooth function of one or two inputs predicts on held-out blocks.
 
-    ``chance`` is the 95 % quantile of the best of all inputs and pairs where the residual's blocks are in random order.
+    ``chance`` is the gain by chance: the 95 % quantile, over random orders of the residual's blocks, of the largest
+    gain of all inputs and pairs.
     """
 
     inputs: tuple[str, ...]
@@ -48,11 +49,11 @@ class InputCurve:
     """Torque on the joint over one input, with a 95 % band from block bootstrap.
 
     Attributes:
-        input: Its name.
-        unit: Of the input.
+        input: Name of the input.
+        unit: Unit of the input.
         direction: ``forwards`` or ``backwards`` of the joint, empty for both alike.
         x: Values of the input.
-        middle, low, high: Torque there, and its band.
+        middle, low, high: Torque at these values, and the ends of its band.
     """
 
     input: str
@@ -72,7 +73,7 @@ class FrequencyAnswer:
 
     Attributes:
         input: Name of the frequency, as ``freq(v.j2)``.
-        unit: Of the gain; of a torque over a torque empty.
+        unit: Unit of the gain; empty if the input is a torque, too.
         hz: Frequencies.
         gain, gain_low, gain_high: Amplitude of the torque over that of the input.
         phase, phase_low, phase_high: Phase by which the torque leads the input [deg].
@@ -94,10 +95,10 @@ class LawTerm:
     """One term of a formula.
 
     Attributes:
-        term: Its text.
-        unit: Of the coefficient.
-        coefficient: Of the torque that acts on the joint.
-        interval: At 95 %, from block bootstrap.
+        term: Text of the term.
+        unit: Unit of the coefficient.
+        coefficient: Coefficient of the term in the torque that acts on the joint.
+        interval: 95 % interval of the coefficient, from block bootstrap.
         chosen: Share of the bootstrap replicates that choose a term of this kind.
     """
 
@@ -115,7 +116,7 @@ class ModelTerm:
     Attributes:
         text: The term in a formula.
         code: The term as an expression of Python over ``x["name"]`` and states ``s[k]``.
-        coefficient: Of the torque that acts on the joint.
+        coefficient: Coefficient of the term in the torque that acts on the joint.
     """
 
     text: str
@@ -125,17 +126,17 @@ class ModelTerm:
 
 @dataclass(frozen=True)
 class ResidualModel:
-    """A residual model to use beside the corrected model.
+    """A model of the residual torque, to be added to the corrected model.
 
     Attributes:
-        joint, unit: Whose torque it is, and its unit.
-        terms: Whose sum it is.
-        states: Expressions of the inner states, in the order of ``s``.
+        joint, unit: The joint, and the unit of its torque.
+        terms: The terms, whose sum is the torque.
+        states: Expressions of the internal states, in the order of ``s``.
         valid: Range of each input in the recordings.
-        rest_closed: Share of the residual's squares that it predicts on held-out blocks.
-        lawful: True if it contains the law; False for a sum of terms where there is no law.
+        rest_closed: Share of the residual's squares that the model predicts on held-out blocks.
+        lawful: True if the model contains the law; False if no law was found and it is a sum of library terms.
         slow: Speed below which the direction of motion is rounded off.
-        bands: Lowest and highest frequency at which each answer with memory is known [Hz].
+        bands: Lowest and highest frequency at which each frequency response is known [Hz].
     """
 
     joint: str
@@ -156,14 +157,14 @@ class Dependence:
     Attributes:
         joint, unit: The joint, and the unit of its torque.
         inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
-        gains: Of inputs and pairs, the largest first.
-        curves: Of the named inputs.
-        answers: Of the frequencies among the named inputs.
-        terms: Of the law, empty without one.
+        gains: Held-out gains of inputs and pairs, the largest first.
+        curves: Torque over each named input.
+        answers: Frequency response for each frequency among the named inputs.
+        terms: Terms of the law, empty if there is none.
         same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
         rest_closed: Share of the residual's squares that the formula predicts on held-out blocks, moves of the model
             within its tolerances fitted beside it.
-        samples: Number of held-out blocks.
+        blocks: Number of held-out blocks.
         model: A residual model to use now; None where nothing predicts the residual.
     """
 

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Known findings of measured poses that correct the model: zeros, elasticity, and places of joints and targets."""
+"""Corrections of the model from earlier measured poses: joint zeros, elasticity, and places of joints and targets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
 OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
-"""Effects that only poses show; the zero of an encoder shows in poses and in torques."""
+"""Effects that only poses show. The zero of an encoder is not one of them: torques show it, too."""
 
 
 def of_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
@@ -35,15 +35,15 @@ def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]
 
 
 def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
-    """Twist of two moves, one after the other, each in the axes of the moved joint."""
+    """Twist of two displacements of a joint in succession, each in the axes of the joint before it is displaced."""
     return np.array(pin.log6(pin.exp6(first) * pin.exp6(second)).vector)
 
 
 def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
-    """The robot with the places of joints and targets corrected by earlier poses; the same object without any.
+    """The robot with places of joints and targets corrected by earlier poses; the same object without corrections.
 
-    A closed chain is not changed: its torques are those of loops that close as its files say, and corrections are used
-    in the diagnosis of poses alone (`places_of_loops`).
+    A closed chain is not changed: its torques are computed with loops that close as its files say, and corrections of
+    its places are used only in the diagnosis of poses (`places_of_loops`).
     """
     if robot.chain is not None:
         return robot
@@ -73,11 +73,11 @@ def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces
 
 
 def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings of poses with the positions of the links: readings less known zeros and deflections under load.
+    """Recordings of poses with joint positions corrected for known encoder zeros and for deflections under load.
 
     Args:
-        robot: With corrected places of its joints; gives the loads.
-        recordings: Those without poses are not changed.
+        robot: The robot with corrected places of its joints, from which the loads are computed.
+        recordings: The recordings; those without poses are not changed.
         known: Effects of earlier diagnoses.
     """
     recordings = _in_root(recordings, known)
@@ -98,9 +98,7 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
 
 
 def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings with poses in the true root frame, where earlier poses have shown another pose of the base."""
-    if not any(one.effect == BASE_POSE for one in known):
-        return recordings
+    """Recordings with poses in the true root frame, if earlier poses showed that the base stands elsewhere."""
     bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
     for base in bases:
         recordings = tuple(_seen_from(recording, base) for recording in recordings)
@@ -108,6 +106,7 @@ def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) 
 
 
 def _seen_from(recording: Recording, base: pin.SE3) -> Recording:
+    """A recording with its measured poses expressed in the frame of a base."""
     back, turn = base.inverse(), pin.Quaternion(base.inverse().rotation)
     return replace(
         recording,

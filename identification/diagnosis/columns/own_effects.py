@@ -34,8 +34,8 @@ class OwnEffect(Effect):
     """An effect of the catalogue whose columns are zero in all recordings but one.
 
     Attributes:
-        inner: The effect.
-        recording: Where it acts, counted from 0.
+        inner: The effect of the catalogue.
+        recording: Index of the recording where it acts, from 0.
         file: Name of that recording.
     """
 
@@ -44,7 +44,7 @@ class OwnEffect(Effect):
         self.name = own_name(inner.name, recording)
         self._contains = tuple(own_name(name, recording) for name in inner.contains)
         self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
-        # A gain of one recording does not scale the others, and a shape is that of this recording.
+        # A gain in one recording does not scale the torque in the others; a shape is fitted to this recording alone.
         self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
         self.inertial, self.shows_with = inner.inertial, inner.shows_with
         self.fitted = "plain" if inner.fitted == "shape held" else inner.fitted
@@ -55,67 +55,67 @@ class OwnEffect(Effect):
         return self._contains
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Those of the effect."""
+        """Places of the catalogue's effect."""
         return self.inner.places(robot)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Those of the effect."""
+        """Shapes of the catalogue's effect."""
         return self.inner.shapes(robot, operation, joint)
 
     def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
-        """Those of the effect."""
+        """Shapes of the catalogue's effect to try after a fit."""
         return self.inner.refined(coefficients, shape)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """That of the effect in its recording, zero in the others."""
+        """Columns of the catalogue's effect in the recording where it acts, and zeros in the others."""
         return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Bounds of the difference: a delay is never negative, while friction may be less than elsewhere."""
+        """Bounds of the difference from the other recordings: friction may be smaller, a delay is never negative."""
         return self.inner.coefficient_bounds(robot, joint, shape) if self.shape_is_estimate else ()
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """That of the effect."""
+        """Why the recordings cannot show the catalogue's effect; None if they can."""
         return self.inner.untestable(robot, operation, joint)
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Those of the effect; its columns are copies of these that are zero in the other recordings."""
+        """Regressor columns of the catalogue's effect; this effect has copies that are zero in the other recordings."""
         return self.inner.regressor_columns(robot, joint)
 
     def lightest(self, robot: Robot) -> float:
-        """That of the effect."""
+        """Least mass [kg] of the catalogue's effect."""
         return self.inner.lightest(robot)
 
     def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
-        """That of the effect."""
+        """Inertia per mass [m^2] of the catalogue's effect about its own centre."""
         return self.inner.own_inertia(robot, mass)
 
     def stated_law(
         self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
     ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
-        """That of the effect."""
+        """Parameters that a finding of the catalogue's effect states, and their function of a fit's coefficients."""
         return self.inner.stated_law(robot, joint, shape, std, coefficients)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Those of the effect, as differences of this recording from the others, without a plausible range."""
+        """Parameters of the catalogue's effect, as differences from the other recordings, without a plausible range."""
         return tuple(replace(one, plausible=None) for one in self.inner.parameters(robot, joint))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """That of the effect."""
+        """Parameters of the catalogue's effect from the coefficients of its columns."""
         return self.inner.from_coefficients(robot, joint, coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """That of the effect."""
+        """Parameter that is the size of the catalogue's effect, and the coefficients of one unit of it."""
         return self.inner.probe(robot, operation, joint)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
-        """That of the effect in its recording, zero in the others."""
+        """Torque of the catalogue's effect in the recording where it acts, and zeros in the others."""
         if operation.recording != self.recording:
             return np.zeros_like(operation.tau)
         return self.inner.torque(robot, operation, joint, theta)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
-        """That of the effect: a simulation is of one recording."""
+        """The catalogue's effect in a simulation, which is always of one recording."""
         return self.inner.simulated(robot, joint, theta)
 
 
@@ -127,7 +127,7 @@ def changed_effects(kind: Kind, robot: Robot) -> tuple[Effect, ...]:
 
 
 def own_name(name: str, recording: int) -> str:
-    """A name that no other effect and no other recording has."""
+    """Unique name of an effect that acts in one recording only."""
     return f"{name}@{recording}"
 
 
@@ -144,7 +144,7 @@ class Differences:
     """Known and unknown differences between recordings.
 
     Attributes:
-        robots: The model of each; empty if all have the given one.
+        robots: The model of each recording; empty if the given model holds for all.
         own: Effects that act in one recording only.
     """
 
@@ -168,7 +168,7 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.
         robot: The given model.
-        fitted: How many recordings fits see.
+        fitted: Number of recordings that are not held out.
 
     Raises:
         LogError: If an unknown amount is in held-out recordings only, or payloads of several recordings are unknown.

@@ -1,1 +1,1 @@
-"""What is claimed of a fit: gap, findings, bounds, verdict."""
+"""Conclusions from a fit: the gap, the findings with their intervals, bounds on other effects, and the verdict."""
