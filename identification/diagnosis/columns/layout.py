@@ -1,8 +1,8 @@
 """Which effects are tried in a session, with which shapes, on which sets of joints, and the order of their columns.
 
-One cause may have one number on several joints: drives of one kind, one supply, one wrong current scale. Such sets are
-suggested by what the robot's file says of its drives, and by the recording: joints whose own scales are alike. Sorted
-by that scale, the best sets are runs of neighbours, so that few of all sets of joints have to be tried.
+One cause may act on several joints with one common parameter: drives of one kind, one supply, one wrong current scale.
+Two sources suggest such sets of joints: the drives in the robot's file, and the scale of measured over modelled torque
+of each joint. Joints with a common cause are neighbours in the order of that scale, so that few sets have to be tried.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Local:
 
     Attributes:
         effect, joint, shape: The term of the columns.
-        first: Index of the first among all columns.
+        first: Index of the first of them among all columns.
         count: Number of columns.
         rows: Rows that they touch.
     """
@@ -57,20 +57,20 @@ def lay_out(
     found: tuple[FoundEffect, ...],
     resonances: tuple[FoundEffect, ...],
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
-    """All rivals, and the places of their columns; appends the columns' names.
+    """All candidate terms, and where their columns lie; the names of the columns are appended to ``names``.
 
     Args:
         session: Robot and recordings.
-        operation: Of all recordings.
+        operation: Samples of all recordings.
         first_body: Index of the first column of the rigid bodies.
-        names: Of the columns so far; receives those of the effects.
+        names: Names of the columns so far; the names of the effects' columns are appended.
         found: Effects of the last fit, and rivals that were nearly as good.
         resonances: Compliances read off resonances.
     """
     robot = session.robot
     terms: list[Term] = []
     local: list[Local] = []
-    start = _first(operation)
+    start = _first_samples(operation)
     for effect, joint, shapes in shapes_of(
         robot, operation, found, resonances, session.differences.own, together(session, operation)
     ):
@@ -96,8 +96,8 @@ def lay_out(
     return tuple(terms), tuple(local)
 
 
-def _first(operation: Operation) -> Operation:
-    """A few samples, enough to see how many columns a signature has."""
+def _first_samples(operation: Operation) -> Operation:
+    """The first samples, which are enough to count the columns of a signature."""
     t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
     base = None if operation.base is None else operation.base.at(slice(8))
     few = Operation(t, q, v, a, operation.robot, tau, expected, logged, base=base)
@@ -148,7 +148,7 @@ def by_place(count: int) -> list[tuple[int, ...]]:
 def scales(
     measured: Float[Array, "N nv"], modelled: Float[Array, "N nv"], v: Float[Array, "N nv"]
 ) -> Float[Array, " nv"]:
-    """Measured over modelled torque of each joint beside friction and an offset of any size, ``(nv,)``."""
+    """Scale of measured over modelled torque of each joint, fitted together with friction and an offset, ``(nv,)``."""
     out = np.ones(measured.shape[1])
     for row in range(len(out)):
         fast = max(float(np.abs(v[:, row]).max()), 1e-12)

@@ -1,4 +1,4 @@
-"""Moves of the model within its stated tolerances, as nuisance columns that are not part of the gap."""
+"""Nuisance columns: moves (changes) of the model within its stated tolerances, whose torque is not part of the gap."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL, BASE)
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A move of the model that its tolerance allows: relative change with one sigma, bounded at two.
+    """Size of a move, a change of the model that its tolerance allows: sigma of the prior, and bound.
 
     Attributes:
-        name: The changed quantity, for the report.
-        sigma: One sigma of the change.
+        name: Name of the changed quantity in the report.
+        sigma: Standard deviation of the change.
         bound: Largest change.
         relative: True if the change is relative to the modelled value. Else a shift of all torques or of references is
             in samples, softness of friction relative to that of the simulator of the robot's file, and errors of the
@@ -54,11 +54,11 @@ class Move:
     """A nuisance and the parameter of the model that it moves.
 
     Attributes:
-        nuisance: Name and size.
+        nuisance: Name and size of the move.
         kind: Inertial parameters of a body, friction or rotor of a joint, softness of its friction, arrival of its
             references, an error of the base's sensors, or the timing of all torques.
         place: Index of the body, name of the joint or of the error; None for all.
-        direction: Of the move among the ten parameters of the body.
+        direction: Direction of the move in the ten inertial parameters of the body.
     """
 
     nuisance: Nuisance
@@ -114,7 +114,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
         # A recording of the file's simulator has its soft friction; a robot may have less or none.
         out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), SOFTNESS, joint))
     for joint in robot.unknown_arrivals:
-        # Anywhere in the frame.
+        # The arrival is uniform over a frame: its deviation is 1 / sqrt(12) of the frame.
         out.append(Move(Nuisance(f"{joint} arrival of references", 0.29, 0.5, relative=False), ARRIVAL, joint))
     if robot.floating:
         for name, sigma in SENSOR_ERRORS.items():
@@ -137,7 +137,7 @@ def move_columns(
     Args:
         robot: The given model.
         operation: One recording at the full rate.
-        moves: Of `moves_of`.
+        moves: The moves, as `moves_of` returns them.
         body: Columns of the rigid-body regressor in the band, by row.
         log: The recording, with the filter of all columns.
         narrow: Filter of columns made of accelerations.

@@ -35,10 +35,10 @@ class FoundEffect:
     """An effect of the last fit: the point about which its nonlinear law is linearised next.
 
     Attributes:
-        effect: Of the catalogue, or a structure that has no name there.
+        effect: An effect of the catalogue, or a structure that has no name there.
         joint: Its joint, None for the whole robot.
         shape: Its shape in that fit.
-        coefficients: Of its columns.
+        coefficients: Coefficients of its columns in that fit.
     """
 
     effect: Rival
@@ -57,7 +57,7 @@ class Term:
     """One effect on one joint with one shape, and its columns.
 
     Attributes:
-        effect: Of the catalogue, or a structure that has no name there.
+        effect: An effect of the catalogue, or a structure that has no name there.
         joint: Its joint, None for the whole robot.
         shape: Parameters in which the torque is nonlinear, () if there are none.
         columns: Indices among all columns.
@@ -105,15 +105,15 @@ def shapes_of(
 
     Args:
         robot: Says what can be where.
-        operation: Of all recordings.
-        found: By the last fit; shapes near these take the place of the effect's grid.
-        seen: By an experiment of its own; these stand beside the grid.
+        operation: Samples of all recordings.
+        found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
+        seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
         own: Effects that act in one of several recordings only.
         together: Joints, their names joined by ``+``, on which one cause may have one number.
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    # A fit has one point mass: that of a recording takes the place of one that all recordings would have.
+    # A fit has one point mass: a payload of one recording replaces a payload that all recordings share.
     loads = {effect.inertial for effect in own}
     common = tuple(
         effect for effect in catalogue.effects_of(robot) if not _is_load(effect) or "point mass" not in loads
@@ -192,7 +192,7 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
 
 
 def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:
-    """Those of all operations one after the other, NaN where one has none; None where none has any."""
+    """Temperatures of all operations in succession, NaN for an operation without any; None if all are without."""
     if all(operation.temperature is None for operation in operations):
         return None
     known = [(np.full_like(o.q, np.nan) if o.temperature is None else o.temperature) for o in operations]
@@ -200,7 +200,7 @@ def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | N
 
 
 def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> References | None:
-    """Those of all operations one after the other; one that has none follows nothing. None where none has any."""
+    """References of all operations in succession, zero for an operation without any; None if all are without."""
     known = [operation.references for operation in operations]
     if all(one is None for one in known):
         return None

@@ -18,13 +18,13 @@ from identification.gates import above_chance
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-MOST_TERMS = 4  # of a formula that a reader can check term by term
-_AT_ONCE = 24  # columns at the full rate that are filtered at once
+MOST_TERMS = 4  # largest number of terms of a formula, so that a reader can check it term by term
+_AT_ONCE = 24  # number of columns at the full rate that are filtered in one call
 _HOLDS = 4  # largest number of rounds in which moves are held at their bounds or released
-_PERMUTATIONS = 100  # of the blocks: the least with which a level of 99 % can be read off
+_PERMUTATIONS = 100  # number of permutations of the blocks: the smallest that has a 99 % quantile
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
-NEARLY = 0.85  # share of the squares predicted by the best size that a shorter formula has to predict
-_WORTH = 0.02  # part of the explained squares that one more term has to add
+NEARLY = 0.85  # a shorter formula has to predict this share of the squares that the best size predicts
+_WORTH = 0.02  # one more term has to add this share of the explained squares
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class LibraryColumns:
     Attributes:
         library: The terms.
         x: Their columns in the judged band at the kept samples, scaled to unit size, then the free columns, ``(n, C)``.
-        size: Divisor of each column of a term, ``(D,)``.
+        size: Root mean square of each column of a term, by which the column is divided, ``(D,)``.
         terms: Indices of the columns of each term.
         products: Products of the columns, by block.
-        free: Prior of the free coefficients, see `identification.diagnosis.law.rest.Freedom`.
+        free: Prior on the coefficients of the free columns (moves of the model within tolerance, and findings).
     """
 
     library: tuple[LawTerm, ...]
@@ -54,11 +54,11 @@ class Choice:
 
     Attributes:
         columns: Columns of the library.
-        chosen: Terms of the formula, empty where none is beyond chance.
+        chosen: Terms of the formula, empty if no formula gains more than chance.
         held_out: Squared residual of each block with formulas that were chosen and fitted on other folds, ``(B,)``.
         before: Squared residual of each block without a formula, ``(B,)``.
         votes: Share of the bootstrap replicates that choose each kind of term.
-        same: Share of the replicates that choose the same kinds of terms.
+        same: Share of the replicates that choose the same kinds of terms as the formula.
         input_votes: Share of the replicates whose choice depends on each input.
     """
 
@@ -77,7 +77,7 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
     parts = []
     for log in rest.logs:
         series = [column for term in terms for column in term.columns]
-        # A few at a time: at the full rate the library would fill the memory for a long recording.
+        # All columns of a long recording at the full rate would fill the memory.
         pieces = [series[k : k + _AT_ONCE] for k in range(0, len(series), _AT_ONCE)]
         bands = [log.in_band(np.column_stack([column(log) for column in piece])) for piece in pieces]
         parts.append(np.column_stack(bands))
@@ -93,11 +93,11 @@ def columns_of(rest: Rest, *, memory: bool = True) -> LibraryColumns:
 
 
 def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryColumns]:
-    """Residual and columns with those moves held at a bound that reach it in the fit of the best choice of terms.
+    """Residual and columns with each move of the model held at its bound if it reaches it in the fit of the best terms.
 
-    With the others free within their prior, every further fit is one linear solution without bounds. A chosen term with
-    the same torque as a move releases the move again: where holds and releases repeat, the move stays held, and the
-    term explains the torque beyond its bound.
+    The other moves are free within their prior, so every later fit is one linear solution without bounds. If a chosen
+    term has the same torque as a held move, the next round releases the move. If rounds repeat, the move stays held,
+    and the term explains the torque beyond the bound.
     """
     whole = columns.products.summed((rest.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
@@ -110,24 +110,24 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
         now = np.where(moved <= rest.lower, -1.0, 0.0) + np.where(moved >= rest.upper, 1.0, 0.0)
         if (now == held).all():
             break
-        circle = any((now == other).all() for other in before)
+        repeats = any((now == other).all() for other in before)
         before.append(held)
-        held = np.where(now != 0.0, now, held) if circle else now
+        held = np.where(now != 0.0, now, held) if repeats else now
         free = _held(rest, held, squared)
-        if circle:
+        if repeats:
             break
     return replace(rest, precision=free.precision, right=free.right), replace(columns, free=free)
 
 
 def _held(rest: Rest, held: Array, size: Array) -> Free:
-    """The prior with moves held at a bound by a width so small that no fit changes them."""
+    """The prior, so narrow around the bound of each held move that no fit changes it."""
     narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
     bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
     return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
 
 
 def _bounded(rest: Rest, columns: LibraryColumns, products: Products, at: list[int]) -> Array:
-    """Coefficients of some columns, then those of the free columns within their bounds."""
+    """Coefficients of some columns of terms, followed by the coefficients of the free columns within their bounds."""
     every = [*at, *range(len(columns.size), columns.x.shape[1])]
     a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
     own = slice(len(at), None)
@@ -152,7 +152,8 @@ def without_law(rest: Rest, columns: LibraryColumns) -> Float[Array, " B"]:
 def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B"]) -> Choice:
     """The formula of the size that predicts held-out blocks best, tested against chance and repeated by bootstrap.
 
-    Where replicates disagree on it, a shorter one on which they agree is taken if it predicts nearly as much.
+    If bootstrap replicates disagree on this formula, a shorter one on which they agree replaces it, provided that it
+    predicts nearly as much.
 
     Args:
         rest: Residual of the joint.
@@ -178,7 +179,7 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
 
 
 def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
-    """Squared residual of each block at every size from 0 terms on, by choices that have not seen its fold.
+    """Squared residual of each block at every size from 0 terms on, with terms chosen on the other folds.
 
     Args:
         rest: Residual of the joint.

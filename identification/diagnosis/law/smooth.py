@@ -43,14 +43,14 @@ _ORDER = 5  # number of series behind each corner
 
 @dataclass(frozen=True)
 class _Samples:
-    """Used samples of a residual, each times the root of its weight.
+    """Samples of a residual with positive weight, each times the square root of its weight.
 
     Attributes:
         y: The residual, and its permutations by blocks, ``(n, 1 + D)``.
         free: Columns whose coefficients are fitted again, ``(n, F)``.
         blocks: Block of each sample.
         folds: Fold of each block.
-        root: Root of each weight.
+        root: Square root of each weight.
         prior: Right side of the prior, for the same columns as ``y``, ``(F, 1 + D)``.
     """
 
@@ -98,13 +98,13 @@ def input_gains(rest: Rest) -> Gains:
             x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
         return plain - _losses(samples, x, rest)
 
-    def answered(x: Array) -> Array:
+    def gains_of_response(x: Array) -> Array:
         x = x[used] * samples.root[:, None]
         return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), rest)
 
     single = {(name,): gains((name,)) for name in rest.inputs}
     pairs = {names: gains(names) for names in combinations(rest.inputs, 2)}
-    dynamic = {(frequency_of(name),): answered(answer_columns(rest, name)) for name in rest.answered}
+    dynamic = {(frequency_of(name),): gains_of_response(answer_columns(rest, name)) for name in rest.answered}
     every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
     by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
@@ -120,9 +120,9 @@ def input_gains(rest: Rest) -> Gains:
     frequency, left = None, np.full(len(rest.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
         own = dynamic[first.inputs][:, 0]
-        still = [*single.values(), *pairs.values(), answered(linear_columns(rest))]
-        best_still = max((gain[:, 0] for gain in still), key=lambda gain: gain[judged].sum())
-        if _clearly(own - best_still, judged, plain[judged, 0].sum()):
+        static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(rest))]
+        best_static = max((gain[:, 0] for gain in static), key=lambda gain: gain[judged].sum())
+        if _clearly(own - best_static, judged, plain[judged, 0].sum()):
             frequency, left = first.inputs[0], plain[:, 0] - own
     return Gains(tuple(listed), frequency, left, judged)
 
@@ -133,15 +133,16 @@ def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
     return share > _CLEARLY and interval[0] > 0.0
 
 
-def _shares(own: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
-    """Share of the whole over some blocks, with its interval by block bootstrap."""
-    own, whole = own[judged], whole[judged]
+def _shares(gain: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
+    """Gain as a share of the squared residual over the judged blocks, with its interval by block bootstrap."""
+    gain, whole = gain[judged], whole[judged]
     counts = block_counts(len(judged), random_stream("blocks of the gain of an input"))
-    low, high = interval((counts @ own) / np.maximum(counts @ whole, 1e-300))
-    return float(own.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
+    low, high = interval((counts @ gain) / np.maximum(counts @ whole, 1e-300))
+    return float(gain.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
 
 
 def _samples(rest: Rest, used: Array) -> _Samples:
+    """Weighted samples of a residual, and its permutations by blocks around the fit of the free columns."""
     root = np.sqrt(rest.weight[used])
     y, blocks = rest.y[used] * root, rest.blocks[used]
     free = np.concatenate([log.free for log in rest.logs])[used] * root[:, None]
@@ -193,7 +194,7 @@ def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]
 
 
 def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m"]:
-    """Weights of linear interpolation between nodes; beyond the ends those of the ends."""
+    """Weights of linear interpolation between nodes; beyond the first and last node, the function is constant."""
     at = np.clip(np.searchsorted(places, x) - 1, 0, len(places) - 2)
     share = np.clip((x - places[at]) / (places[at + 1] - places[at]), 0.0, 1.0)
     out = np.zeros((len(x), len(places)))
@@ -204,6 +205,7 @@ def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m
 
 
 def _table(rest: Rest, name: str) -> Float[Array, "n m"]:
+    """Columns of the hat functions over one input, in the judged band."""
     places = places_of(rest, name)
     return np.concatenate([log.in_band(hats(log.inputs[name], places)) for log in rest.logs])
 
@@ -224,10 +226,10 @@ def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
 
 def frequency_answers(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyAnswer, ...]:
     """Gain and phase over the frequency for each frequency among some inputs, fitted together with the model."""
-    return tuple(_answer(rest, base_of(name)) for name in inputs if is_frequency(name))
+    return tuple(_frequency_response(rest, base_of(name)) for name in inputs if is_frequency(name))
 
 
-def _answer(rest: Rest, name: str) -> FrequencyAnswer:
+def _frequency_response(rest: Rest, name: str) -> FrequencyAnswer:
     columns = answer_columns(rest, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
     theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _PLACES)
@@ -269,7 +271,7 @@ def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurv
 
 
 def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array, "D k"]:
-    """Coefficients of columns, fitted with the free ones: on all blocks, then on bootstrap draws of blocks.
+    """Coefficients of columns, fitted together with the free columns: first on all blocks, then on each bootstrap draw.
 
     Args:
         rest: Residual of the joint.
@@ -290,6 +292,7 @@ def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array
 
 
 def _unit(rest: Rest, name: str) -> str:
+    """Unit of an input."""
     kind = name.split(".")[0]
     if kind == "t":
         return "s"
@@ -299,7 +302,7 @@ def _unit(rest: Rest, name: str) -> str:
 
 
 def answer_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
-    """Columns of the response to an input in the judged band: its present value (of a motion all of it), and series."""
+    """Columns of the response to an input in the judged band: its present value, and its series behind filters."""
     parts = []
     for log in rest.logs:
         dt = _step(log)
@@ -327,6 +330,7 @@ def complex_gains(rest: Rest, name: str, hz: Float[Array, " F"]) -> Complex[Arra
 
 
 def _present(rest: Rest, name: str) -> list[str]:
+    """Inputs without memory in the response to one input: for a speed, also position and acceleration of its joint."""
     kind, _, joint = name.partition(".")
     names = [f"{one}.{joint}" for one in ("q", "v", "a")] if kind == "v" else [name]
     return [one for one in names if one in rest.inputs]
