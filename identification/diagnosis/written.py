@@ -10,13 +10,13 @@ class WrittenFile:
     """One file of the corrected model: its residual on the recordings, or the reason why it was not written.
 
     Attributes:
-        file: Its name.
+        file: Name of the file.
         rms_left: Residual by joint [N m or N] of the file, loaded back and run over the recordings; empty without
             torques.
-        rms_given: The same of the given model.
-        holds: Findings that the file holds, as ``coulomb_friction j2``.
-        lacks: Findings that the file has no place for.
-        refused: Why it was not written, a clause; empty if it was.
+        rms_given: Residual of the given model by joint, on the same recordings.
+        holds: Findings that the file contains, as ``coulomb_friction j2``.
+        lacks: Findings that the format of the file cannot express.
+        refused: Reason why the file was not written, as a clause; empty if it was.
     """
 
     file: str

@@ -24,7 +24,7 @@ class GateResult:
     """Result of one gate for one claim.
 
     Attributes:
-        gate: Its name, as in `identification.gates.GATES`.
+        gate: Name of the gate, as in `identification.gates.GATES`.
         value: Number that the gate tests, such as a gain.
         needed: Number that `value` is compared with.
         unit: Unit of both numbers.
@@ -96,7 +96,7 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
     """The result of a gate that may be passed in several ways: the first that passes, or the one that comes nearest.
 
     Args:
-        gate: Its name.
+        gate: Name of the gate.
         ways: Value, needed value and unit of each way; ways after the first that passes are not computed.
     """
     tried: list[GateResult] = []

@@ -35,7 +35,7 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
     def ways() -> Iterator[tuple[float, float, str]]:
         if claim.passed:
             yield claim.value, claim.needed, claim.unit
-        # A gain in sample is larger than a held-out one, unless the few held-out blocks agree by chance.
+        # Both gains count: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
         both = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
         least = min(both, key=lambda one: (one[0] > one[1], one[0] / max(one[1], 1e-300)))
         yield *least, "gain where the motion is loud"

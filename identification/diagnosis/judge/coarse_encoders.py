@@ -1,4 +1,4 @@
-"""Findings of coarse encoders: their readings lie on a lattice, and the gap is the spurious torque of its steps."""
+"""Findings of coarse encoders: their readings lie on a lattice of equal steps, and rounding makes a spurious torque."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Rounded:
     Attributes:
         coarse: The joints.
         energy: For each of them the mean squared torque on every joint, ``(k, nv)``.
-        asked: All joints that are read more coarsely than expected, and whether that matters.
+        asked: All joints with a coarser encoder than expected, each with the result of the gate `rounding_matters`.
     """
 
     coarse: tuple[Coarse, ...]
@@ -34,7 +34,7 @@ class Rounded:
 
     @property
     def total(self) -> Float[Array, " nv"]:
-        """Mean squared torque of all of them on every joint."""
+        """Mean squared torque of all coarse encoders together on each joint."""
         return self.energy.sum(axis=0)
 
 
@@ -44,7 +44,7 @@ def rounded(
     floor: Float[Array, " nv"],
     noise: Series,
 ) -> Rounded:
-    """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
+    """Coarse joints whose rounding makes much of the noise on some joint, in the judged band or above it."""
     kept, energy, results = [], [], []
     for one in coarse:
         squares, plain = (

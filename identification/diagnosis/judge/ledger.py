@@ -1,8 +1,8 @@
-"""The ledger of a diagnosis: every effect that was claimed at any time, and the ten best that never were.
+"""The ledger of a diagnosis: every effect that was claimed at any time, and the ten best of those that never were.
 
-Decisions of search and judge were recorded as they were made. Here the effects that are no findings are compared with
-the final set once more: their gain beside it, the gap that they would close alone, and the findings that explain it in
-their place.
+Search and judge record their decisions as they make them. This module compares each effect that is not a finding with
+the final set once more: how much the effect gains when it is added, which share of the gap it closes alone, and which
+findings explain that share instead.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_clai
 
 
 @dataclass(frozen=True)
-class _Nearness:
-    """How near an effect comes to being claimed: its best shape, its gain beside the set, and its gain instead of one.
+class _BestGains:
+    """In-sample gains of an effect, with its best shape: added to a set, and in place of one effect of the set.
 
     ``of_other`` is the gain of the replaced effect itself.
     """
@@ -65,10 +65,10 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         search: The search, with its record of decisions.
         shown: Effects that passed all gates of the judge.
         judge: Problem and floor of the gap.
-        minor: Those of them that are too small to matter.
+        minor: Places of findings that are too small to matter.
     """
     record, named = search.record, {term.place for term in shown.named}
-    near = _nearness(search, shown.beside)
+    near = _best_gains(search, shown.beside)
     ranked = sorted(near, key=lambda place: -near[place].most)
     never = [place for place in ranked if place not in record.places and place not in named][:NEVER_CLAIMED]
     gates, instead = {}, {}
@@ -80,7 +80,7 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         if place in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
             continue
         if place in near:
-            # The search decided beside other effects: its gates are asked once more beside the final ones.
+            # The search decided with another set of effects: its gates are asked once more with the final set.
             again, others = _asked_again(search, shown.beside, near[place])
             if not again[-1].passed or failed is None:
                 gates[place], instead[place] = again, others
@@ -107,20 +107,20 @@ def _outcome(place: Place, named: set[Place], minor: frozenset[Place], instead: 
     return "displaced" if instead else "not_claimed"
 
 
-def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
-    """In-sample gain of each effect outside of a set, beside it and in the place of one of its effects.
+def _best_gains(search: Search, found: frozenset[Term]) -> dict[Place, _BestGains]:
+    """In-sample gains of each effect outside of a set: added to it, and in place of one of its effects.
 
-    To second order, without a fit.
+    The gains are computed to second order, without a new fit.
     """
     taken = {term.place for term in found}
     named = tuple(term for term in search.terms if term.named and term.place not in taken)
-    out: dict[Place, _Nearness] = {}
+    out: dict[Place, _BestGains] = {}
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
         rivals = tuple(term for term in named if search.possible(remaining, term))
         gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
         for term in rivals:
-            known = out.setdefault(term.place, _Nearness(term))
+            known = out.setdefault(term.place, _BestGains(term))
             if other is None and gains[term] > known.beside:
                 out[term.place] = replace(known, term=term, beside=gains[term])
             elif other is not None and gains[term] > known.instead_of:
@@ -130,12 +130,12 @@ def _nearness(search: Search, found: frozenset[Term]) -> dict[Place, _Nearness]:
 
 
 def _asked_again(
-    search: Search, found: frozenset[Term], near: _Nearness
+    search: Search, found: frozenset[Term], near: _BestGains
 ) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
     """Results of the search's gates for an effect beside a set; if it fails, also the effect that explains it instead.
 
-    That is an effect without which it would gain enough for a claim, twice its gain beside it, and a fair part of the
-    other's gain.
+    The tested effect is explained by another one if, without that one, it gains enough for a claim, more than twice its
+    gain beside the whole set, and a fair part of the other one's gain (`could_stand_for`).
     """
     term, other = near.term, near.other
     if possible(found, term):
@@ -180,7 +180,7 @@ def _figures(
 
 
 def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
-    """Squared residuals of subsets of the named effects and others; nonlinear laws do not slow down linear ones."""
+    """Function that gives squared residuals of any subset of named and other effects; linear ones are kept apart."""
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
     of_linear, of_others = (squares_left(shown.plain, shown.named | some) for some in (linear, terms - linear))
     return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)

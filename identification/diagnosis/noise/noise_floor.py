@@ -20,13 +20,13 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
-    """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
+    """Part of each joint's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each row's residual is predicted by models from plain to flexible: the given model, then also laws of the motion,
+    Each joint's residual is predicted by models from plain to flexible: the given model, then also laws of the motion,
     then also the moves within the tolerances and other linear laws, then all columns, then all columns with the
-    flexible features. The noise is the error of the best of them on blocks that it has not seen: where a recording is
-    short, hundreds of columns predict worse than twenty. A model that predicts a little of the large noise above the
-    judged band may be bad inside it, so that the best one is chosen for each of both bands.
+    flexible features. The noise is the error of the best of them on held-out blocks: in a short recording, hundreds of
+    columns predict worse than twenty. A model that predicts a little of the large noise above the judged band may be
+    bad inside it, so the best model is chosen separately for the whole band and for the judged band.
 
     Returns:
         Error of the best predictor in the whole band, and error of the best one in the judged band.
@@ -35,7 +35,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
         use = [u[:, j] for u in columns.usable]
         y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
-        order, rungs = _plain_first(columns, j)
+        order, steps = _plain_first(columns, j)
         plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
@@ -43,7 +43,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
         ]
         whole, inside = y, y
         least, least_inside = rms(_used(y, use)), _inside(session, y, use)
-        first = (*rungs, plain[0].shape[1])
+        first = (*steps, plain[0].shape[1])
         for predicted, _ in ridge_predictions(rich, y, use, session.blocks, session.folds, first):
             error = [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
             left, left_inside = rms(_used(error, use)), _inside(session, error, use)
@@ -63,13 +63,13 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
 def quieter_in_band(
     session: Session, columns: Columns, noise: Series, inside: Series, least: Float[Array, " nv"]
 ) -> Series:
-    """Noise with those rows replaced of which another estimate is smaller in the judged band.
+    """Noise of each joint from the one of two estimates that is smaller in the judged band.
 
     Args:
         session: Recordings and their band.
         columns: Which samples are usable.
-        noise: The estimate that the explanation has been compared with.
-        inside: The other estimate.
+        noise: The first estimate, with which the explanation was compared.
+        inside: The other estimate, made to be best in the judged band.
         least: Torque from encoder noise in the judged band; an estimate below it is not used.
     """
     out = [part.copy() for part in noise]
@@ -93,22 +93,22 @@ def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[in
     First come laws whose columns depend on the recorded motion alone, as friction and couplings; then moves within the
     tolerances and the other laws without a shape; then all others.
     """
-    rung = dict.fromkeys(range(len(columns.nuisances)), 1)
+    step = dict.fromkeys(range(len(columns.nuisances)), 1)
     for term in columns.terms:
         effect = term.effect
         if not term.named or effect.inertial is not None:
             continue
         of_motion = not (effect.follows_model or effect.follows_torque or effect.scales_joint)
         if of_motion and (effect.scope == "pair" or not term.shape):
-            rung |= dict.fromkeys(term.columns, 0)
+            step |= dict.fromkeys(term.columns, 0)
         elif not term.shape:
-            rung |= dict.fromkeys(term.columns, 1)
-    place = np.array([rung.get(column, 2) for column in columns.rows[row]])
+            step |= dict.fromkeys(term.columns, 1)
+    place = np.array([step.get(column, 2) for column in columns.rows[row]])
     return np.argsort(place, kind="stable"), (int((place == 0).sum()), int((place <= 1).sum()))
 
 
 def weights_of(white: Columns, noise: Series) -> Weights:
-    """Size and remaining colour of the noise of each row after whitening.
+    """Root mean square and autocorrelation time of each joint's noise after whitening.
 
     A residual of exactly zero (a simulated robot without noise) would make a weight infinite, so a noise is at least a
     millionth of the modelled torque.
@@ -141,9 +141,9 @@ def rms(parts: list[Float[Array, " n"]]) -> float:
 
 
 def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
-    """Noise with those rows replaced where the chosen effects have a smaller held-out residual than the free fits.
+    """Noise of each joint: the held-out residual of the chosen effects, if that is smaller than the given noise.
 
-    Free fits overfit where recordings are short.
+    The given noise is the error of flexible fits, which overfit short recordings.
 
     Returns:
         The noise, and the smallest ratio of new to old over the rows.
@@ -166,10 +166,11 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
 def noise_without(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise without the remains of the effects that ``tried`` has beyond ``chosen``.
+    """Noise after subtraction of what it contains of the effects that are in ``tried`` but not in ``chosen``.
 
-    Free fits with many columns do not predict an effect in full on held-out blocks, and the remainder counts as noise.
-    It is estimated as a share of the held-out prediction of the effect, by least squares on the whitened noise.
+    Flexible fits with many columns do not predict an effect in full on held-out blocks, and the remainder counts as
+    noise. The remainder is estimated as a share of the held-out prediction of the effect, by least squares on the
+    whitened noise.
 
     Returns:
         The noise, and the decrease of its whitened, weighted square.

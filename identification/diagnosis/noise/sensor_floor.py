@@ -1,8 +1,8 @@
 """Noise floor of each joint from its sensors: their noise, propagated to the torque in the judged band.
 
 New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters; the noise of the
-torque is the white density of its readings, or of the torque balance where the torque is a command. The fit of a model
-or a flexible predictor is not used: what these do not predict need not be noise.
+torque is the white density of its readings, or of the torque balance where the torque is a command. No fit of a model
+and no flexible predictor is used, because a torque that these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_METHOD = 1.25  # factor by which the density may differ from that of clean recordings (benchmarks/noise_floor.py)
-_DRAWS = 4  # draws of reading errors: from one, their torque in a narrow band is uncertain by a tenth
+_METHOD = 1.25  # factor by which the density may differ from a clean recording's (benchmarks/noise_floor.py)
+_DRAWS = 4  # number of draws of reading errors: with one draw, their torque in a narrow band is uncertain by a tenth
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
 def torque_densities(
     session: Session, readings: tuple[tuple[ReadingNoise | None, ...], ...], deviations: float = 2.0
 ) -> list[Density | None]:
-    """White noise of each joint's torque: from its readings where they are measured and show it, or from its balance.
+    """White noise of each joint's torque, from torque readings or from the torque balance; None if unknown.
 
     Args:
         session: Recordings at their full rate, and their judged band.
-        readings: Noise of each joint's readings in each log, see `reading_noise`.
+        readings: Noise of each joint's readings in each log, from `reading_noise`.
         deviations: Half width of a density's interval in standard errors.
     """
     robot, logs = session.robot, session.logs
@@ -178,11 +178,11 @@ def sensed_noise(session: Session, columns: Columns) -> Series:
     for k, (log, own, use) in enumerate(zip(session.logs, readings, columns.usable, strict=True)):
         white = rng.normal(size=log.tau.shape) * np.sqrt(0.5 * log.band.rate_hz * density)
         drawn = np.where(use & known, log.band(white + reading_error_torque(robot, log, own, rng)), 0.0)
-        out.append(drawn + np.where(use, _wrong_model(session, k), 0.0))
+        out.append(drawn + np.where(use, _model_error_noise(session, k), 0.0))
     return tuple(out)
 
 
-def _wrong_model(session: Session, log: int) -> Float[Array, "n nv"]:
+def _model_error_noise(session: Session, log: int) -> Float[Array, "n nv"]:
     """A random torque in the judged band with the deviation of the model's known error."""
     error, own = shown_error(session, log), session.logs[log]
     if not error.any():

@@ -21,22 +21,22 @@ from identification.gates.over_blocks import in_enough_blocks
 from identification.gates.possible import possible_size
 from phantom_dyn.array_types import Array, Float
 
-# Most effects of a set that are removed on trial: those whose removal raises the loss least.
+# Largest number of effects of a set whose removal is tried: those whose removal raises the loss least.
 _MOST_TRIED = 12
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
     """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap on its joints.
 
-    An effect may touch a joint with a large gap and act on another one: its gain counts only where it is a fair part of
-    the gap. Errors of bodies in the set explain part of that gap exactly, so that less of it is left for effects with
-    similar columns.
+    An effect may have columns on a joint with a large gap and gain on another joint. Its gain counts only on joints
+    where it is a fair part of the gap. If the set contains errors of bodies, the gap is computed after these, because
+    their columns are exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
         terms: The claimed effects.
         beside: Effects of the set without the claim.
-        by_row: Distribution of the gain over the joints, in any unit, ``(nv,)``.
+        by_row: Gain on each joint, in any unit, ``(nv,)``.
     """
     parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
     fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
@@ -56,26 +56,27 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if ``chosen`` passes the gates of a claim over ``without``, see `asked`."""
+    """True if the set ``chosen`` passes all gates of a claim when it is compared with the smaller set ``without``."""
     return asked(search, chosen, without)[-1].passed
 
 
 def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
-    """Results of the gates for ``chosen`` over ``without``, in their order, up to the first that fails.
+    """Results of the gates of the search for the effects that are in ``chosen`` but not in ``without``.
 
-    Its sizes and bodies have to be possible; its gain has to be above chance, on held-out data and in sample; it has to
-    be a fair part of the gap; and it has to hold in enough blocks.
+    The gates are asked in this order, up to the first that fails. The sizes and bodies have to be physically possible.
+    The gain has to be above chance, on held-out data and in sample, has to be a fair part of the gap, and has to come
+    from enough blocks.
     """
-    return until_failed(_questions(search, chosen, without))
+    return until_failed(_results(search, chosen, without))
 
 
-def _questions(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
+def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
     yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
     rich, plain, new = search.evaluate(chosen), search.evaluate(without), chosen - without
     if any(term.effect.inertial == "free" for term in new):
         possible = plain.objective - rich.objective
         yield bodies_can_exist(possible, possible + rich.denied)
-    # A gain in sample is larger than a held-out one, unless the few held-out blocks agree by chance.
+    # The smaller gain counts: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)
     yield more_than_chance(gain, search.threshold.of(*new))
@@ -108,9 +109,9 @@ def _made_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fit
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
-    """Energy of the columns of effects in each block, relative to the largest; one where all are zero.
+    """Energy of the columns of effects in each block, divided by the largest over blocks; ones if there are no columns.
 
-    Zero, up to rounding, in blocks where an effect does not act at all.
+    It is set to zero in blocks where only rounding errors are left of the columns.
     """
     columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
     energy = problem.grams.core_a.diagonal(columns)

@@ -27,7 +27,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import has_known_centre, payload_body
 from phantom_dyn.model.robot import Robot
 
-# Standard deviation above which a parameter is unknown: as a share of its plausible size and of its own value.
+# A parameter is unknown if its standard deviation exceeds this share of its plausible size and of its own value.
 _UNKNOWN = 0.5
 
 
@@ -37,7 +37,7 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
     Args:
         values: Parameters of a finding.
         session: Robot and recordings.
-        joint: Joint of the finding; None if it is of the whole robot.
+        joint: Joint of the finding; None if the finding concerns the whole robot.
     """
     limits = _plausible(session, joint)
     out = {name: _known(value, limits.get(value.unit)) for name, value in values.items()}
@@ -50,10 +50,11 @@ def only_shown(values: Mapping[str, Value], session: Session, joint: str | None)
 
 
 def _known(value: Value, limit: float | None) -> Value:
+    """A parameter, with an infinite standard deviation where that exceeds both its limit and half of its value."""
     if limit is None:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
-    # Also relative to the value: a light link may carry a load of several times its own weight.
+    # The limit grows with the value, because a light link may carry a load of several times its own weight.
     shown = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
     return replace(value, std=shown.tolist() if isinstance(value.std, list) else float(shown[0]))
 
@@ -67,7 +68,7 @@ def _plausible(session: Session, joint: str | None) -> dict[str, float]:
     if rows:
         torque = max(_largest([log.tau[:, row] for log in session.logs]) for row in rows)
         speed = max(_largest([log.motion.v[:, row] for log in session.logs]) for row in rows)
-        # The range of a prismatic joint replaces that of the robot.
+        # The first pair has the units of revolute joints, the second those of prismatic ones.
         for force, damping in (("N m", "N m s/rad"), ("N", "N s/m")):
             out |= {force: torque, damping: torque / max(speed, 1e-9)}
     return {unit: _UNKNOWN * size for unit, size in out.items() if size > 0.0}
