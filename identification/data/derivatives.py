@@ -88,7 +88,8 @@ def edges_of_readings(
             times = away[valid].std() / max(_taken_away(lattice, rate, lower)[valid].std(), _LEAST * step)
             if times > _FAR_MORE or np.abs(away[valid]).max() > _FARTHEST * step:
                 break
-            if times <= 1.0 + _MORE:
+            # Above the band its own filter takes the stairs away.
+            if times <= 1.0 + _MORE and lower < band.cutoff_hz:
                 edges[j] = lower
             lower *= _FINER
     return edges

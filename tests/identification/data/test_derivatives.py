@@ -68,3 +68,9 @@ def test_each_joint_has_its_own_low_pass():
     _, _, a = differentiate(both, RATE, np.array([25.0, 2.0]))
     for j, edge in enumerate((25.0, 2.0)):
         np.testing.assert_allclose(a[:, j], differentiate(both[:, [j]], RATE, edge)[2][:, 0], atol=1e-9)
+
+
+def test_a_low_pass_is_not_lowered_to_an_edge_above_the_band():
+    # Two steps to and fro at 10 Hz: the readings show them, so that no edge within the band fits, and some above do.
+    q = SLOW + 2 * STEP * np.sin(2.0 * np.pi * 10.0 * T)[:, None]
+    np.testing.assert_array_equal(edges(rounded(q)), motion_edge(BAND))
