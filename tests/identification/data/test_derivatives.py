@@ -71,6 +71,6 @@ def test_each_joint_has_its_own_low_pass():
 
 
 def test_a_low_pass_is_not_lowered_to_an_edge_above_the_band():
-    # Two steps to and fro at 10 Hz: the readings show them, so that no edge within the band fits, and some above do.
-    q = SLOW + 2 * STEP * np.sin(2.0 * np.pi * 10.0 * T)[:, None]
+    # Part of a step to and fro at 12 Hz: the readings show it, so that no edge within the band fits, and 15 Hz does.
+    q = SLOW + 0.4 * STEP * np.sin(2.0 * np.pi * 12.0 * T)[:, None]
     np.testing.assert_array_equal(edges(rounded(q)), motion_edge(BAND))
