@@ -30,6 +30,7 @@ GUARDS: Mapping[str, str] = {
     "both are there": "asked of rests alone, of which the sets hold none",
     "more than a missing part": "asked of models with parts on a payload's link, of which the sets hold none",
     "coarser than stated": "its figure is the finding itself",
+    "coarser than others": "its figure is the finding itself",
     "rounding matters": "asked of coarse encoders alone, of which the sets hold too few",
     "large enough": "the contract lists what is too small apart, as minor",
     "beyond the gain": "asked of recordings without torque alone, of which the sets hold none",

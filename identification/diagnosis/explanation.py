@@ -70,7 +70,7 @@ class Explanation:
         chosen: The effects that explain the recordings.
         noise: Residual of each log's torque after these effects and flexible fits.
         in_band: The same of the fits that predict most in the judged band; empty where it was not computed.
-        coarse: Encoders that are coarser than stated.
+        coarse: Encoders that are coarser than stated, or than those of other joints.
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
             where it was not computed.
         fits: Number of sets of effects that the searches fitted.

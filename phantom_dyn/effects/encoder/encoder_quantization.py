@@ -29,14 +29,14 @@ from phantom_dyn.effects.support.encoder_lattice import stated_step
 
 
 class EncoderQuantization(Effect):
-    """Encoder of one joint that is coarser than stated."""
+    """Encoder of one joint that is coarser than stated, or than those of the other joints."""
 
     name = "encoder_quantization"
     regime = "low_speed"
     fitted = "nothing"
     words = EffectWords(
         name="coarse encoder steps",
-        meaning="the position is rounded to a step coarser than stated",
+        meaning="the position is rounded to a step coarser than stated, or far coarser than those of other joints",
         next_step="Check the encoder's resolution and the number format of the log, and state the true counts.",
         size="of {step}",
         parameters={"step": "distance between two readings"},
