@@ -120,7 +120,7 @@ def test_a_pair_is_drawn_only_if_each_effect_is_beyond_the_tolerance(monkeypatch
     alone = iter([(1.0, None, one), (1.0, None, two)])
     monkeypatch.setattr(sizing, "drawn_effect", lambda rng, name, measure: name)
     monkeypatch.setattr(sizing, "_sought", lambda effect, wanted, measure: next(alone))
-    monkeypatch.setattr(sizing, "_run", lambda setup, changes: "both")
+    monkeypatch.setattr(sizing, "run_with", lambda setup, changes: "both")
     monkeypatch.setattr(sizing, "tolerance_columns", lambda shop: None)
     monkeypatch.setattr(sizing, "beyond_tolerance", lambda change, shop, columns: next(left))
     measure = SimpleNamespace(setup=None, change=lambda run: one + two)
