@@ -1,9 +1,9 @@
 """Velocity and acceleration from positions: low-passed far above the band, or as low as coarse readings ask for.
 
-A joint that passes few steps of its encoder in the time constant of the low pass keeps stairs as its motion: velocities
-of zero between the steps and bursts at them, so that friction has no sign and accelerations are a hundred times too
-large. Its readings do not show such a motion. They are within half a step of the true one, which the smoothest motion
-within that distance is as well.
+A joint that passes few steps of its encoder in a period of the low pass keeps stairs as its motion: velocities of zero
+between the steps and bursts at them, so that friction has no sign and accelerations are up to a hundred times too
+large. All that its readings say is that the true motion is within half a step of them. The smoothest such motion is
+taken.
 """
 
 from __future__ import annotations
