@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics.dynamics import forward_dynamics, inverse_dynamics
+from forward_dynamics import forward_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
