@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from identification.data.readers.contract_columns import contract_table, rows_once_read
+from identification.data.readers.contract_columns import contract_table
+from identification.data.readers.held_rows import rows_once_read
 from identification.data.recording import RawTable
 
 

@@ -9,7 +9,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import pytest
 
-from identification.reporting.stored.diagnosis_reader import built
+from identification.reporting.stored.built import built
 
 Name = TypeVar("Name")
 

@@ -1,0 +1,77 @@
+"""Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give.
+
+The number by which a law of an effect is called is an identifier, and not an index into a list: see
+`phantom_dyn.effects.compiled_laws`.
+"""
+
+from __future__ import annotations
+
+from phantom_dyn._kernels.jit import within
+from phantom_dyn.array_types import Array
+from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, reading_of, torque_of
+
+
+@within
+def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
+    """Reading of encoder ``j`` at position ``q``."""
+    for k in range(len(codes)):
+        if rows[k] == j:
+            q = reading_of(codes[k], numbers[k, 0], numbers[k, 1], numbers[k, 2], q)
+    return q
+
+
+@within
+def place_in(times: Array, cursor: Array, t: float) -> float:
+    """Share of the way from the table's row ``cursor[0]`` to the next at time ``t``; the ends hold beyond it."""
+    k = cursor[0]
+    while k + 2 < len(times) and t >= times[k + 1]:
+        k += 1
+    while k > 0 and t < times[k]:
+        k -= 1
+    cursor[0] = k
+    return min(max(float((t - times[k]) / (times[k + 1] - times[k])), 0.0), 1.0)
+
+
+@within
+def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
+    """Torque that a tracking law asks of drive ``j``, see `phantom_dyn.simulation.control`."""
+    rest, n = 1.0 - share, k + 1
+    forward = rest * tables[k, j, 0] + share * tables[n, j, 0]
+    wanted, speed = rest * tables[k, j, 1] + share * tables[n, j, 1], rest * tables[k, j, 2] + share * tables[n, j, 2]
+    kp, kd = rest * tables[k, j, 3] + share * tables[n, j, 3], rest * tables[k, j, 4] + share * tables[n, j, 4]
+    added = rest * tables[k, j, 5] + share * tables[n, j, 5]
+    asked = forward + kp * (wanted - q) + kd * (speed - v)
+    return min(max(asked, -limit), limit) + added
+
+
+@within
+def given_by_drive(
+    codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, asked: float
+) -> float:
+    """Torque behind command law ``i`` when ``asked`` comes to it for ``h`` seconds; its state moves on.
+
+    Args:
+        codes: Code of each law, see `Laws`.
+        numbers: Parameters of the laws, see `Laws`.
+        state: State of the laws, see `Laws`; changed.
+        rings: Delayed values, see `Lines`; changed.
+        ends: Ends of each ring, see `Lines`; changed.
+        i: Which law.
+        h: Length of the step [s].
+        asked: Torque before the law.
+    """
+    if codes[i] == DELAY:
+        ends[i, 0], ends[i, 1], given = delay_law(rings[i], ends[i, 0], ends[i, 1], numbers[i, 0], h, asked)
+        return given
+    state[i, 0], given = command_of(codes[i], numbers[i, 0], state[i, 0], h, asked)
+    return given
+
+
+@within
+def effect_torque(codes: Array, numbers: Array, state: Array, i: int, q: float, v: float, load: float) -> float:
+    """Torque of law ``i`` of the torque channel at a position, velocity and transmitted load; its state moves on."""
+    state[i, 0], state[i, 1], state[i, 2], torque = torque_of(
+        codes[i], numbers[i, 0], numbers[i, 1], numbers[i, 2], numbers[i, 3],
+        state[i, 0], state[i, 1], state[i, 2], q, v, load,
+    )  # fmt: skip
+    return torque
