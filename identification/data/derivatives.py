@@ -1,9 +1,8 @@
 """Velocity and acceleration from positions: low-passed far above the band, or as low as coarse readings ask for.
 
 A joint that passes few steps of its encoder in a period of the low pass keeps stairs as its motion: velocities of zero
-between the steps and bursts at them, so that friction has no sign and accelerations are up to a hundred times too
-large. All that its readings say is that the true motion is within half a step of them. The smoothest such motion is
-taken.
+between the steps and bursts at them, so that friction has no sign and accelerations are many times too large. All that
+its readings say is that the true motion is within half a step of them. The smoothest such motion is taken.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from phantom_dyn.signals.splines import quintic_derivatives
 
 # Ratio of the cut-off of the positions' low pass to the edge of the band: attenuation at the edge is 0.1 %.
 MOTION_BAND = 2.5
-# Edges that are tried, each as a part of the one before.
+# Lower edges that are tried, each as a part of the one before, from that of the band on.
 _FINER = 2.0**-0.25
 # Share by which a low pass may take away more than rounding of the remaining motion explains, and times as much from
 # which on no lower edge is tried.
@@ -66,7 +65,8 @@ def edges_of_readings(
 ) -> Float[Array, " nv"]:
     """Edge [Hz] of each joint's low pass: that of the band, and lower where it leaves stairs of the encoder's steps.
 
-    The lowest edge is taken that fits the readings (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167,
+    The lowest edge below that of the band is taken that fits the readings, as the band's own filter takes away the stairs
+    above it (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167,
     1966): the low pass takes away no more than it takes from the remaining motion once that is rounded to the same
     steps, and no reading is more than a step away from the motion. Readings with noise of many steps keep their edge.
 
@@ -76,20 +76,18 @@ def edges_of_readings(
         valid: Samples that count.
         band: Band of the torques.
     """
-    rate, edge = band.rate_hz, motion_edge(band)
-    edges = np.full(q.shape[1], edge)
+    rate, edges = band.rate_hz, np.full(q.shape[1], motion_edge(band))
     for j, step in enumerate(steps):
         if not step or not valid.any():
             continue
-        lower = edge * _FINER
+        lower = band.cutoff_hz * _FINER
         while lower > _SLOWEST * rate / len(q):
             away = _taken_away(q[:, j], rate, lower)
             lattice = q[0, j] + step * np.round((q[:, j] - away - q[0, j]) / step)
             times = away[valid].std() / max(_taken_away(lattice, rate, lower)[valid].std(), _LEAST * step)
             if times > _FAR_MORE or np.abs(away[valid]).max() > _FARTHEST * step:
                 break
-            # Above the band its own filter takes the stairs away.
-            if times <= 1.0 + _MORE and lower < band.cutoff_hz:
+            if times <= 1.0 + _MORE:
                 edges[j] = lower
             lower *= _FINER
     return edges

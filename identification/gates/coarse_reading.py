@@ -14,10 +14,6 @@ COARSE_BESIDE = 10.0
 # share: coarse readings matter if they make more than this share of the squared noise of some joint.
 COARSE_SHARE = 0.05
 
-# share: the same limit for an encoder without a stated step. Only readings that make half of the noise matter there,
-# because nothing states that the encoder is finer.
-COARSE_SHARE_UNSTATED = 0.5
-
 
 def coarser_than_stated(times: float) -> GateResult:
     """Do the readings lie on a lattice that is coarser than the encoder's stated step?
@@ -41,14 +37,12 @@ def coarser_than_others(times: float) -> GateResult:
     return GateResult("coarser than others", times, COARSE_BESIDE, "steps of other joints", times >= COARSE_BESIDE)
 
 
-def rounding_matters(share: float, *, stated: bool) -> GateResult:
+def rounding_matters(share: float) -> GateResult:
     """Does the rounding make a part of the noise of some joint, in the judged band or above it?
 
     A coarser encoder or a faster motion makes the claim pass.
 
     Args:
         share: Largest share of a joint's squared noise that the rounding makes.
-        stated: Whether the robot states the step of this encoder.
     """
-    least = COARSE_SHARE if stated else COARSE_SHARE_UNSTATED
-    return GateResult("rounding matters", share, least, "of the squared noise", share > least)
+    return GateResult("rounding matters", share, COARSE_SHARE, "of the squared noise", share > COARSE_SHARE)

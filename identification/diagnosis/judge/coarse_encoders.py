@@ -53,7 +53,7 @@ def rounded(
         )
         # The judged band ends where rounding hides the motion: it may matter above that band.
         wide = sums(problem, one.at_band_edge).rms() ** 2 / np.maximum(sums(problem, noise).rms() ** 2, 1e-300)
-        result = rounding_matters(float(np.max([plain / floor**2, wide])), stated=one.stated)
+        result = rounding_matters(float(np.max([plain / floor**2, wide])))
         results.append((one, result))
         if result.passed:
             kept.append(one)

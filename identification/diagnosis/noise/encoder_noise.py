@@ -47,9 +47,8 @@ class Coarse:
         row: Index of the joint.
         step: Step of the readings [rad or m].
         torque: For each log the spurious torque in the band from rounding beyond the expected one, ``(n, nv)``.
-        at_band_edge: The same where positions are low-passed as those of other joints, as any other program would.
+        at_band_edge: The same where the low pass of the positions is not lowered, as in any other program.
         coarser: The gate that it passed.
-        stated: Whether its step is stated.
     """
 
     row: int
@@ -57,7 +56,6 @@ class Coarse:
     torque: tuple[Float[Array, "n nv"], ...]
     at_band_edge: tuple[Float[Array, "n nv"], ...]
     coarser: GateResult
-    stated: bool
 
 
 def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
@@ -107,7 +105,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
         torque = tuple(share * _rounding_torque(log, o, alone) for log, o in pairs)
         at_band_edge = tuple(share * _rounding_torque(replace(log, position_edges=None), o, alone) for log, o in pairs)
-        out.append(Coarse(j, step, torque, at_band_edge, coarser, stated is not None))
+        out.append(Coarse(j, step, torque, at_band_edge, coarser))
     return tuple(out)
 
 

@@ -133,8 +133,8 @@ def test_samples_with_the_usual_torque_and_doubt_are_calm():
 FLOOR = np.array([0.1, 0.2])
 
 
-def coarse_elbow(*torque: np.ndarray, stated: bool = True) -> Coarse:
-    return Coarse(1, 2e-3, torque, torque, coarser_than_stated(2.0), stated)
+def coarse_elbow(*torque: np.ndarray) -> Coarse:
+    return Coarse(1, 2e-3, torque, torque, coarser_than_stated(2.0))
 
 
 def found(energy: list[float], gap: float, samples: float = 400.0):
@@ -180,14 +180,6 @@ def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_noise(quiet, 
     rounding = rounded(quiet.problem, (coarse_elbow(*torque),), floor, quiet.noise)
     assert len(rounding.coarse) == kept
     assert rounding.energy.shape == (kept, 2)
-
-
-def test_a_coarse_reading_without_a_stated_step_counts_where_it_makes_half_of_the_noise(quiet):
-    floor = np.array([1e6, 1e6])
-    for share, kept in ((0.45, 0), (0.55, 1)):
-        torque = tuple(np.sqrt(share) * part * [0.0, 1.0] for part in quiet.noise)
-        found = rounded(quiet.problem, (coarse_elbow(*torque, stated=False),), floor, quiet.noise)
-        assert len(found.coarse) == kept
 
 
 def test_a_coarse_reading_counts_by_what_an_ordinary_low_pass_leaves_of_it(quiet):
