@@ -65,10 +65,10 @@ def edges_of_readings(
 ) -> Float[Array, " nv"]:
     """Edge [Hz] of each joint's low pass: that of the band, and lower where it leaves stairs of the encoder's steps.
 
-    The lowest edge below that of the band is taken that fits the readings, as the band's own filter takes away the stairs
-    above it (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167,
-    1966): the low pass takes away no more than it takes from the remaining motion once that is rounded to the same
-    steps, and no reading is more than a step away from the motion. Readings with noise of many steps keep their edge.
+    Of the edges below that of the band, whose own filter takes away the stairs above it, the lowest is taken that fits
+    the readings (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966): the low pass takes away no more
+    than it takes from the remaining motion once that is rounded to the same steps, and no reading is more than a step
+    away from the motion. Readings with noise of many steps keep their edge.
 
     Args:
         q: Positions at a uniform rate.
