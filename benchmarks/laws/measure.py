@@ -135,7 +135,7 @@ def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
     free, loss = Free(rest.precision, rest.right), 0.0
     for fold in np.unique(rest.folds):
         train = products.summed((rest.folds != fold).astype(float))
-        theta = free.taken_out(train).fitted(list(range(count)))
+        theta = free.eliminate_from(train).fitted(list(range(count)))
         theta = np.concatenate([theta, free.beside(train, list(range(count)), theta)])
         loss += sum(
             products.block(k).left(list(range(x.shape[1])), theta) for k in np.flatnonzero(rest.folds == fold).tolist()

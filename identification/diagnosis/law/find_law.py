@@ -179,7 +179,7 @@ def _fitted(columns: LibraryColumns, seen: Bool[Array, " B"], at: list[int]) -> 
     products, counts = columns.products.of(every), np.zeros((REPLICATES + 1, len(seen)))
     counts[0, seen] = 1.0
     counts[1:, seen] = block_counts(int(seen.sum()), random_stream("blocks of the coefficients of a law"))
-    return np.array([products.freed(drawn, columns.free).fitted(list(range(len(at)))) for drawn in counts])
+    return np.array([products.summed_without(drawn, columns.free).fitted(list(range(len(at)))) for drawn in counts])
 
 
 def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:

@@ -103,7 +103,7 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
     squared = np.diag(whole.gram)[len(columns.size) :]
     free, held, before = columns.free, np.zeros(len(rest.right)), []
     for _ in range(_HOLDS):
-        path = [(), *stepwise(columns.terms, free.taken_out(whole), MOST_TERMS)]
+        path = [(), *stepwise(columns.terms, free.eliminate_from(whole), MOST_TERMS)]
         size = best_size(cross_validated(rest, replace(columns, free=free), MOST_TERMS))
         at = columns.terms.columns(path[min(size, len(path) - 1)])
         moved = _bounded(rest, columns, whole, at)[len(at) :]
@@ -162,7 +162,7 @@ def search_formula(rest: Rest, columns: LibraryColumns, before: Float[Array, " B
     """
     loss = cross_validated(rest, columns, MOST_TERMS)
     loss[0] = before
-    whole = columns.products.freed((rest.folds >= 0).astype(float), columns.free)
+    whole = columns.products.summed_without((rest.folds >= 0).astype(float), columns.free)
     path = [(), *stepwise(columns.terms, whole, MOST_TERMS)]
     size = min(best_size(loss), len(path) - 1)
     while size > 0 and not _beyond_chance(rest, columns, path[size]):
@@ -191,11 +191,11 @@ def cross_validated(rest: Rest, columns: LibraryColumns, most: int, start: Chose
     loss = np.zeros((most + 1, len(folds)))
     moved = list(range(len(columns.size), columns.x.shape[1]))
     for train, held_out in products.by_fold(folds):
-        freed = free.taken_out(train)
-        path = extended(terms, freed, start, most)
+        reduced = free.eliminate_from(train)
+        path = extended(terms, reduced, start, most)
         for size in range(most + 1):
             at = terms.columns(path[min(size, len(path) - 1)])
-            theta = freed.fitted(at)
+            theta = reduced.fitted(at)
             theta = np.concatenate([theta, free.beside(train, at, theta)])
             for k in held_out:
                 loss[size, k] = products.block(k).left([*at, *moved], theta)
@@ -218,7 +218,7 @@ def best_size(loss: Float[Array, "m B"]) -> int:
 def _beyond_chance(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> bool:
     """True if every term gains more than the best term of the library gains by chance on the formula's residual."""
     terms, seen = columns.terms, (rest.folds >= 0).astype(float)
-    whole = columns.products.freed(seen, columns.free)
+    whole = columns.products.summed_without(seen, columns.free)
     at = terms.columns(chosen)
     left = squares(terms, whole, chosen)
     least = min(squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
@@ -240,7 +240,7 @@ def chance(rest: Rest, columns: LibraryColumns, left: Float[Array, " n"]) -> flo
     out = []
     for _ in range(_PERMUTATIONS):
         mixed = in_another_order(pieces, rng)
-        products = free.taken_out(Products(gram, mixed @ x, float(mixed @ mixed)))
+        products = free.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 
@@ -256,7 +256,7 @@ def _repeated(rest: Rest, columns: LibraryColumns, chosen: Chosen) -> tuple[dict
         counts = np.zeros(len(seen))
         counts[seen] = drawn
         # A replicate of blocks without samples chooses no term.
-        found = extended(columns.terms, columns.products.freed(counts, columns.free), (), len(chosen))[-1]
+        found = extended(columns.terms, columns.products.summed_without(counts, columns.free), (), len(chosen))[-1]
         chosen_kinds = Counter(columns.library[k].kind for k in found)
         same += chosen_kinds == wanted
         kinds.update(set(chosen_kinds))

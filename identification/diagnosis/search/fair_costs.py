@@ -10,7 +10,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search
-from identification.engine.fits.projection import taken_out
+from identification.engine.fits.projection import project_off_fit
 from identification.gates import rivalry
 from phantom_dyn.array_types import Array, Float
 
@@ -88,7 +88,7 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     own = np.diag(a)[more]
     if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
         return 0.0
-    cross, made, gradient = taken_out(problem, found, more)
+    cross, made, gradient = project_off_fit(problem, found, more)
     left = a[np.ix_(more, more)] - cross.T @ made
     size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     shown = np.eye(len(more)) + left * np.outer(size, size)

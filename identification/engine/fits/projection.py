@@ -27,7 +27,7 @@ def gains_beside(
     inside = frozenset(fitted.active.tolist())
     new = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
     wanted = np.array(sorted({k for own in new.values() for k in own}), dtype=int)
-    cross, made, gradient = taken_out(problem, fitted, wanted)
+    cross, made, gradient = project_off_fit(problem, fitted, wanted)
     a = problem.total_a
     gains = dict.fromkeys(new, 0.0)
     for size in {len(own) for own in new.values()} - {0}:
@@ -42,7 +42,7 @@ def gains_beside(
     return gains
 
 
-def taken_out(
+def project_off_fit(
     problem: LinearProblem, fitted: Solution, columns: Int[Array, " m"]
 ) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
     """Project columns off the free columns of a fit.
@@ -54,7 +54,8 @@ def taken_out(
 
     Returns:
         Products of the fit's free columns with the given columns, coefficients of the projection, and products of the
-        projected columns with the residual. A column of the fit is free if its coefficient is not at a bound.
+        projected columns with the residual of the fit. A column of the fit is free if its coefficient is not at a
+        bound.
     """
     active, theta = fitted.active, fitted.theta
     x = theta[active]

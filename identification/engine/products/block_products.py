@@ -62,8 +62,8 @@ class Free:
         """Number of free columns."""
         return len(self.right)
 
-    def taken_out(self, products: Products) -> Products:
-        """Products of the other columns after projection off the free columns and their prior (Schur complement)."""
+    def eliminate_from(self, products: Products) -> Products:
+        """Products of the other columns with the free columns and their prior eliminated (Schur complement)."""
         n = len(products.right) - self.count
         if self.count == 0:
             return products
@@ -113,9 +113,9 @@ class BlockProducts:
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
-    def freed(self, counts: Float[Array, " B"], free: Free) -> Products:
-        """Products summed over blocks, each as often as ``counts`` says, and projected off the free columns."""
-        return free.taken_out(self.summed(counts))
+    def summed_without(self, counts: Float[Array, " B"], free: Free) -> Products:
+        """Sum over all blocks, each as often as ``counts`` says, with the free columns eliminated."""
+        return free.eliminate_from(self.summed(counts))
 
     def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
         """For each fold, the products of its training blocks and the indices of its held-out blocks.

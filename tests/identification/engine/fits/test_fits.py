@@ -8,7 +8,7 @@ from identification.diagnosis.fit.fitting import active_columns, fit
 from identification.engine.fits import near_fits
 from identification.engine.fits.minimum import minimum_of
 from identification.engine.fits.near_fits import NearFits
-from identification.engine.fits.projection import fold_projections, gains_beside, taken_out
+from identification.engine.fits.projection import fold_projections, gains_beside, project_off_fit
 from identification.engine.numerics.bounded import bounded_solve, solve
 
 SAMPLES, COLUMNS, FOLDS = 120, 6, 4
@@ -197,7 +197,7 @@ def test_a_gain_stops_at_the_bound_of_the_coefficient(lab, planar2, trusted):
     early = type(early)(early.file, early.joint_names, early.t, early.q, np.roll(early.tau, 3, axis=0))
     prepared = lab.prepared(robot, (early,))
     fitted, term = fit(prepared.problem, (), held_out=False), prepared.term("input_delay", None)
-    _, _, gradient = taken_out(prepared.problem, fitted, np.array(term.columns))
+    _, _, gradient = project_off_fit(prepared.problem, fitted, np.array(term.columns))
     assert gradient.item() < 0
     gains = gains_beside(prepared.problem, fitted, [term.columns])
     assert gains[term.columns] == pytest.approx(0.0, abs=1e-12)
@@ -210,11 +210,11 @@ def test_a_rival_whose_columns_are_all_in_the_fit_gains_nothing(rough_columns):
     }
 
 
-def test_what_a_fit_has_used_is_taken_out_of_all_columns(rough_columns):
+def test_columns_of_a_fit_have_no_product_with_its_residual(rough_columns):
     # The normal equations of a fit: what is left of the residual is orthogonal to its own columns.
     term = rough_columns.term("coulomb_friction", "elbow")
     fitted, own = fit(rough_columns.problem, (term,), held_out=False), np.array(term.columns)
-    _, _, gradient = taken_out(rough_columns.problem, fitted, own)
+    _, _, gradient = project_off_fit(rough_columns.problem, fitted, own)
     np.testing.assert_allclose(gradient, 0.0, atol=1e-6 * np.abs(rough_columns.problem.total_b[own]).max())
 
 
@@ -223,7 +223,7 @@ def test_gains_of_all_rivals_are_those_of_each_alone(rough_columns):
     problem, term = rough_columns.problem, rough_columns.term("coulomb_friction", "elbow")
     fitted = fit(problem, (term,), held_out=False)
     gains = gains_beside(problem, fitted, {rival.columns for rival in problem.columns.terms})
-    _, _, gradient = taken_out(problem, fitted, np.arange(len(problem.precision)))
+    _, _, gradient = project_off_fit(problem, fitted, np.arange(len(problem.precision)))
     inside, x = frozenset(fitted.active.tolist()), fitted.theta[fitted.active]
     # A move that stands at its bound stays there.
     free = fitted.active[np.abs(x - problem.lower[fitted.active]) > 1e-12]
@@ -269,14 +269,14 @@ def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     assert gain == pytest.approx(plain.loss[mine].sum() - explicit.loss[mine].sum(), rel=1e-6)
 
 
-def test_some_columns_are_taken_out_as_all_are(rough_columns):
+def test_some_columns_are_projected_as_all_are(rough_columns):
     found = fit(rough_columns.problem, (rough_columns.term("coulomb_friction", "elbow"),), held_out=False)
     some = np.array(
         rough_columns.term("viscous_friction", "shoulder").columns
         + rough_columns.term("torque_offset", "elbow").columns
     )
-    cross, made, gradient = taken_out(rough_columns.problem, found, some)
-    all_cross, all_made, all_gradient = taken_out(
+    cross, made, gradient = project_off_fit(rough_columns.problem, found, some)
+    all_cross, all_made, all_gradient = project_off_fit(
         rough_columns.problem, found, np.arange(len(rough_columns.problem.precision))
     )
     np.testing.assert_allclose(cross, all_cross[:, some])

@@ -76,7 +76,7 @@ def test_what_may_move_is_fitted_beside_every_choice_with_its_prior(samples):
     products = _products(samples).summed(np.ones(8))
     a = x.T @ x + np.diag([*np.zeros(10), 3.0, 5.0])
     whole = np.linalg.solve(a[np.ix_([1, 10, 11], [1, 10, 11])], (x.T @ y + [*np.zeros(10), 1.0, -2.0])[[1, 10, 11]])
-    theta = free.taken_out(products).fitted([1])
+    theta = free.eliminate_from(products).fitted([1])
     np.testing.assert_allclose(theta, whole[:1], rtol=1e-6)
     np.testing.assert_allclose(free.beside(products, [1], theta), whole[1:], rtol=1e-6)
 

@@ -223,8 +223,8 @@ def test_a_joint_that_moves_only_fast_has_no_slowest_order(arm):
     assert slowest_order(operation, 1) is None
 
 
-def taken_out(q: np.ndarray, rest: np.ndarray, n: float) -> float:
-    """Squares that a sine and a cosine take out of the residual beside its mean, by least squares."""
+def power_by_least_squares(q: np.ndarray, rest: np.ndarray, n: float) -> float:
+    """Sum of squares that a sine and a cosine explain of the residual beside its mean."""
     mean = np.ones((len(q), 1))
     waves = np.column_stack([mean, np.sin(n * q), np.cos(n * q)])
     left = [np.sum((rest - x @ np.linalg.lstsq(x, rest, rcond=None)[0]) ** 2) for x in (mean, waves)]
@@ -239,18 +239,18 @@ def uneven(rng) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("n", [1.3, 2.0, 9.0, 17.5])
-def test_the_power_of_an_order_is_what_its_waves_take_out(uneven, n):
+def test_the_power_of_an_order_is_what_its_waves_explain(uneven, n):
     q, rest = uneven
     wave = np.array([np.sum((rest - rest.mean()) * np.exp(-1j * n * q))])
     once, twice = (np.array([np.sum(np.exp(-1j * k * n * q))]) for k in (1, 2))
-    assert _power(wave, once, twice, len(q))[0] == pytest.approx(taken_out(q, rest, n), rel=1e-9)
+    assert _power(wave, once, twice, len(q))[0] == pytest.approx(power_by_least_squares(q, rest, n), rel=1e-9)
 
 
 def test_the_periodogram_is_the_power_of_its_orders_up_to_the_width_of_a_bin(uneven):
     # A bin is an eighth of the shortest period: gathering takes 2.5 % off that wave's power, less off slow ones.
     q, rest = uneven
     orders, power = _periodogram(q, rest, 1.6, 20.0)
-    exact = np.array([taken_out(q, rest, n) for n in orders[::7]])
+    exact = np.array([power_by_least_squares(q, rest, n) for n in orders[::7]])
     np.testing.assert_allclose(power[::7], exact, atol=0.06 * exact.max())
 
 
@@ -260,7 +260,7 @@ def test_the_periodogram_is_the_power_of_its_orders_where_positions_lie_on_its_b
     q[0] = 0.7
     rest = np.sin(9.0 * q + 0.4) + rng.normal(size=900)
     orders, power = _periodogram(q, rest, 1.6, 10.0)
-    np.testing.assert_allclose(power[:-1], [taken_out(q, rest, n) for n in orders[:-1]], rtol=1e-6)
+    np.testing.assert_allclose(power[:-1], [power_by_least_squares(q, rest, n) for n in orders[:-1]], rtol=1e-6)
 
 
 def test_the_periodogram_of_weighted_waves_is_what_these_take_out_beside_the_weight(uneven, rng):
