@@ -37,7 +37,7 @@ from identification.diagnosis.noise.noise_floor import (
 )
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import no_less_than_sensed, whitened, whitening_of
-from identification.diagnosis.search.claims import asked, claimed
+from identification.diagnosis.search.claims import gate_results, passes_gates
 from identification.diagnosis.search.fits import SearchWithoutEnd
 from identification.diagnosis.search.refinement import (
     found_effects,
@@ -239,8 +239,8 @@ def _searched(
             filters = whitening_of(search.problem.columns, noise)
             least = null_threshold(search, filters, filters.series(quiet), above_chance.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
-            if claimed(lower, tried, chosen):
-                lower.record.kept(tried - chosen, *asked(lower, tried, chosen))
+            if passes_gates(lower, tried, chosen):
+                lower.record.kept(tried - chosen, *gate_results(lower, tried, chosen))
                 search, chosen, left = lower, explain(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
@@ -249,8 +249,8 @@ def _searched(
         again = _set_up(search.problem.session, search.problem.columns, quiet, search.fits.allowed)
         quieter = replace(again, record=search.record)
         quieter = _with_thresholds(quieter, quiet, search.spurious, progress)
-        if not claimed(quieter, tried, chosen):
+        if not passes_gates(quieter, tried, chosen):
             break
-        quieter.record.kept(tried - chosen, *asked(quieter, tried, chosen))
+        quieter.record.kept(tried - chosen, *gate_results(quieter, tried, chosen))
         search, chosen, noise, left = quieter, explain(quieter, progress, tried), quiet, quiet
     return Explanation(search, chosen, noise)

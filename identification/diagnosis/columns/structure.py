@@ -175,8 +175,8 @@ class Supply(Rival):
         tau = operation.tau
         key = ("load and power of all drives", shape[0])
         if key not in operation.kept:
-            asked = np.abs(tau).sum(axis=1), np.maximum((tau * operation.v).sum(axis=1), 0.0)
-            operation.kept[key] = np.array([_scaled(lagging(x, operation.dt, shape[0])) for x in asked])
+            loads = np.abs(tau).sum(axis=1), np.maximum((tau * operation.v).sum(axis=1), 0.0)
+            operation.kept[key] = np.array([_scaled(lagging(x, operation.dt, shape[0])) for x in loads])
         load, power = operation.kept[key]
         if joint is None:
             columns = np.stack([tau, tau * load[:, None]], axis=-1)

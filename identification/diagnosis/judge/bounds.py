@@ -49,7 +49,7 @@ def smallest_seen(
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
     measured = sums(plain.problem, measured_torque(plain.problem)).rms()
-    asked = {
+    candidates = {
         term: term.effect
         for term in problem.columns.terms
         if isinstance(term.effect, Effect)
@@ -60,12 +60,12 @@ def smallest_seen(
     }
     probes = {
         term: _probe(problem, operation, term, effect, base, inverse)
-        for term, effect in asked.items()
+        for term, effect in candidates.items()
         if term in tested and effect.seen_by != "neither"
     }
     energies = dict(zip(probes, _energies(problem, np.array([probe.theta for probe in probes.values()])), strict=True))
     energy = _measured_energy(problem)
-    for term, effect in asked.items():
+    for term, effect in candidates.items():
         joint = term.joint if term.joint is not None else "the robot"
         if effect.seen_by == "neither":
             why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"

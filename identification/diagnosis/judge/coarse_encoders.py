@@ -25,12 +25,12 @@ class Rounded:
     Attributes:
         coarse: The joints.
         energy: For each of them the mean squared torque on every joint, ``(k, nv)``.
-        asked: All joints with a coarser encoder than expected, each with the result of the gate `rounding_matters`.
+        results: All joints with a coarser encoder than expected, each with the result of the gate `rounding_matters`.
     """
 
     coarse: tuple[Coarse, ...]
     energy: Float[Array, "k nv"]
-    asked: tuple[tuple[Coarse, GateResult], ...] = ()
+    results: tuple[tuple[Coarse, GateResult], ...] = ()
 
     @property
     def total(self) -> Float[Array, " nv"]:

@@ -148,14 +148,14 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     def left_by_all(chosen: frozenset[Term]) -> _Left:
         return _with_foreseen_noise(before_foreseen(chosen), plain, chosen, noise)
 
-    def over_allowed(chosen: frozenset[Term], asked: Bool[Array, " nv"]) -> Float[Array, " nv"]:
+    def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
         left = before_foreseen(chosen)
-        size = np.where(asked, sums(plain.problem, left.residual).rms(), 0.0)
+        size = np.where(joints, sums(plain.problem, left.residual).rms(), 0.0)
         certain = size / left.floor.up_to(most_foreseen(left.judge)).allowed
         if certain.max() > 1.0:
             # Above the noise whatever part of it is foreseen, which takes long to compute.
             return certain
-        return size / _with_foreseen_noise(left, plain, chosen, noise, asked).floor.allowed
+        return size / _with_foreseen_noise(left, plain, chosen, noise, joints).floor.allowed
 
     def has_structure(chosen: frozenset[Term]) -> bool:
         left = left_by_all(chosen)
@@ -225,11 +225,11 @@ def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], nois
 
 
 def _with_foreseen_noise(
-    left: _Left, plain: Search, chosen: frozenset[Term], noise: Series, asked: Bool[Array, " nv"] | None = None
+    left: _Left, plain: Search, chosen: frozenset[Term], noise: Series, joints: Bool[Array, " nv"] | None = None
 ) -> _Left:
-    """The same with a floor that counts noise that predictors can predict, of all joints or of those that are asked."""
+    """The same with a floor that counts noise that predictors can predict, of all joints or of some."""
     size = sums(plain.problem, left.whole).rms()
-    size = size if asked is None else np.where(asked, size, 0.0)
+    size = size if joints is None else np.where(joints, size, 0.0)
     floor = left.floor.up_to(foreseen_noise(left.judge, plain, chosen, noise, size))
     return replace(left, floor=floor, judge=replace(left.judge, highest=floor.high))
 

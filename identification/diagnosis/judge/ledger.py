@@ -19,7 +19,7 @@ from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import gap_of
 from identification.diagnosis.result import EffectAt
-from identification.diagnosis.search.claims import asked
+from identification.diagnosis.search.claims import gate_results
 from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, price
@@ -80,8 +80,8 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Place
         if place in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
             continue
         if place in near:
-            # The search decided with another set of effects: its gates are asked once more with the final set.
-            again, others = _asked_again(search, shown.beside, near[place])
+            # The search decided with another set of effects: its gates are applied once more beside the final set.
+            again, others = _results_beside(search, shown.beside, near[place])
             if not again[-1].passed or failed is None:
                 gates[place], instead[place] = again, others
     terms = {place: near[place].term for place in gates if place in near}
@@ -129,7 +129,7 @@ def _best_gains(search: Search, found: frozenset[Term]) -> dict[Place, _BestGain
     return out
 
 
-def _asked_again(
+def _results_beside(
     search: Search, found: frozenset[Term], near: _BestGains
 ) -> tuple[tuple[GateResult, ...], tuple[Place, ...]]:
     """Results of the search's gates for an effect beside a set; if it fails, also the effect that explains it instead.
@@ -140,7 +140,7 @@ def _asked_again(
     term, other = near.term, near.other
     if possible(found, term):
         together = with_term(found, term)
-        results = asked(search, together, found)
+        results = gate_results(search, together, found)
         if results[-1].passed:
             results = (*results, explains_more_than_others(search.score(found) - search.score(together)))
     else:
@@ -189,7 +189,7 @@ def _left(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], S
 def coarse_claims(search: Search, rounding: Rounded) -> tuple[Claim[EffectAt], ...]:
     """Entries of encoders whose readings lie on a coarser lattice than expected."""
     robot, out = search.problem.session.robot, []
-    for one, matters in rounding.asked:
+    for one, matters in rounding.results:
         gates = (one.coarser, matters)
         outcome: Outcome = "claimed" if matters.passed else "not_claimed"
         out.append(Claim((EffectAt("encoder_quantization", robot.joint_names[one.row]),), gates, outcome))

@@ -21,7 +21,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_gaps
 from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
-from identification.diagnosis.search.claims import asked
+from identification.diagnosis.search.claims import gate_results
 from identification.diagnosis.search.search import Search
 from identification.engine.claims import GateResult
 from identification.gates import moved_joints
@@ -115,11 +115,11 @@ def _in_motion(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     held_out, in_sample = plain.total - rich.total, plain.objective - rich.objective
     price = loud.price_of(chosen) - loud.price_of(without)
     scatter = float(np.sqrt(len(gains)) * gains.std())
-    return shown_by_motion(asked(loud, chosen, without)[-1], held_out, in_sample, scatter, price)
+    return shown_by_motion(gate_results(loud, chosen, without)[-1], held_out, in_sample, scatter, price)
 
 
 def loud_search(
-    search: Search, chosen: frozenset[Term], asked: frozenset[Term], noise: Series
+    search: Search, chosen: frozenset[Term], tested: frozenset[Term], noise: Series
 ) -> tuple[Search, dict[Term, Term]]:
     """A search over the frequencies at which the torque of each joint is far above the noise.
 
@@ -128,7 +128,7 @@ def loud_search(
     Args:
         search: Plain fits in the judged band.
         chosen: The effects that explain the recordings; their residual is the noise here.
-        asked: Effects that are to be tested.
+        tested: Effects that are to be tested.
         noise: Of each log's torque.
 
     Returns:
@@ -147,7 +147,7 @@ def loud_search(
             for row in range(len(columns.rows))
         ]
     )
-    few, there = columns_for(columns, asked)
+    few, there = columns_for(columns, tested)
     loud = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
     # Weights and band differ from those of the other search.
     return replace(loud, rows=row_gaps(loud.problem, loud.evaluate(frozenset()))), there

@@ -55,17 +55,17 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     return fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 
 
-def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+def passes_gates(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if the set ``chosen`` passes all gates of a claim when it is compared with the smaller set ``without``."""
-    return asked(search, chosen, without)[-1].passed
+    return gate_results(search, chosen, without)[-1].passed
 
 
-def asked(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
+def gate_results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> tuple[GateResult, ...]:
     """Results of the gates of the search for the effects that are in ``chosen`` but not in ``without``.
 
-    The gates are asked in this order, up to the first that fails. The sizes and bodies have to be physically possible.
-    The gain has to be above chance, on held-out data and in sample, has to be a fair part of the gap, and has to come
-    from enough blocks.
+    The gates are applied in this order, up to the first that fails. First, sizes and bodies have to be physically
+    possible. Then the gain has to be above chance, on held-out data and in sample. It has to be a fair part of the gap,
+    and has to come from enough blocks.
     """
     return until_failed(_results(search, chosen, without))
 
@@ -130,7 +130,7 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         for term in sorted(least_missed(search, whole), key=lambda term: search.score(whole - {term})):
             rows = rows_of(search.problem, term)
             if rows.isdisjoint(touched):
-                results = asked(search, chosen, chosen - {term})
+                results = gate_results(search, chosen, chosen - {term})
                 if not results[-1].passed:
                     search.record.lost([term], *results)
                     chosen, touched = chosen - {term}, touched | rows

@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import asked, claimed, dropped, least_missed, rows_of
+from identification.diagnosis.search.claims import dropped, gate_results, least_missed, passes_gates, rows_of
 from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import Search, price
@@ -144,7 +144,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Progress) -> froz
             if not more_than_chance(promised[term] + price(search.sizes[term]), search.threshold.of(term)).passed:
                 continue
             gain = base - search.score(with_term(chosen, term))
-            if explains_more_than_others(gain, most).passed and claimed(search, with_term(chosen, term), chosen):
+            if explains_more_than_others(gain, most).passed and passes_gates(search, with_term(chosen, term), chosen):
                 best, most = term, gain
         if best is None:
             return chosen
@@ -174,7 +174,7 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
         if term.joint is None or term.joint in taken or term.effect.inertial == "free" or term.effect.scales_joint:
             continue
         taken.add(term.joint)
-        if possible(chosen, term) and claimed(search, with_term(chosen, term), chosen):
+        if possible(chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
             chosen = _added(search, chosen, term)
     return chosen
 
@@ -184,7 +184,7 @@ def _added(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Ter
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
     search.record.lost(chosen - together, explains_more_than_others(-margin), instead=[term])
-    search.record.kept([term], *asked(search, together, chosen), explains_more_than_others(margin))
+    search.record.kept([term], *gate_results(search, together, chosen), explains_more_than_others(margin))
     return together
 
 
@@ -240,7 +240,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
                     gone = min(gone, 1)
                 needed = _asked_of_nameless(search, gone, accuracy)
                 stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
-                if not stays.passed and claimed(search, tried, tried - {term}):
+                if not stays.passed and passes_gates(search, tried, tried - {term}):
                     better[tried] = stays
         if not better:
             return chosen
@@ -270,11 +270,11 @@ def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen:
         if possible(tried, term):
             tried = with_term(tried, term)
     for term in ordered(chosen.difference(beside)):
-        if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
+        if term.named and possible(tried, term) and passes_gates(search, with_term(tried, term), tried):
             tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
     while True:
         left = ordered(tried.difference(beside))
-        needless = [term for term in left if term.named and not claimed(search, tried, tried - {term})]
+        needless = [term for term in left if term.named and not passes_gates(search, tried, tried - {term})]
         if not needless:
             return tried
         tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}

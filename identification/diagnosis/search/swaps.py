@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import claimed, dropped, rows_of
+from identification.diagnosis.search.claims import dropped, passes_gates, rows_of
 from identification.diagnosis.search.containment import are_near_twins, contains, joints_of, possible, with_term
 from identification.diagnosis.search.search import Search, price
 from identification.engine.claims import GateResult
@@ -57,7 +57,7 @@ def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) 
     """
     if not _exchange(search, chosen, other).passed:
         return False
-    return search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen)
+    return search.price_of(other) <= search.price_of(chosen) or passes_gates(search, other, chosen)
 
 
 def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:

@@ -101,8 +101,8 @@ class Residuals:
 
     Attributes:
         judge_of: Noise floors of the joints beside a set of effects.
-        over_allowed: Residual of each joint that is asked, over the largest that may be noise and the error of a sound
-            model; less than that, and above one, where it is above the noise for certain.
+        over_allowed: Residual of some joints beside a set of effects, divided by the largest that noise and the error
+            of a sound model may leave. Where the quotient is certainly above one, it may be too small.
         has_structure: Whether the state predicts a part of the residual, or events make a part of it.
     """
 

@@ -61,10 +61,10 @@ def shown_effects(bench: Bench, state: State) -> Shown:
 
 
 def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, State], State], ...]) -> State:
-    def asked(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
+    def unless_done(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
         return lambda now: now if now.done else _without_exchanges(bench, now, step(bench, now))
 
-    return until_nothing_changes(state, [asked(step) for step in steps])
+    return until_nothing_changes(state, [unless_done(step) for step in steps])
 
 
 def _without_exchanges(bench: Bench, before: State, after: State) -> State:

@@ -21,7 +21,7 @@ from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
-from identification.diagnosis.search.claims import claimed, energy_by_block, least_gain
+from identification.diagnosis.search.claims import energy_by_block, least_gain, passes_gates
 from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import RowGaps
@@ -163,7 +163,7 @@ def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or
     loss = plain.loss.copy()
     loss[: len(gains)] -= gains
     search, chosen = given(quiet, loss, sum(gains))
-    assert claimed(search, chosen, frozenset()) is claims
+    assert passes_gates(search, chosen, frozenset()) is claims
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_an
     # Closed form: a threshold of ten, and a gain that is the same in every block.
     loss = quiet.search.evaluate(frozenset()).loss
     search, chosen = given(quiet, loss - held_out / len(loss), in_sample)
-    assert claimed(search, chosen, frozenset()) is claims
+    assert passes_gates(search, chosen, frozenset()) is claims
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_an_effect_that_is_zero_in_most_blocks_is_judged_where_it_acts(quiet, mo
         loss[block] -= gain
     monkeypatch.setattr(claims_module, "energy_by_block", lambda problem, terms: energy)
     search, chosen = given(quiet, loss, 20.0)
-    assert claimed(search, chosen, frozenset()) is claims
+    assert passes_gates(search, chosen, frozenset()) is claims
 
 
 def test_the_energy_by_block_is_that_of_the_columns_in_the_cores(quiet):

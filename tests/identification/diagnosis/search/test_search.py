@@ -173,7 +173,7 @@ def test_a_gain_is_compared_with_chance_before_its_price_is_paid(lab, planar2, m
     term, search = prepared.term("coulomb_friction", "elbow"), prepared.search
     gain = search.quick(frozenset()) - search.quick(frozenset([term]))
     asked = []
-    monkeypatch.setattr(stepwise, "claimed", lambda search, rich, plain: asked.extend(rich - plain))
+    monkeypatch.setattr(stepwise, "passes_gates", lambda search, rich, plain: asked.extend(rich - plain))
     forward(prepared.searched(gain + above), frozenset(), silent)
     assert (term in asked) == found
 
@@ -289,7 +289,7 @@ class Outside:
 def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_first(quiet, monkeypatch):
     one, other = [term for term in quiet.search.terms if not term.named][:2]
     nothing, first, best = frozenset(), frozenset([one]), frozenset([other])
-    monkeypatch.setattr(stepwise, "claimed", lambda _, tried, __: tried in (first, best))
+    monkeypatch.setattr(stepwise, "passes_gates", lambda _, tried, __: tried in (first, best))
     monkeypatch.setattr(stepwise, "possible", lambda base, _: not base)
     scores = {nothing: 400.0, first: 300.0, best: 298.0}
     found = stepwise.with_nameless(Outside(quiet.search.problem, (one, other), scores), nothing, silent)
@@ -297,7 +297,7 @@ def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_firs
 
 
 def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(quiet, monkeypatch):
-    # Oracle: the statement itself. `claimed` says no to all that it is asked, so all that is doubted goes.
+    # Oracle: the statement itself. `passes_gates` says no to all that it is asked, so all that is doubted goes.
     problem, terms = quiet.search.problem, quiet.search.terms
     structure = next(term for term in terms if not term.named)
     rows = rows_of(problem, structure)
@@ -307,7 +307,7 @@ def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(qu
     chosen, nothing = frozenset([here, elsewhere]), frozenset()
     scores = {chosen: 400.0, chosen | {structure}: 350.0, frozenset([structure, elsewhere]): 300.0}
     asked = []
-    monkeypatch.setattr(stepwise, "claimed", lambda _, tried, without: asked.append(tried ^ without))
+    monkeypatch.setattr(stepwise, "passes_gates", lambda _, tried, without: asked.append(tried ^ without))
     search = Outside(problem, (structure,), scores)
     for base in (chosen, nothing):
         assert stepwise._only_needed(search, structure, base, chosen) == {structure, elsewhere}
