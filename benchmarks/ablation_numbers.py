@@ -102,8 +102,8 @@ def scaled(value: Value, factor: float) -> Value:
     return max(round(value * factor), min(value, 1)) if isinstance(value, int) else value * factor
 
 
-def places_of(named: Named) -> list[ModuleType]:
-    """Loaded modules that hold a named number under its name: its own, and those that import it from there."""
+def modules_with(named: Named) -> list[ModuleType]:
+    """Loaded modules in which a named number has its name: the one that defines it, and those that import it."""
     home = sys.modules[named.module]
     value = getattr(home, named.name)
     packages = {
@@ -128,8 +128,8 @@ def _imports(module: ModuleType, named: Named) -> bool:
 
 
 def replace_number(named: Named, value: object) -> None:
-    """Give a named number another value in every module that holds it, for the rest of this process."""
-    for module in places_of(named):
+    """Give a named number another value in every module that has it, for the rest of this process."""
+    for module in modules_with(named):
         setattr(module, named.name, value)
 
 

@@ -29,7 +29,7 @@ from identification.engine.resampling import REPLICATES, block_counts, interval
 from phantom_dyn.array_types import Array, Complex, Float
 from phantom_dyn.random_streams import random_stream
 
-_PLACES = 7  # nodes of a table over one input
+_NODES = 7  # nodes of a table over one input
 _RIDGE = 3e-3  # strength of the ridge, as a share of the samples per node
 _DRAWS = 60  # permutations of the blocks
 _CHANCE = 0.95  # quantile, over these permutations, of the largest gain
@@ -169,7 +169,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Arra
         gram[b], right[b], total[b] = xb.T @ xb, xb.T @ yb, (yb**2).sum(axis=0)
     prior = np.zeros((x.shape[1], x.shape[1]))
     prior[k:, k:] = rest.precision
-    prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _PLACES
+    prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _NODES
     pull = np.vstack([np.zeros((k, samples.y.shape[1])), samples.prior])
     out = np.zeros_like(total)
     for fold in np.unique(folds):
@@ -182,7 +182,7 @@ def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Arra
     return out
 
 
-def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]:
+def table_nodes(rest: Rest, name: str, count: int = _NODES) -> Float[Array, " m"]:
     """Nodes of a table over one input: evenly spaced, but for speed and displacement denser close to a reversal."""
     every = np.concatenate([log.inputs[name] for log in rest.logs])
     low, high = np.percentile(every, [1, 99])
@@ -193,11 +193,11 @@ def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]
     return np.linspace(low, high, count)
 
 
-def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m"]:
+def hats(x: Float[Array, " N"], nodes: Float[Array, " m"]) -> Float[Array, "N m"]:
     """Weights of linear interpolation between nodes; beyond the first and last node, the function is constant."""
-    at = np.clip(np.searchsorted(places, x) - 1, 0, len(places) - 2)
-    share = np.clip((x - places[at]) / (places[at + 1] - places[at]), 0.0, 1.0)
-    out = np.zeros((len(x), len(places)))
+    at = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
+    share = np.clip((x - nodes[at]) / (nodes[at + 1] - nodes[at]), 0.0, 1.0)
+    out = np.zeros((len(x), len(nodes)))
     rows = np.arange(len(x))
     out[rows, at] = 1.0 - share
     out[rows, at + 1] = share
@@ -206,8 +206,8 @@ def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m
 
 def _table(rest: Rest, name: str) -> Float[Array, "n m"]:
     """Columns of the hat functions over one input, in the judged band."""
-    places = places_of(rest, name)
-    return np.concatenate([log.in_band(hats(log.inputs[name], places)) for log in rest.logs])
+    nodes = table_nodes(rest, name)
+    return np.concatenate([log.in_band(hats(log.inputs[name], nodes)) for log in rest.logs])
 
 
 def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
@@ -232,7 +232,7 @@ def frequency_answers(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyAns
 def _frequency_response(rest: Rest, name: str) -> FrequencyAnswer:
     columns = answer_columns(rest, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
-    theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _PLACES)
+    theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _NODES)
     low, high = rest.frequencies(name)
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
     # The torque on the joint is the opposite of that which the drive has to give.
@@ -249,39 +249,39 @@ def _frequency_response(rest: Rest, name: str) -> FrequencyAnswer:
 
 
 def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurve]:
-    places = places_of(rest, name)
+    nodes = table_nodes(rest, name)
     parts = []
     for log in rest.logs:
-        table = hats(log.inputs[name], places)
+        table = hats(log.inputs[name], nodes)
         if by_direction:
             v = log.inputs[f"v.{rest.joint}"]
             table = np.column_stack([table * (v > 0)[:, None], table * (v <= 0)[:, None]])
         parts.append(np.column_stack([log.in_band(table), log.free]))
-    theta = _drawn(rest, np.concatenate(parts), len(places))
-    at = np.sort(np.concatenate([np.linspace(places[0], places[-1], _CURVE), places]))
-    weights = hats(at, places)
+    theta = _drawn(rest, np.concatenate(parts), len(nodes))
+    at = np.sort(np.concatenate([np.linspace(nodes[0], nodes[-1], _CURVE), nodes]))
+    weights = hats(at, nodes)
     unit = _unit(rest, name)
     out = []
     for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
         # The torque on the joint is the opposite of that which the drive has to give.
-        lines = -theta[:, k * len(places) : (k + 1) * len(places)] @ weights.T
+        lines = -theta[:, k * len(nodes) : (k + 1) * len(nodes)] @ weights.T
         low, high = interval(lines[1:])
         out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
     return out
 
 
-def _drawn(rest: Rest, columns: Float[Array, "n C"], places: int) -> Float[Array, "D k"]:
+def _drawn(rest: Rest, columns: Float[Array, "n C"], nodes: int) -> Float[Array, "D k"]:
     """Coefficients of columns, fitted together with the free columns: first on all blocks, then on each bootstrap draw.
 
     Args:
         rest: Residual of the joint.
         columns: Columns at the kept samples, the free ones last.
-        places: Number of nodes that share the samples, for the ridge.
+        nodes: Number of nodes that share the samples, for the ridge.
     """
     count, size = columns.shape[1] - len(rest.right), columns.shape[1]
     prior = np.zeros((size, size))
     prior[count:, count:] = rest.precision
-    prior[np.arange(count), np.arange(count)] = _RIDGE * float(rest.weight.sum()) / places
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(rest.weight.sum()) / nodes
     pull = np.concatenate([np.zeros(count), rest.right])
     seen = rest.folds >= 0
     draws = np.zeros((REPLICATES + 1, len(seen)))

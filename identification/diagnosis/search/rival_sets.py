@@ -16,7 +16,7 @@ from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
-from identification.diagnosis.search.special_cases import places_of
+from identification.diagnosis.search.special_cases import simplest_effects
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, until_failed
@@ -173,7 +173,7 @@ def _options(
         ):
             continue
         found = search.evaluate(swapped)
-        if any(places_of(search.problem.session.robot, other, found) is None for other in others):
+        if any(simplest_effects(search.problem.session.robot, other, found) is None for other in others):
             continue
         richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
         if richer:
@@ -195,7 +195,9 @@ def _places(
     if swapped in same:
         return tuple(other.place for other in ordered(others))
     robot, found = search.problem.session.robot, search.evaluate(swapped)
-    places = tuple(dict.fromkeys(place for other in ordered(others) for place in places_of(robot, other, found) or ()))
+    places = tuple(
+        dict.fromkeys(place for other in ordered(others) for place in simplest_effects(robot, other, found) or ())
+    )
     whole = {*places, *(one.place for one in swapped - others)}
     return () if whole == {one.place for one in chosen} else places
 

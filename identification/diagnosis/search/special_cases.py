@@ -55,11 +55,10 @@ def nearest_case(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tup
     return _nearest(cases, x, fitted.shown_by(term))
 
 
-def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
-    """Effect and joint of a fitted term, or those of the special case that the fit has come to.
+def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
+    """Effect and joint of the simplest law that a fitted term does not differ from: its own, or that of a special case.
 
-    None if that is no effect at all, or a size that is impossible. Numbers that the fit has held (a shape) do not
-    count.
+    None if the fit does not differ from no effect at all, or has an impossible size. A held shape counts as known.
     """
     nearest = nearest_case_of(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:

@@ -107,13 +107,13 @@ class PositionDependentFriction(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Direction of motion, shared out among the positions."""
         row, unit = row_of(robot, joint), torque_unit(robot, joint)
-        columns = hats(operation.q[:, row], places_of(shape)) * np.sign(operation.v[:, row])[:, None]
+        columns = hats(operation.q[:, row], grid_positions(shape)) * np.sign(operation.v[:, row])[:, None]
         names = tuple(f"torque_{k + 1}" for k in range(columns.shape[1]))
         return Signature((row,), columns[:, None, :], names, (unit,) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Friction holds back everywhere, together with what is modelled."""
-        return ((-modelled_friction_of(robot, joint)[1], np.inf),) * len(places_of(shape))
+        return ((-modelled_friction_of(robot, joint)[1], np.inf),) * len(grid_positions(shape))
 
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
@@ -123,7 +123,7 @@ class PositionDependentFriction(Effect):
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Positions and torques; where a shape says nothing else, as many as there are torques."""
-        return np.concatenate([places_of((shape[0], shape[1], float(len(coefficients)))), coefficients])
+        return np.concatenate([grid_positions((shape[0], shape[1], float(len(coefficients)))), coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Friction at the first position."""
@@ -161,18 +161,18 @@ class PositionDependentFriction(Effect):
         return ModelNumbers(coulomb=float(np.mean(np.split(np.asarray(theta, dtype=float), 2)[1])))
 
 
-def places_of(shape: Shape) -> Float[Array, " k"]:
-    """Positions of a shape: the first, the last, and how many."""
+def grid_positions(shape: Shape) -> Float[Array, " k"]:
+    """Positions between which the friction is interpolated, evenly spaced from the first to the last of a shape."""
     return np.linspace(shape[0], shape[1], round(shape[2]))
 
 
 def hats(q: Float[Array, " N"], places: Float[Array, " k"]) -> Float[Array, "N k"]:
-    """Weights of the two nearest places, linear in between; beyond the ends all is the end's."""
+    """Weights of linear interpolation between positions; beyond the ends the function is constant."""
     return np.column_stack([np.interp(q, places, one) for one in np.eye(len(places))])
 
 
 def _level(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
-    """Friction torque at positions; theta is places in rising order, then torques."""
+    """Friction torque at positions ``q``; ``theta`` has the grid positions in rising order, then the torques there."""
     places, torques = np.split(np.asarray(theta, dtype=float), 2)
     return np.interp(q, places, torques)
 

@@ -26,8 +26,8 @@ def found_of(result: GeometryResult | None) -> dict[tuple[str, str | None], dict
     return {(f.effect, f.joint): {name: x.value for name, x in f.parameters.items()} for f in result.findings}
 
 
-def places_of(result: GeometryResult | None) -> list[set[tuple[str, str | None]]]:
-    """Of each finding its place and those of its rivals."""
+def effects_named(result: GeometryResult | None) -> list[set[tuple[str, str | None]]]:
+    """Effect and joint of each finding and of its rivals."""
     assert result is not None
     return [
         {(f.effect, f.joint)} | {(place.effect, place.joint) for rival in f.rivals for place in rival.places}
@@ -72,7 +72,7 @@ def test_numbers_are_a_shift_and_a_rotation_vector_where_the_base_is_turned_far(
 
 def test_a_turned_base_and_the_zero_of_the_first_joint_are_one_of(ur10, tracked):
     result = diagnose_poses(ur10, (tracked(54, base=AT_ROOT, zeros={"shoulder_pan_joint": 0.002}),))
-    assert places_of(result) == [{("base_pose", None), ("encoder_offset", "shoulder_pan_joint")}]
+    assert effects_named(result) == [{("base_pose", None), ("encoder_offset", "shoulder_pan_joint")}]
 
 
 def test_a_zero_is_found_beside_a_base_that_stands_elsewhere(ur10, tracked):

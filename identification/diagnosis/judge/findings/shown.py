@@ -27,7 +27,7 @@ from identification.diagnosis.search.containment import possible, with_term
 from identification.diagnosis.search.record import Place
 from identification.diagnosis.search.rival_sets import Standing, stand
 from identification.diagnosis.search.search import Search
-from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, places_of
+from identification.diagnosis.search.special_cases import nearest_case, nearest_case_of, simplest_effects
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from identification.engine import contract_levels
@@ -223,7 +223,9 @@ def _simpler(bench: Bench, state: State) -> State:
         if case is None:
             continue
         results[term] = differs_from_simpler(case[0])
-        differs = case[1] and case[0] > 0.0 and term in state.found and places_of(robot, term, white) == (term.place,)
+        differs = (
+            case[1] and case[0] > 0.0 and term in state.found and simplest_effects(robot, term, white) == (term.place,)
+        )
         if not results[term].passed and differs:
             elsewhere = nearest_case_of(robot, term, white, case[1])
             # None where the simpler law has another shape: this fit has held it, and cannot say whether it differs.

@@ -22,7 +22,7 @@ from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.imitation import along_lines, beside_imitation, imitated_by, on_a_line
 from identification.diagnosis.search.plausible_sizes import RANGES, implausible
 from identification.diagnosis.search.rival_sets import Standing
-from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, nearest_case_of, places_of
+from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, nearest_case_of, simplest_effects
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import alternatives, swapped
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
@@ -153,7 +153,7 @@ def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(
     term = prepared.term("stribeck_friction", "elbow")
     found = prepared.search.evaluate(frozenset([term]))
     assert found.theta[term.columns[1]] == 0.0
-    assert places_of(planar2, term, found) == (("coulomb_friction", "elbow"),)
+    assert simplest_effects(planar2, term, found) == (("coulomb_friction", "elbow"),)
 
 
 def test_a_fit_that_holds_a_displacement_cannot_say_that_it_differs_from_none(lab, planar2):

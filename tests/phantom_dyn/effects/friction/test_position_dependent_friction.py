@@ -4,8 +4,8 @@ import pytest
 from phantom_dyn.effects.friction.position_dependent_friction import (
     PositionDependentFriction,
     bent_law,
+    grid_positions,
     hats,
-    places_of,
 )
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
@@ -35,7 +35,7 @@ def test_weights_of_the_places_are_those_of_linear_interpolation():
     # By hand: between places each nearer one has the share of the way to the other; beyond, all is the end's.
     found = hats(np.array([-2.0, -0.25, 0.0, 0.25, 9.0]), PLACES)
     np.testing.assert_allclose(found, [[1, 0, 0], [0.25, 0.75, 0], [0, 1, 0], [0, 0.5, 0.5], [0, 0, 1]])
-    np.testing.assert_allclose(places_of((-1.0, 1.0, 5.0)), [-1.0, -0.5, 0.0, 0.5, 1.0])
+    np.testing.assert_allclose(grid_positions((-1.0, 1.0, 5.0)), [-1.0, -0.5, 0.0, 0.5, 1.0])
 
 
 def test_the_same_everywhere_it_is_coulomb_friction(arm, smooth):
