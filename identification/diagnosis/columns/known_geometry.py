@@ -72,8 +72,10 @@ def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces
     return KnownPlaces(known_twists(known), targets)
 
 
-def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings of poses with joint positions corrected for known encoder zeros and for deflections under load.
+def corrected_recordings(
+    robot: Robot, recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]
+) -> tuple[Recording, ...]:
+    """Recordings of poses, corrected for a known pose of the base, known encoder zeros, and deflections under load.
 
     Args:
         robot: The robot with corrected places of its joints, from which the loads are computed.
@@ -88,17 +90,17 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
     for one in in_positions:
         (zeros if one.effect == ZERO else compliance)[robot.joint_names.index(str(one.joint))] += one.theta[0]
 
-    def links(recording: Recording) -> Recording:
+    def with_link_positions(recording: Recording) -> Recording:
         if not recording.positions:
             return recording
         read = replace(recording, q=recording.q - zeros)
         return replace(read, q=read.q - compliance * load_of(robot, read)) if compliance.any() else read
 
-    return tuple(map(links, recordings))
+    return tuple(map(with_link_positions, recordings))
 
 
 def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
-    """Recordings with poses in the true root frame, if earlier poses showed that the base stands elsewhere."""
+    """Recordings with poses in the true root frame, where earlier poses showed that the base stands elsewhere."""
     bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
     for base in bases:
         recordings = tuple(_seen_from(recording, base) for recording in recordings)

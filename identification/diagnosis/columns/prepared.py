@@ -9,7 +9,12 @@ from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import require_right
 from identification.data.stretches import is_long, note_on_length, stretches
-from identification.diagnosis.columns.known_geometry import as_known, of_torques, places_of_loops, with_known_places
+from identification.diagnosis.columns.known_geometry import (
+    corrected_recordings,
+    of_torques,
+    places_of_loops,
+    with_known_places,
+)
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
@@ -73,7 +78,7 @@ def prepared(
     started = time.perf_counter()
     require_right(recordings)
     robot = with_known_places(robot, known)
-    tracked = as_known(robot, recordings, known)
+    tracked = corrected_recordings(robot, recordings, known)
     if changes and any(one.poses_alone for one in recordings):
         raise LogError(
             "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."

@@ -14,7 +14,7 @@ import pytest
 from by_night import by_night
 from identification.cli.main import main
 from identification.data.recording import Recording
-from identification.diagnosis.columns.known_geometry import as_known, places_of_loops
+from identification.diagnosis.columns.known_geometry import corrected_recordings, places_of_loops
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
@@ -164,7 +164,7 @@ def test_known_places_zeros_and_targets_leave_nothing(tool):
         KnownEffect("tool_pose", "coupler_pin", (*tool, 0, 0, 0)),
     )
     robot = LINKAGES["fourbar"].robot
-    recordings = as_known(robot, (recording,), known)
+    recordings = corrected_recordings(robot, (recording,), known)
     result = diagnose_poses(robot, recordings, places_of_loops(robot, known))
     assert result is not None
     assert (result.verdict, result.fitted) == ("no_gap", ())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.cli.main import main
-from identification.diagnosis.columns.known_geometry import as_known, with_known_places
+from identification.diagnosis.columns.known_geometry import corrected_recordings, with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
@@ -124,7 +124,9 @@ def test_sentences_say_what_is_elsewhere_and_in_which_frame(ur10, tracked):
 def test_known_poses_of_base_and_target_leave_nothing(ur10, tracked):
     known = (KnownEffect("base_pose", None, BASE), KnownEffect("tool_pose", "tool0", TOOL))
     robot = with_known_places(ur10, known)
-    result = diagnose_poses(robot, as_known(robot, (tracked(58, base=BASE, tool=TOOL, turned=True),), known))
+    result = diagnose_poses(
+        robot, corrected_recordings(robot, (tracked(58, base=BASE, tool=TOOL, turned=True),), known)
+    )
     assert result is not None
     assert (result.verdict, result.fitted) == ("no_gap", ())
 
