@@ -124,7 +124,7 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
     return tuple(out)
 
 
-def move_columns(
+def columns_of_moves(
     robot: Robot,
     operation: Operation,
     moves: tuple[Move, ...],
@@ -132,7 +132,7 @@ def move_columns(
     log: Log,
     narrow: Callable[[Array], Array],
 ) -> list[list[Float[Array, " n"]]]:
-    """In-band columns of the moves that touch each row, in order.
+    """For each joint, the columns in the band of the moves that may change its torque, in the order of the moves.
 
     Args:
         robot: The given model.

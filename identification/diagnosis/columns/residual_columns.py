@@ -22,7 +22,7 @@ from identification.diagnosis.columns.motion.standstill import (
     standing_doubt,
     usable_samples,
 )
-from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of, touching
+from identification.diagnosis.columns.nuisances import Move, Nuisance, bodies_on, columns_of_moves, moves_of, touching
 from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.columns.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.columns.session import Series, Session
@@ -301,8 +301,8 @@ def plain_columns(
     there = where_links_are(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
-    moved = move_columns(robot, operation, moves, bodies, session.logs[log], narrow)
-    return [[*moved[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
+    nuisances = columns_of_moves(robot, operation, moves, bodies, session.logs[log], narrow)
+    return [[*nuisances[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
 
 
 def _regressor_in_band(
