@@ -1,14 +1,14 @@
 """A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
 
-The factor of ``[W y]`` of each joint is kept apart, on the columns that its torque can depend on: then joints can be
-weighted after the fact, and the standard deviations know what each joint contributes. Reductions of several recordings
-are stacked (`combined`): one is added or removed, or given another weight, without going back to the recordings.
+Each joint has its own factor of ``[W y]`` (QR decomposition), on the columns that its torque can depend on. So joints
+can be weighted afterwards, and standard deviations account for each joint. Reductions of several recordings are stacked
+(`combined`): a recording is added, removed or weighted without being read again.
 
-Blocks of equations are taken in with as few columns as the data allow (`reduce_blocks`). The rows of a joint of a
-serial chain touch the bodies beyond it only, and many of their columns are combinations of others whatever the motion.
-The first rows show which; from then on only the others are taken in, and random combinations of the columns left out
-check, in every row, that the relation holds. Where it does not, nothing is lost: the factor is widened by the relation
-that held so far, and the rows that broke it are taken in with all columns.
+Equations are added block by block, with as few columns as the data allow (`reduce_blocks`). The torque of a joint of a
+serial chain depends only on the bodies beyond it, and many of the columns are linear combinations of others in any
+motion. The first rows show which. From then on only independent columns are added, and random combinations of columns
+test in every row that the others still follow from them. If a row breaks this relation, the factor is widened to all
+columns by the relation, which was true until then, and that row is added with all columns.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
 
 _EXACT = 1e-10
-"""A column is left out if the others make it up to this share of the largest column of its unit: ten thousand times
-below what counts as a parameter of its own, ten thousand times above rounding."""
+"""A column is left out if the others reproduce it up to this share of the largest column of its unit. That is ten
+thousand times below what counts as a parameter of its own, and ten thousand times above rounding."""
 
-_HOLDS = 1e-9
-"""The relation is broken if a random combination that should be zero is above this share of one that should not."""
+_BROKEN = 1e-9
+"""A relation is broken if a random combination of columns that should be zero exceeds this share of one that should
+not."""
 
 _PROBES = 4  # a relation that breaks by 1e-6 escapes all of four with a probability of 1e-12
-_ATTEMPTS = 4  # relations that broke so often are not looked for any more
+_ATTEMPTS = 4  # number of broken relations after which no further one is looked for
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Reduction:
             factor.flags.writeable = False
 
     def rows(self, columns: Sequence[int]) -> list[Float[Array, "_ _"]]:
-        """Of each joint, rows with the same products as its equations: ``columns``, then the torque.
+        """For each joint, rows with the same products as its equations; columns are ``columns``, then the torque.
 
         Args:
             columns: Some of the ``p`` columns, in the order wanted.
@@ -100,8 +101,8 @@ class Reduction:
 def combined(reductions: Sequence[Reduction]) -> Reduction:
     """The equations of several recordings of one robot as one reduction.
 
-    A recording is taken out again by combining the others: nothing is subtracted, so nothing is lost to rounding. One
-    counts more or less with ``combined([a, b.weighted(0.5)])``.
+    To remove a recording, combine the others: nothing is subtracted, so nothing is lost to rounding. To weight one, use
+    ``combined([a, b.weighted(0.5)])``.
 
     Args:
         reductions: At least one, all of the same columns and joints.
@@ -145,14 +146,14 @@ def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Arr
 
 @dataclass(frozen=True)
 class _Relation:
-    """Independent columns, which are taken in, and the relation by which the others follow from them.
+    """Independent columns, which are kept, and the linear relation by which the others follow from them.
 
     Attributes:
-        places: By joint, which of its columns are taken in.
-        widen: By joint, the matrix from the columns taken in and the torque to all columns and the torque.
-        probes: Random combinations of all columns, shape ``(p, 5)``; while the relation holds, the regressor times all
-            but the last of them is zero.
-        samples: On which the relation rests.
+        places: For each joint, the indices of the kept ones among its columns.
+        widen: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
+        probes: Random combinations of all columns, ``(p, 5)``. As long as the relation is true, the regressor times each
+            of them but the last is zero.
+        samples: Number of samples from which the relation was found.
     """
 
     places: tuple[Array, ...]
@@ -168,7 +169,7 @@ def reduce_blocks(
     columns: tuple[tuple[int, ...], ...],
     blocks: Iterable[tuple[Float[Array, "_ nv p"], Float[Array, "_ nv"]]],
 ) -> Reduction:
-    """Triangular factors of equations that come in blocks, which are not kept.
+    """Triangular factors of equations that are given block by block; no block is kept.
 
     Args:
         names: Names of the ``p`` columns.
@@ -188,7 +189,7 @@ def reduce_blocks(
                 if relation is None and samples > 0 and attempts < _ATTEMPTS:
                     relation, attempts = _relation_of(factors, own, names, units, samples), attempts + 1
                     factors = _narrow(factors, relation)
-                if relation is not None and not _holds(relation, part):
+                if relation is not None and not _is_satisfied(relation, part):
                     factors, relation = _wide(factors, relation), None
                 for joint, factor in enumerate(factors):
                     place = slice(None) if relation is None else relation.places[joint]
@@ -209,7 +210,7 @@ def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
 def _relation_of(
     factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int
 ) -> _Relation:
-    """Columns to go on with, from the rows that were taken in with all columns."""
+    """Independent columns and their relation to the others, from the rows that were added with all columns."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
     row = 0
@@ -246,8 +247,8 @@ def _wide(factors: Sequence[Array], relation: _Relation) -> list[Array]:
     return [triangular(factor @ wide) for factor, wide in zip(factors, relation.widen, strict=True)]
 
 
-def _holds(relation: _Relation, block: Array) -> bool:
-    """False where a column left out is not, in some row, what the columns taken in say."""
+def _is_satisfied(relation: _Relation, block: Array) -> bool:
+    """True if in every row of a block the kept columns reproduce those that were left out."""
     seen = block.reshape(-1, block.shape[2]) @ relation.probes
     *zero, size = np.einsum("nk,nk->k", seen, seen)
-    return bool(max(zero) <= _HOLDS**2 * (size + len(block) / relation.samples))
+    return bool(max(zero) <= _BROKEN**2 * (size + len(block) / relation.samples))

@@ -20,7 +20,7 @@ from phantom_dyn.random_streams import random_stream
 
 MOST_TERMS = 4  # largest number of terms of a formula, so that a reader can check it term by term
 _AT_ONCE = 24  # number of columns at the full rate that are filtered in one call
-_HOLDS = 4  # largest number of rounds in which moves are held at their bounds or released
+_MOST_ROUNDS = 4  # of a search in which moves that reach a bound are held there, and others released
 _PERMUTATIONS = 100  # number of permutations of the blocks: the smallest that has a 99 % quantile
 STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
 NEARLY = 0.85  # a shorter formula has to predict this share of the squares that the best size predicts
@@ -102,7 +102,7 @@ def with_held_moves(rest: Rest, columns: LibraryColumns) -> tuple[Rest, LibraryC
     whole = columns.products.summed((rest.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
     free, held, before = columns.free, np.zeros(len(rest.right)), []
-    for _ in range(_HOLDS):
+    for _ in range(_MOST_ROUNDS):
         path = [(), *stepwise(columns.terms, free.eliminate_from(whole), MOST_TERMS)]
         size = best_size(cross_validated(rest, replace(columns, free=free), MOST_TERMS))
         at = columns.terms.columns(path[min(size, len(path) - 1)])
