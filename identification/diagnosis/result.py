@@ -388,8 +388,8 @@ class Diagnosis:
         return self.geometry is not None and self.geometry.torque_verdict is None
 
     @property
-    def of_torques(self) -> Diagnosis:
-        """The diagnosis with the verdict of the torques alone."""
+    def with_torque_verdict(self) -> Diagnosis:
+        """The same diagnosis with the verdict on the torques alone."""
         if self.geometry is None or self.geometry.torque_verdict is None:
             return self
         return replace(self, verdict=self.geometry.torque_verdict)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.columns.known_geometry import of_torques
+from identification.diagnosis.columns.known_geometry import effects_on_torques
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
@@ -157,7 +157,7 @@ def _written(
         ParameterError: If the value of a parameter is not finite.
     """
     texts, notes = {YAML: write_corrected(diagnosis, robot.source, robot.sha256)}, list[Note]()
-    known_torques = of_torques(known)
+    known_torques = effects_on_torques(known)
     found = tuple(effect_of(robot, finding) for finding in lasting_findings(diagnosis))
     stated = robot_config(robot, config)
 
@@ -252,7 +252,7 @@ def _of_poses(
     motion = Motion(np.arange(float(_POSTURES)), still, still, still)
     notes = list(diagnosis.notes)
     try:
-        files = model_files(corrected_model(robot, of_torques(known)), motion, folder=folder, config=config)
+        files = model_files(corrected_model(robot, effects_on_torques(known)), motion, folder=folder, config=config)
     except PhantomDynError as error:
         notes.append(not_written_note(error, URDF, MJCF))
         return {}, replace(diagnosis, notes=tuple(notes))

@@ -40,7 +40,7 @@ _DIFFERS = 2.0  # standard deviations by which a size differs from zero
 def summary(diagnosis: Diagnosis) -> str:
     """Verdict, gap before and after, findings with their sizes, a table of joints, and the most important notes."""
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
-    diagnosis = with_stated_probabilities(diagnosis.of_torques)
+    diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposed = next_experiment_lines(diagnosis)
     if proposed:

@@ -19,7 +19,7 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
 from identification.data.signals import process_all
 from identification.data.unknown_drives import with_model_torque
-from identification.diagnosis.columns.known_geometry import of_torques, with_known_places
+from identification.diagnosis.columns.known_geometry import effects_on_torques, with_known_places
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import EffectAt
 from identification.export.corrected.found_effects import moved_by
@@ -251,13 +251,13 @@ def replay_of(
         RobotError: If a link of the corrected model would weigh nothing or less.
     """
     require_right((recording,))
-    robot, known = with_known_places(robot, known), of_torques(known)
+    robot, known = with_known_places(robot, known), effects_on_torques(known)
     progress(Announcement(Stage.FILTERING))
     (log,), cutoff_hz = process_all((recording,), robot)
     robots = [(robot, known)]
     if correction is not None:
         moved = with_known_places(moved_by(robot, correction.adjusted), correction.effects)
-        robots.append((moved, (*known, *of_torques(correction.effects))))
+        robots.append((moved, (*known, *effects_on_torques(correction.effects))))
     curves = torque_curves(log, cutoff_hz, tuple(robots))
     states = states_of(log, cutoff_hz)
     motion = replayed_motion(

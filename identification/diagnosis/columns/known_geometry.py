@@ -20,7 +20,7 @@ OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 """Effects that only poses show. The zero of an encoder is not one of them: torques show it, too."""
 
 
-def of_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
+def effects_on_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
     """Known effects that a model of torques can have: all but those that only poses show."""
     return tuple(one for one in known if one.effect not in OF_POSES)
 

@@ -11,7 +11,7 @@ from identification.data.refusal import require_right
 from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis.columns.known_geometry import (
     corrected_recordings,
-    of_torques,
+    effects_on_torques,
     places_of_loops,
     with_known_places,
 )
@@ -95,7 +95,7 @@ def prepared(
         robot,
         seen,
         unseen,
-        of_torques(known),
+        effects_on_torques(known),
         changes,
         tracked if has_poses(tracked) else (),
         places_of_loops(robot, known),

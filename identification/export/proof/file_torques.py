@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from identification.data.log import Log
-from identification.diagnosis.columns.known_geometry import of_torques
+from identification.diagnosis.columns.known_geometry import effects_on_torques
 from identification.diagnosis.columns.operations import carrying_known, motion_of, operate, with_known
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
@@ -190,7 +190,7 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
     with unnamed_file(text.encode(), suffix=".yaml") as path:
         found = known_effects((path,), carrying_known(robot, known))
         moved = moved_by(robot, read_corrected(path).adjusted)
-    return torque_of_model(replay, moved, (*known, *of_torques(found)))
+    return torque_of_model(replay, moved, (*known, *effects_on_torques(found)))
 
 
 def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> Asked:

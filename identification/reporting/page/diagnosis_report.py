@@ -145,7 +145,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, beside: tup
 
     poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
     badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
-    diagnosis = with_stated_probabilities(diagnosis.of_torques)
+    diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
     diagnosis = replace(diagnosis, evidence=diagnosis.evidence.drawn)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
