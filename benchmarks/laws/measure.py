@@ -109,7 +109,7 @@ def answer_of(case: Case) -> Answer:
     right = case.law is not None and found.joint == case.joint and _names(case, frozenset(found.inputs))
     closed = 0.0
     if left.law is not None and case.law is not None and found.joint == case.joint:
-        closed = found.rest_closed / max(_oracle(case, shown, judgement), 1e-9)
+        closed = found.predicted_share / max(_oracle(case, shown, judgement), 1e-9)
     text = findings if left.law is None else f"{left.law.formula}   [{findings}]"
     law = left.law is not None
     return Answer(case, judgement.verdict, True, law, right, explained_by, closed, seconds, text)

@@ -66,7 +66,7 @@ class InputCurve:
 
 
 @dataclass(frozen=True)
-class FrequencyAnswer:
+class FrequencyResponse:
     """Frequency response from an input to the torque on the joint: gain and phase where the input has power.
 
     Each has a 95 % band from block bootstrap.
@@ -133,7 +133,7 @@ class ResidualModel:
         terms: The terms, whose sum is the torque.
         states: Expressions of the internal states, in the order of ``s``.
         valid: Range of each input in the recordings.
-        rest_closed: Share of the residual's squares that the model predicts on held-out blocks.
+        predicted_share: Share of the residual's squares that the model predicts on held-out blocks.
         lawful: True if the model contains the law; False if no law was found and it is a sum of library terms.
         slow: Speed below which the direction of motion is rounded off.
         bands: Lowest and highest frequency at which each frequency response is known [Hz].
@@ -144,7 +144,7 @@ class ResidualModel:
     terms: tuple[ModelTerm, ...]
     states: tuple[str, ...]
     valid: dict[str, Pair]
-    rest_closed: float
+    predicted_share: float
     lawful: bool
     slow: float
     bands: dict[str, Pair] = field(default_factory=dict)
@@ -159,11 +159,11 @@ class Dependence:
         inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
         gains: Held-out gains of inputs and pairs, the largest first.
         curves: Torque over each named input.
-        answers: Frequency response for each frequency among the named inputs.
+        responses: Frequency response for each frequency among the named inputs.
         terms: Terms of the law, empty if there is none.
         same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
-        rest_closed: Share of the residual's squares that the formula predicts on held-out blocks, moves of the model
-            within its tolerances fitted beside it.
+        predicted_share: Share of the residual's squares that the formula predicts on held-out blocks; moves of the
+            model within its tolerances are fitted together with it.
         blocks: Number of held-out blocks.
         model: A residual model to use now; None where nothing predicts the residual.
     """
@@ -175,7 +175,7 @@ class Dependence:
     curves: tuple[InputCurve, ...]
     terms: tuple[LawTerm, ...] = ()
     same_terms: float = 0.0
-    rest_closed: float = 0.0
+    predicted_share: float = 0.0
     blocks: int = 0
-    answers: tuple[FrequencyAnswer, ...] = ()
+    responses: tuple[FrequencyResponse, ...] = ()
     model: ResidualModel | None = field(default=None, compare=False)

@@ -151,7 +151,7 @@ class _Relation:
     Attributes:
         places: For each joint, the indices of the kept ones among its columns.
         widen: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
-        probes: Random combinations of all columns, ``(p, 5)``. As long as the relation is true, the regressor times each
+        probes: Random combinations of all columns, ``(p, 5)``. As long as the relation is true, the regressor times all
             but the last is zero.
         samples: Number of samples from which the relation was found.
     """

@@ -61,10 +61,10 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
         out.append(
             "Most formulas that fit randomly drawn stretches use it; smooth functions of other pairs predict more."
         )
-    answered = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
-    if answered:
+    dynamic = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
+    if dynamic:
         out.append(
-            f"Its response to {joined(answered)} has a gain and a phase that change with the frequency, which no "
+            f"Its response to {joined(dynamic)} has a gain and a phase that change with the frequency, which no "
             "function of the present value has."
         )
     if law is None:
@@ -75,8 +75,8 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
         return out
     out.append(
         f"The formula closes {share_words(law.gap_closed, law.gap_closed_interval)} of the gap and "
-        f"{percent(found.rest_closed)} of the squares of what is left, on {found.blocks} stretches that neither its "
-        "choice nor its fit has seen."
+        f"{percent(found.predicted_share)} of the squares of what is left, on {found.blocks} stretches that neither "
+        "its choice nor its fit has seen."
     )
     out.append(
         f"In {percent(found.same_terms)} of random draws of these stretches the formula has terms of the same kinds."

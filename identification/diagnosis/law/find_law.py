@@ -32,7 +32,7 @@ from identification.diagnosis.law.formula_search import (
     without_law,
 )
 from identification.diagnosis.law.rest import Rest, rest_of
-from identification.diagnosis.law.smooth import frequency_answers, input_curves, input_gains
+from identification.diagnosis.law.smooth import frequency_responses, input_curves, input_gains
 from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, ModelTerm, Pair, ResidualModel
 from identification.diagnosis.result import JointGap, Judgement, noise_is_all
 from identification.engine.products.block_products import Free
@@ -50,10 +50,10 @@ _LIKE: tuple[tuple[str, str], ...] = (
     ("ripple that grows with torque", "torque ripple that grows with torque"),
     ("resonance", "a part on a spring that the model takes for rigid: a tool, a load or a liquid, with its resonance"),
     (
-        "first-order answer to the velocity",
+        "first-order response to the velocity",
         "a hose, cable or belt that creeps: a spring in series with a damper (Maxwell)",
     ),
-    ("late answer to the torque", "a torque that was filtered or comes late"),
+    ("late response to the torque", "a torque that was filtered or comes late"),
     ("friction with memory", "friction with memory (Dahl, LuGre, generalised Maxwell slip)"),
     ("friction that changes with time", "friction that changes with time, as it does while a drive warms up"),
     ("damping that changes with time", "friction that changes with time, as it does while a drive warms up"),
@@ -124,10 +124,10 @@ def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Depend
         inputs=inputs,
         gains=gains.listed,
         curves=input_curves(rest, inputs),
-        answers=frequency_answers(rest, inputs),
+        responses=frequency_responses(rest, inputs),
         terms=terms,
         same_terms=choice.same if stable else 0.0,
-        rest_closed=closed if stable else 0.0,
+        predicted_share=closed if stable else 0.0,
         blocks=len(judged),
         model=model_of(rest, columns, choice, lawful=stable),
     )

@@ -52,7 +52,7 @@ def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[A
     return np.column_stack(out)
 
 
-def laguerre_answer(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) -> Complex[Array, "F order"]:
+def laguerre_gains(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) -> Complex[Array, "F order"]:
     """Complex gains of the series of `laguerre` at given frequencies."""
     keep = float(np.exp(-2 * np.pi * hz * dt))
     back = np.exp(-2j * np.pi * at_hz * dt)

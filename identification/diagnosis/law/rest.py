@@ -141,7 +141,7 @@ class Rest:
         return tuple(self.logs[0].inputs)
 
     @property
-    def answered(self) -> tuple[str, ...]:
+    def frequency_inputs(self) -> tuple[str, ...]:
         """Inputs that may have a gain and phase over frequency to the residual; of the joint's motion the velocity."""
         own = [f"{kind}.{self.joint}" for kind in ("v", "tl", "tau")]
         return tuple(name for name in own if name in self.inputs)

@@ -19,9 +19,9 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
-from identification.diagnosis.law.responses import laguerre, laguerre_answer
+from identification.diagnosis.law.responses import laguerre, laguerre_gains
 from identification.diagnosis.law.rest import Rest, RestLog
-from identification.diagnosis.rest_law import FrequencyAnswer, InputCurve, InputGain, Pair
+from identification.diagnosis.rest_law import FrequencyResponse, InputCurve, InputGain, Pair
 from identification.engine.chance import in_another_order
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import block_products
@@ -104,7 +104,7 @@ def input_gains(rest: Rest) -> Gains:
 
     single = {(name,): gains((name,)) for name in rest.inputs}
     pairs = {names: gains(names) for names in combinations(rest.inputs, 2)}
-    dynamic = {(frequency_of(name),): gains_of_response(answer_columns(rest, name)) for name in rest.answered}
+    dynamic = {(frequency_of(name),): gains_of_response(response_columns(rest, name)) for name in rest.frequency_inputs}
     every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
     by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
@@ -224,13 +224,13 @@ def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
     return tuple(out)
 
 
-def frequency_answers(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyAnswer, ...]:
+def frequency_responses(rest: Rest, inputs: tuple[str, ...]) -> tuple[FrequencyResponse, ...]:
     """Gain and phase over the frequency for each frequency among some inputs, fitted together with the model."""
     return tuple(_frequency_response(rest, base_of(name)) for name in inputs if is_frequency(name))
 
 
-def _frequency_response(rest: Rest, name: str) -> FrequencyAnswer:
-    columns = answer_columns(rest, name)
+def _frequency_response(rest: Rest, name: str) -> FrequencyResponse:
+    columns = response_columns(rest, name)
     size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
     theta = _drawn(rest, np.column_stack([columns / size, np.concatenate([log.free for log in rest.logs])]), _NODES)
     low, high = rest.frequencies(name)
@@ -245,7 +245,7 @@ def _frequency_response(rest: Rest, name: str) -> FrequencyAnswer:
              *(middle + end for end in interval(away)))  # fmt: skip
     per = _unit(rest, name)
     unit = "" if per == rest.unit else f"{rest.unit}/({per})" if "/" in per else f"{rest.unit}/{per}"
-    return FrequencyAnswer(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
+    return FrequencyResponse(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
 
 
 def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurve]:
@@ -301,7 +301,7 @@ def _unit(rest: Rest, name: str) -> str:
     return ("m" if rest.unit == "N" else "rad") + _UNITS[kind] if kind in _UNITS else rest.unit
 
 
-def answer_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
+def response_columns(rest: Rest, name: str) -> Float[Array, "n k"]:
     """Columns of the response to an input in the judged band: its present value, and its series behind filters."""
     parts = []
     for log in rest.logs:
@@ -321,12 +321,12 @@ def linear_columns(rest: Rest) -> Float[Array, "n k"]:
 
 
 def complex_gains(rest: Rest, name: str, hz: Float[Array, " F"]) -> Complex[Array, "F k"]:
-    """Complex gain of each series of `answer_columns` at given frequencies of the input."""
+    """Complex gain of each series of `response_columns` at given frequencies of the input."""
     log = rest.logs[0]
     turning = 2j * np.pi * hz[:, None]
     powers = {"q": -1, "v": 0, "a": 1}  # powers of ``j w`` that make each from the velocity
     now = [turning ** (powers.get(one.split(".")[0], 0)) for one in _present(rest, name)]
-    return np.hstack([*now, *(laguerre_answer(hz, _step(log), corner, _ORDER) for corner in _corners(log))])
+    return np.hstack([*now, *(laguerre_gains(hz, _step(log), corner, _ORDER) for corner in _corners(log))])
 
 
 def _present(rest: Rest, name: str) -> list[str]:

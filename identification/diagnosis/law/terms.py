@@ -285,7 +285,7 @@ def _dynamic_motion(at: _Joint) -> Iterator[LawTerm]:
     v = at.get("v")
     for hz in _frequencies(at, _CORNERS):
         yield LawTerm(
-            "first-order answer to the velocity", frozenset({frequency_of(f"v.{at.joint}")}), (f"low(v, {hz:g} Hz)",),
+            "first-order response to the velocity", frozenset({frequency_of(f"v.{at.joint}")}), (f"low(v, {hz:g} Hz)",),
             at.speed, (lambda log, hz=hz: behind(v(log), _step(log), 0.5 / (np.pi * hz)),),
         )  # fmt: skip
     for hz in _frequencies(at, _PEAKS):
@@ -309,13 +309,13 @@ def _dynamic_torque(at: _Joint) -> Iterator[LawTerm]:
     named = frozenset({frequency_of(f"{kind}.{at.joint}")})
     for hz in _frequencies(at, _CORNERS):
         yield LawTerm(
-            "late answer to the torque", named, (f"(low({kind}, {hz:g} Hz) - {kind})",), unit,
+            "late response to the torque", named, (f"(low({kind}, {hz:g} Hz) - {kind})",), unit,
             (lambda log, hz=hz: behind(tl(log), _step(log), 0.5 / (np.pi * hz)) - tl(log),),
         )  # fmt: skip
     for share in _LATE:
         late = rounded(share / at.rest.logs[0].cutoff_hz)
         yield LawTerm(
-            "late answer to the torque", named, (f"(late({kind}, {late:g} s) - {kind})",), unit,
+            "late response to the torque", named, (f"(late({kind}, {late:g} s) - {kind})",), unit,
             (lambda log, late=late: delayed(tl(log), log.t, late) - tl(log),),
         )  # fmt: skip
 

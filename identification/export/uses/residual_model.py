@@ -66,7 +66,7 @@ def _docstring(model: ResidualModel) -> str:
     return f"""Torque on one joint that the corrected model lacks. Written by phantom-dyn {__version__}.
 
 {kind}
-It predicts {percent(model.rest_closed)} of the sum of squares of the residual there, on held-out data.\
+It predicts {percent(model.predicted_share)} of the sum of squares of the residual there, on held-out data.\
 {bands}
 
     residual = Residual()
@@ -139,4 +139,4 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 def residual_note(model: ResidualModel) -> Note:
     """A note on the two files."""
     numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.lawful, "memory": bool(model.bands)}
-    return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.rest_closed})
+    return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.predicted_share})

@@ -17,7 +17,7 @@ from identification.words.law_words import dependence_sentences, input_words, in
 from identification.words.numbers_and_names import number, percent
 
 if TYPE_CHECKING:
-    from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law
+    from identification.diagnosis.rest_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law
 
 _ROWS = 8  # inputs and pairs that are shown
 
@@ -61,7 +61,7 @@ def law_view(left: Unexplained) -> LawView | None:
         chance=percent(max((gain.chance for gain in found.gains), default=0.0)),
         figures=[
             *(Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)),
-            *(Markup(_answer_figure(found, answer)) for answer in found.answers),
+            *(Markup(_response_figure(found, response)) for response in found.responses),
         ],
     )
 
@@ -104,9 +104,9 @@ def _figure(found: Dependence, name: str) -> str:
     return chart((panel,), f"{words} [{_unit(curves)}]", (5.7, 3.0), f"Torque on {found.joint} over {words}")
 
 
-def _answer_figure(found: Dependence, answer: FrequencyAnswer) -> str:
-    x = np.array(answer.hz)
-    gain = f"gain [{answer.unit}]" if answer.unit else "gain"
+def _response_figure(found: Dependence, response: FrequencyResponse) -> str:
+    x = np.array(response.hz)
+    gain = f"gain [{response.unit}]" if response.unit else "gain"
     panels = [
         Panel(
             label,
@@ -114,11 +114,11 @@ def _answer_figure(found: Dependence, answer: FrequencyAnswer) -> str:
             ribbons=(Ribbon(x, np.array(low), np.array(high), BEFORE),),
         )
         for label, middle, low, high in (
-            (gain, answer.gain, answer.gain_low, answer.gain_high),
-            ("phase [deg]", answer.phase, answer.phase_low, answer.phase_high),
+            (gain, response.gain, response.gain_low, response.gain_high),
+            ("phase [deg]", response.phase, response.phase_low, response.phase_high),
         )
     ]
-    words = input_words(base_of(answer.input), found.joint)
+    words = input_words(base_of(response.input), found.joint)
     title = f"Response of the torque on {found.joint} to {words} over the frequency"
     return chart(tuple(panels), f"frequency of {words} [Hz]", (5.7, 4.6), title)
 

@@ -58,6 +58,8 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 INDEX, REPORT, NEXT = "diagnosis.json", "report.html", "next.csv"
 MODELS = (*ALWAYS, *OPTIONAL)
 """Names of the files of models and laws."""
+DEPENDENCE_KEYS = {"predicted_share": "rest_closed", "responses": "answers"}
+"""Keys in the file of the fields of a `Dependence` that have another name in the code."""
 _NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 
@@ -170,8 +172,8 @@ def _unexplained(unexplained: Unexplained) -> Json:
 
 def _dependence(found: Dependence) -> Json:
     """The inputs of the residual, without the model that has its own file."""
-    apart = ("gains", "curves", "answers", "terms", "model")
-    out = {name: _plain(value) for name, value in vars(found).items() if name not in apart}
+    apart = ("gains", "curves", "responses", "terms", "model")
+    out = {DEPENDENCE_KEYS.get(name, name): _plain(value) for name, value in vars(found).items() if name not in apart}
     curves = [
         {"torque" if name == "middle" else name: _plain(part) for name, part in asdict(curve).items()}
         for curve in found.curves
@@ -179,7 +181,7 @@ def _dependence(found: Dependence) -> Json:
     return out | {
         "gains": [_plain(asdict(gain)) for gain in found.gains],
         "curves": curves,
-        "answers": [_plain(asdict(answer)) for answer in found.answers],
+        DEPENDENCE_KEYS["responses"]: [_plain(asdict(response)) for response in found.responses],
         "terms": [_plain(asdict(term)) for term in found.terms],
     }
 

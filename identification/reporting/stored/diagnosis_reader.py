@@ -26,7 +26,7 @@ from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.geometry.result import GeometryResult
 from identification.reporting.stored.built import built
-from identification.reporting.stored.diagnosis_files import INDEX, SCHEMA
+from identification.reporting.stored.diagnosis_files import DEPENDENCE_KEYS, INDEX, SCHEMA
 from identification.reporting.stored.geometry_json import geometry_of, is_of_poses
 from identification.words.effect_words import shown_as
 from phantom_dyn.errors import LogError, shortened
@@ -107,7 +107,8 @@ def _fields_of(content: Mapping[str, Any]) -> dict[str, Any]:
         curves = [
             {"middle" if key == "torque" else key: part for key, part in one.items()} for one in dependence["curves"]
         ]
-        left["dependence"] = {**dependence, "curves": curves}
+        fields = {key: name for name, key in DEPENDENCE_KEYS.items()}
+        left["dependence"] = {**{fields.get(key, key): part for key, part in dependence.items()}, "curves": curves}
     own = {key: value for key, value in content.items() if key not in ("frames", "geometry")}
     return own | {
         "findings": [_with_words(one) for one in content["findings"] if not is_of_poses(one)],

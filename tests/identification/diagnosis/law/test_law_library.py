@@ -16,7 +16,7 @@ from identification.diagnosis.law.formula_search import (
     without_law,
 )
 from identification.diagnosis.law.histories import bristle, slip
-from identification.diagnosis.law.responses import delayed, laguerre, laguerre_answer, resonator
+from identification.diagnosis.law.responses import delayed, laguerre, laguerre_gains, resonator
 from identification.diagnosis.law.smooth import hats, input_curves, input_gains
 from identification.diagnosis.law.terms import library
 from identification.engine.search.stepwise import gains
@@ -184,12 +184,12 @@ def test_the_series_of_laguerre_are_orthogonal_to_an_impulse():
     np.testing.assert_allclose(gram / gram[0, 0], np.eye(5), atol=1e-9)
 
 
-def test_their_answers_are_the_fourier_transforms_of_their_impulses():
+def test_their_gains_are_the_fourier_transforms_of_their_impulses():
     impulse = np.concatenate([[0.0], [1.0], np.zeros(2**14 - 2)])
     hz = np.fft.rfftfreq(len(impulse), DT)[[3, 40, 400]]
     through = np.fft.rfft(laguerre(impulse, DT, 1.0, 4), axis=0)[[3, 40, 400]]
     moved = np.exp(2j * np.pi * hz * DT)[:, None]
-    np.testing.assert_allclose(laguerre_answer(hz, DT, 1.0, 4), through * moved, atol=1e-9)
+    np.testing.assert_allclose(laguerre_gains(hz, DT, 1.0, 4), through * moved, atol=1e-9)
 
 
 def test_linear_functions_are_interpolated_exactly():

@@ -10,7 +10,7 @@ from scipy import signal
 import phantom_dyn as dyn
 from benchmarks.laws.cases import make
 from identification.diagnosis.law.find_law import law_of
-from identification.diagnosis.law.smooth import frequency_answers, input_gains
+from identification.diagnosis.law.smooth import frequency_responses, input_gains
 from identification.diagnosis.result import JointGap
 from rests import RATE, made_up_rest
 
@@ -38,7 +38,7 @@ def test_units_are_told(warming):
 
 
 def test_nearly_all_of_the_rest_is_foreseen_on_held_out_blocks(warming):
-    assert warming[1].rest_closed > 0.98
+    assert warming[1].predicted_share > 0.98
 
 
 def test_the_range_of_validity_is_that_of_the_recording(warming):
@@ -104,7 +104,7 @@ def test_the_inputs_of_the_law_are_named(hose):
 
 
 def test_it_closes_nearly_all_of_what_the_findings_leave(hose):
-    assert hose[1].unexplained.dependence.rest_closed > 0.9
+    assert hose[1].unexplained.dependence.predicted_share > 0.9
 
 
 def test_what_is_explained_has_no_law(tmp_path):
@@ -164,33 +164,33 @@ def test_it_holds_over_the_frequencies_of_the_motion(creep):
 
 
 def test_gain_and_phase_are_those_of_the_transfer_function():
-    (answer,) = frequency_answers(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
-    hz = np.array(answer.hz)
+    (response,) = frequency_responses(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    hz = np.array(response.hz)
     truth = -3.0 / (1.0 + 1j * hz / CORNER_HZ)
-    assert answer.unit == "N m/(rad/s)"
-    np.testing.assert_allclose(answer.gain, np.abs(truth), rtol=0.1)
-    turned = np.array(answer.phase) - np.degrees(np.angle(truth))
+    assert response.unit == "N m/(rad/s)"
+    np.testing.assert_allclose(response.gain, np.abs(truth), rtol=0.1)
+    turned = np.array(response.phase) - np.degrees(np.angle(truth))
     np.testing.assert_allclose((turned + 180) % 360 - 180, 0.0, atol=6.0)
 
 
 def test_their_bands_hold_the_transfer_function():
-    (answer,) = frequency_answers(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
-    truth = np.abs(3.0 / (1.0 + 1j * np.array(answer.hz) / CORNER_HZ))
-    inside = (np.array(answer.gain_low) <= 1.02 * truth) & (0.98 * truth <= np.array(answer.gain_high))
+    (response,) = frequency_responses(made_up_rest(creeping, seconds=96.0), ("freq(v.j1)",))
+    truth = np.abs(3.0 / (1.0 + 1j * np.array(response.hz) / CORNER_HZ))
+    inside = (np.array(response.gain_low) <= 1.02 * truth) & (0.98 * truth <= np.array(response.gain_high))
     assert inside.mean() > 0.8
 
 
-def test_a_resonance_is_an_answer_to_the_motion(swing):
+def test_a_resonance_is_a_response_to_the_motion(swing):
     assert swing[1].inputs == ("freq(v.j1)",)
 
 
-def test_the_answer_to_the_torque_is_told_where_the_torque_comes_late():
+def test_the_response_to_the_torque_is_told_where_the_torque_comes_late():
     law, found = law_of(made_up_rest(lambda x: x["tl.j1"] - np.interp(x["t"] - 0.03, x["t"], x["tl.j1"])), (JOINT,))
     assert found.inputs == ("freq(tl.j1)",)
     assert law.like == "a torque that was filtered or comes late"
 
 
-def test_an_answer_that_no_short_formula_makes_names_the_frequency_alone():
+def test_a_response_that_no_short_formula_has_names_the_frequency_alone():
     rng = np.random.default_rng(5)
     kernel = rng.normal(size=12).repeat(8) / 20
 

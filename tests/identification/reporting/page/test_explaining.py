@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from identification.diagnosis.rest_law import Dependence, FrequencyAnswer, InputCurve, InputGain, Law, LawTerm
+from identification.diagnosis.rest_law import Dependence, FrequencyResponse, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import Diagnosis, Finding, Unexplained, Value
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.page.diagnosis_report import report_html
@@ -189,7 +189,7 @@ def lawful(made_up):
 
 @pytest.fixture
 def lawless(lawful):
-    found = dataclasses.replace(FOUND, terms=(), same_terms=0.0, rest_closed=0.0)
+    found = dataclasses.replace(FOUND, terms=(), same_terms=0.0, predicted_share=0.0)
     return dataclasses.replace(lawful, unexplained=dataclasses.replace(lawful.unexplained, law=None, dependence=found))
 
 
@@ -252,7 +252,7 @@ def test_without_a_look_there_is_no_dependence_in_the_file(made_up):
     assert "dependence" not in json.loads(json_text(made_up()))["unexplained"]
 
 
-ANSWER = FrequencyAnswer(
+RESPONSE = FrequencyResponse(
     "freq(v.j2)",
     "N m/(rad/s)",
     (0.1, 1.0),
@@ -270,7 +270,7 @@ def dynamic(lawful):
     law = dataclasses.replace(
         LAW, inputs=("freq(v.j2)",), formula="-3*low(v, 0.4 Hz)", valid={"freq(v.j2)": (0.1, 1.0)}
     )
-    found = dataclasses.replace(FOUND, inputs=("freq(v.j2)",), curves=(), answers=(ANSWER,))
+    found = dataclasses.replace(FOUND, inputs=("freq(v.j2)",), curves=(), responses=(RESPONSE,))
     return dataclasses.replace(lawful, unexplained=dataclasses.replace(lawful.unexplained, law=law, dependence=found))
 
 
@@ -287,11 +287,19 @@ def test_the_report_says_what_a_frequency_means_and_where_it_is_known(dynamic):
 
 def test_gain_and_phase_have_a_panel_each_with_a_band(dynamic):
     page = report_html(dynamic)
-    without = report_html(dataclasses.replace(dynamic, unexplained=dataclasses.replace(
-        dynamic.unexplained, dependence=dataclasses.replace(dynamic.unexplained.dependence, answers=()))))  # fmt: skip
+    dependence = dataclasses.replace(dynamic.unexplained.dependence, responses=())
+    unexplained = dataclasses.replace(dynamic.unexplained, dependence=dependence)
+    without = report_html(dataclasses.replace(dynamic, unexplained=unexplained))
     assert page.count("<polygon") == without.count("<polygon") + 2
     assert "gain [N m/(rad/s)]" in page
     assert "phase [deg]" in page
+
+
+def test_the_file_has_the_keys_of_its_schema(dynamic):
+    # Oracle: docs/files.md, and files that were written before the fields of the code had their names.
+    found = json.loads(json_text(dynamic))["unexplained"]["dependence"]
+    assert found["rest_closed"] == FOUND.predicted_share
+    assert found["answers"][0]["input"] == "freq(v.j2)"
 
 
 def test_gain_and_phase_are_read_back(dynamic, tmp_path):
